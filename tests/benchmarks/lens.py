@@ -23,7 +23,7 @@ from gellight.lab.optics.lens.pins import dimples, spots
 from gellight.lab.simulator.scene import Press as Pressed
 from gellight.lab.simulator.scene import Scene
 from gellight.lab.training.presses import Ball, Press
-from gellight.lab.training.training import TrainingOptions, fit, read_reference
+from gellight.lab.training.training import fit, read_reference
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.lens.lens_file import FILE_NAME, read_record
 from gellight.reconstruction.pipeline import Reconstructor
@@ -88,7 +88,7 @@ class Bench:
             for i, depth in enumerate(depths)
         ]
         untouched = read_reference(self.folder / "untouched")
-        return fit(presses, untouched, BALL, self.folder / "bundle", sensor="bent", options=TrainingOptions())
+        return fit(presses, untouched, BALL, self.folder / "bundle", sensor="bent")
 
 
 def judged(felt: TactileFrame, surface: Surface, place: tuple[float, float]) -> list[float]:

@@ -18,7 +18,7 @@ from gellight.lab.report.pictures import write_png
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling import PressCircle, detect, write_presses
 from gellight.lab.training.presses import Ball
-from gellight.lab.training.training import TrainingOptions, fit, read_reference
+from gellight.lab.training.training import Learning, TrainingOptions, fit, read_reference
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.pipeline import Reconstructor
 from sim_reference.geometry import SensorGeometry
@@ -86,7 +86,10 @@ class MeasuredResponse:
         return np.clip(np.round(grey), 0, 255).astype(np.uint8)
 
 
-def measure(name: str, *, presses: int = 30, options: TrainingOptions | None = None) -> dict[str, float]:
+QUICK = TrainingOptions()
+
+
+def measure(name: str, *, presses: int = 30, options: TrainingOptions = QUICK) -> dict[str, float]:
     """Calibrate on one response and return what it is worth on objects that were not trained on."""
     random = np.random.default_rng(0)
     response = MeasuredResponse.read(name)
@@ -101,7 +104,9 @@ def measure(name: str, *, presses: int = 30, options: TrainingOptions | None = N
         apart = [np.hypot(c.center_x_px - truth[path][0], c.center_y_px - truth[path][1]) for path, c in circles]
         write_presses(place / "presses.csv", found)
         labelled = read_presses(place / "presses.csv", ball=BALL, image_shape=GEOMETRY.image_shape)
-        bundle = fit(labelled, reference, BALL, place / "bundle", sensor=name, options=options, refine=True)
+        bundle = fit(
+            labelled, reference, BALL, place / "bundle", sensor=name, how=Learning(options=options, refine=True)
+        )
         errors = _errors(response, Reconstructor(bundle), random)
     return {
         "presses": float(presses),

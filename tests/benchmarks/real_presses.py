@@ -27,7 +27,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.lab.training.labelling.refinement import FirstFits, refine, refine_others
 from gellight.lab.training.presses import Press, cap_depth_mm, distance_px, sphere_gradient
 from gellight.lab.training.table import images_of
-from gellight.lab.training.training import TrainingOptions, fit
+from gellight.lab.training.training import Learning, TrainingOptions, fit
 from gellight.lab.training.validation import frame_of
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.pipeline import Reconstructor
@@ -123,7 +123,7 @@ def trained(
             with tempfile.TemporaryDirectory() as folder:
                 bundle = fit(
                     presses, images.reference, images.ball, Path(folder) / "b", sensor="real",
-                    options=replace(options, seed=seed),
+                    how=Learning(options=replace(options, seed=seed)),
                 )  # fmt: skip
             yield way, partial(_felt, Reconstructor(bundle))
     if PEER in ways:

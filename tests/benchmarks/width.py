@@ -27,7 +27,7 @@ from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling.refinement import refine
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.table import images_of
-from gellight.lab.training.training import TrainingOptions, fit, read_reference
+from gellight.lab.training.training import Learning, TrainingOptions, fit, read_reference
 from gellight.lab.training.validation import press_errors
 from gellight.reconstruction.errors import TrueSurface, mean_errors, surface_errors
 from gellight.reconstruction.pipeline import Reconstructor
@@ -164,13 +164,13 @@ def judge_real(folder: Path, widths: tuple[int, ...]) -> None:
     for width in widths:
         found = []
         for seed in SEEDS:
-            options = TrainingOptions(recipe="fast", width=width, seed=seed, trainer="numpy")
+            how = Learning(options=TrainingOptions(recipe="fast", width=width, seed=seed, trainer="numpy"))
             errors = []
             for fold in range(FOLDS):
                 learnt = [press for press, number in zip(presses, numbers, strict=True) if number % FOLDS != fold]
                 held_out = [press for press, number in zip(presses, numbers, strict=True) if number % FOLDS == fold]
                 with tempfile.TemporaryDirectory() as place:
-                    bundle = fit(learnt, reference, REAL_BALL, Path(place) / "bundle", sensor="real", options=options)
+                    bundle = fit(learnt, reference, REAL_BALL, Path(place) / "bundle", sensor="real", how=how)
                     errors += press_errors(bundle, held_out, REAL_BALL)
             found.append((np.mean([e.mean_deg for e in errors]), 1e3 * np.mean([e.depth_mae_mm for e in errors])))
         print(f"width {width}: {spread(np.array(found))} deg, um", flush=True)

@@ -121,7 +121,7 @@ def command(
     """Reconstruct depth, normals and contact from images of the gel.
 
     NAME.npz has gradient_map (H, W, 2), normal_map (H, W, 3), depth_mm (H, W), all float32, contact (H, W) bool,
-    confidence (H, W) float32 and quality_flags (H, W) uint8; normal_error_deg and depth_error_mm (H, W) where the
+    confidence (H, W) float32 and quality_flags (H, W) uint8; normal_error_deg and shape_error_mm (H, W) where the
     bundle knows its errors; pressure_mpa (H, W), force_n and force_error_n where it knows its force; findings, lines of
     text, what is known against it. Where an image is deeper than the gel is thick, or most of its contact is a guess,
     as by another sensor's bundle, all is written, and the exit status is 1.
@@ -211,7 +211,7 @@ def maps_file(frame: TactileFrame, findings: Sequence[str] = ()) -> bytes:
     }
     maps |= frame.maps_on_request()
     if bounds := frame.error_bounds:
-        maps |= {"normal_error_deg": bounds.normal_deg, "depth_error_mm": bounds.depth_mm}
+        maps |= {"normal_error_deg": bounds.normal_deg, "shape_error_mm": bounds.shape_mm}
     if frame.force:
         maps |= {"force_n": np.array(frame.force.normal_n), "force_error_n": np.array(frame.force.error_n)}
     np.savez(content, **maps)  # type: ignore[arg-type]

@@ -59,15 +59,16 @@ class Confidence:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ErrorBounds:
-    """What nine in ten pixels are off by at most, as far as presses that were not learnt from tell.
+    """What nine in ten pixels under a ball are off by at most, as far as presses that were not learnt from tell.
 
-    inf where nobody knows: outside of contacts, and where the surface is steeper than any of these presses.
+    Objects of another shape are farther off: docs/calibration-data.md has figures. inf where nobody knows: outside of
+    contacts, and where the surface is steeper than any of these presses.
     """
 
     normal_deg: NDArray[np.float32]
     """(H, W) angle between the normals, degrees"""
-    depth_mm: NDArray[np.float32]
-    """(H, W) mm; within a contact, beside its mean depth"""
+    shape_mm: NDArray[np.float32]
+    """(H, W) depth beside the mean of its contact, mm: a circle does not say how deep its rim is"""
 
 
 class MapOnRequest(StrEnum):

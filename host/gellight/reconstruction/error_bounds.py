@@ -1,4 +1,4 @@
-"""`errors.json`: by how much nine in ten pixels of a frame are off at most, as presses found that were not learnt from.
+"""`errors.json`: by how much nine in ten pixels are off at most, as presses of balls found that were not learnt from.
 
 Three things tell where a frame is off: how steep it is, how deep beside its contact, and how near the rim. The
 logarithm of the bound is a quadratic form of them. Disagreement of networks, distance from the colours that were
@@ -42,7 +42,7 @@ class ErrorRecord(BundleFile):
     """of `signs` on these presses: beyond, the end of the range is taken; farther from a contact nothing is known"""
     most: tuple[float, float, float]
     normal_weights: Weights
-    depth_weights: Weights
+    shape_weights: Weights
 
     def bounds(self, gradient_map: Floats, depth_mm: Floats, touched: NDArray[np.bool_]) -> ErrorBounds:
         """Return the (H, W) bounds of a frame: inf where it is steeper than any press, and farther from a contact."""
@@ -55,7 +55,7 @@ class ErrorRecord(BundleFile):
             return np.where(known, most, np.inf).astype(np.float32)
 
         return ErrorBounds(
-            normal_deg=bound(self.normal_weights, DEG_FLOOR), depth_mm=bound(self.depth_weights, MM_FLOOR)
+            normal_deg=bound(self.normal_weights, DEG_FLOOR), shape_mm=bound(self.shape_weights, MM_FLOOR)
         )
 
 

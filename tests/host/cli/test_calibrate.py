@@ -19,10 +19,9 @@ from gellight.cli.calibrate.verbs import app
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training import child, cross_validation, folds
 from gellight.lab.training.cross_validation import cross_validate
-from gellight.lab.training.folds import Learning
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball
-from gellight.lab.training.training import TrainingOptions, read_reference
+from gellight.lab.training.training import Learning, TrainingOptions, read_reference
 from gellight.reconstruction.integration import angle_deg
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry

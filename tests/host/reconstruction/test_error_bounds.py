@@ -31,7 +31,7 @@ def weights(*first: float) -> tuple[float, ...]:
 def record(**changes: object) -> ErrorRecord:
     known = {
         "presses": 9, "steepest": 1.0, "least": (0.0, 0.0, -1.0), "most": (1.0, 1.0, 1.0),
-        "normal_weights": weights(np.log(2 + DEG_FLOOR)), "depth_weights": weights(np.log(0.01 + MM_FLOOR)),
+        "normal_weights": weights(np.log(2 + DEG_FLOOR)), "shape_weights": weights(np.log(0.01 + MM_FLOOR)),
     }  # fmt: skip
     return ErrorRecord.model_validate(known | changes)
 
@@ -58,17 +58,17 @@ def test_inside_a_contact_presses_tell_and_outside_nobody_knows() -> None:
     slopes, depth, touched = maps()
     bounds = record().bounds(slopes, depth, touched)
     assert bounds.normal_deg[30, 20] == pytest.approx(2.0)
-    assert bounds.depth_mm[30, 20] == pytest.approx(0.01)
+    assert bounds.shape_mm[30, 20] == pytest.approx(0.01)
     assert np.isinf(bounds.normal_deg[59, 89])
     untouched = record().bounds(slopes, 0 * depth, np.zeros_like(touched))
-    assert np.isinf(untouched.depth_mm).all()
+    assert np.isinf(untouched.shape_mm).all()
 
 
 def test_what_is_steeper_than_any_press_is_not_known() -> None:
     slopes, depth, touched = maps()
     slopes[30, 20] = (0.9, 0.9)
     bounds = record().bounds(slopes, depth, touched)
-    assert np.isinf([bounds.normal_deg[30, 20], bounds.depth_mm[30, 20]]).all()
+    assert np.isinf([bounds.normal_deg[30, 20], bounds.shape_mm[30, 20]]).all()
     assert np.isfinite(bounds.normal_deg[30, 21])
 
 

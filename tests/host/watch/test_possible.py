@@ -11,7 +11,7 @@ from gellight.daemon import assembly
 from gellight.frames.frames import CameraFrame
 from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.training.training import TrainingOptions, fit
+from gellight.lab.training.training import Learning, TrainingOptions, fit
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth
@@ -59,8 +59,8 @@ def test_the_deepest_presses_of_the_simulated_sensor_can_be(watched_scene: Scene
 @pytest.mark.parametrize("name", ["mini", "digit"])
 def test_every_press_of_a_real_sensor_can_be_by_its_own_bundle(tmp_path: Path, name: str) -> None:
     known = SETS[name](tmp_path)
-    options = TrainingOptions(recipe="fast", epochs=4)
-    bundle = fit(known.presses[::2], known.reference, known.ball, tmp_path / "bundle", sensor=name, options=options)
+    short = Learning(options=TrainingOptions(recipe="fast", epochs=4))
+    bundle = fit(known.presses[::2], known.reference, known.ball, tmp_path / "bundle", sensor=name, how=short)
     path = Reconstructor(bundle)
     frames = [
         path.reconstruct(CameraFrame(image=press.picture(), time_s=0.0, sequence=0)) for press in known.presses[:12]

@@ -17,7 +17,6 @@ from gellight.frames.view import read_view
 from gellight.lab.calibration.ball_radius import is_another, likely_radius_mm
 from gellight.lab.training import validation
 from gellight.lab.training.cross_validation import Comparison, CrossValidation, cross_validate
-from gellight.lab.training.folds import Learning
 from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling.ball_size import check_ball, felt_radius_mm
@@ -25,7 +24,7 @@ from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.prisms import PrismError, PrismPress, prism_errors, read_prisms
 from gellight.lab.training.synthetic import make_synthetic
 from gellight.lab.training.trainer import TrainerName
-from gellight.lab.training.training import RECIPES, Reference, TrainingOptions, read_reference
+from gellight.lab.training.training import RECIPES, Learning, Reference, TrainingOptions, read_reference
 from gellight.lab.training.validation import AngleFigures, PressFigures
 
 Given = tuple[list[Press], Reference, Ball]

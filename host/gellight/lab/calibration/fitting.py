@@ -6,11 +6,10 @@ from gellight.lab.calibration.display import Progress
 from gellight.lab.calibration.pressing import ball_of
 from gellight.lab.calibration.records import Fit, UntouchedGel
 from gellight.lab.calibration.run import CalibrationRun
-from gellight.lab.training.folds import Learning
 from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.rehearsal import rehearse
 from gellight.lab.training.table import TableOptions
-from gellight.lab.training.training import Reference
+from gellight.lab.training.training import Learning, Reference
 
 TABLE = TableOptions(inset_px=2.0, flat_distance=3.0, flat_share=1.0)
 """The coating rounds the rim of the contact, so the outermost 2 px of the circle are left out. Soft gel still slopes a

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.lab.training.baselines import Baseline, fit_lookup_table, fit_polynomial
 from gellight.lab.training.child import Progress, silent
-from gellight.lab.training.folds import GIVEN, REFINED, Fold, Learning, trained_folds
+from gellight.lab.training.folds import GIVEN, REFINED, Fold, trained_folds
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.table import PressTable, images_of
-from gellight.lab.training.training import Reference
+from gellight.lab.training.training import AS_A_RULE, Learning, Reference
 from gellight.lab.training.validation import PressError, PressFigures, frames_by, press_error, press_errors, summarised
 
 Floats = NDArray[np.float32]
@@ -66,7 +66,7 @@ def cross_validate(
     ball: Ball,
     *,
     folds: int = 5,
-    how: Learning | None = None,
+    how: Learning = AS_A_RULE,
     progress: Progress = silent,
 ) -> CrossValidation:
     """Train `folds` times without a part of the presses and measure the error on that part.
@@ -81,7 +81,7 @@ def cross_validate(
         raise InputError(f"{folds} folds of {images} presses: give between 2 and {images // 2}")
     errors: Errors = defaultdict(list)
     seconds: list[float] = []
-    for number, fold in enumerate(trained_folds(presses, reference, ball, folds, how or Learning())):
+    for number, fold in enumerate(trained_folds(presses, reference, ball, folds, how)):
         found = _errors_of_fold(fold, reference.image, ball)
         for key, of_fold in found.items():
             errors[key] += of_fold
@@ -89,7 +89,7 @@ def cross_validate(
         progress(number + 1, folds, float(np.mean([error.mean_deg for error in found[GIVEN, _NETWORK]])))
     return CrossValidation(
         given=_compared(errors, GIVEN),
-        refined=_compared(errors, REFINED) if how and how.refine else None,
+        refined=_compared(errors, REFINED) if how.refine else None,
         folds=folds,
         training_cpu_seconds=tuple(seconds),
     )

@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,23 +13,11 @@ from gellight.lab.training.child import Check, Progress, go_on, silent
 from gellight.lab.training.labelling.refinement import FirstFits, refine_others
 from gellight.lab.training.labelling.refinement import refine as refinement_of
 from gellight.lab.training.presses import Ball, Press
-from gellight.lab.training.prisms import PrismPress
-from gellight.lab.training.table import TableOptions, images_of
-from gellight.lab.training.training import Reference, TrainingOptions, fit
+from gellight.lab.training.table import images_of
+from gellight.lab.training.training import Learning, Reference, fit
 
 _FOLD_SEED = 1
 GIVEN, REFINED = "given", "refined"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Learning:
-    """How a calibration learns from its presses."""
-
-    options: TrainingOptions | None = None
-    table_options: TableOptions | None = None
-    prisms: Sequence[PrismPress] = ()
-    """every fold learns from all of them"""
-    refine: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +41,8 @@ def trained_folds(
 ) -> Iterator[Fold]:
     """Train `folds` times without a part of the images; no response of the light and no network sees what it judges.
 
+    Every fold learns from all prisms.
+
     Raises InputError for too few presses, and as `training.fit`.
     """
     numbers = images_of(presses)
@@ -66,8 +56,8 @@ def trained_folds(
             part = set(np.flatnonzero(np.isin(numbers, order[fold::folds])).tolist())
             training, held_out = _divided(presses, part, reference, ball, first)
             bundle = fit(
-                training, reference, ball, Path(folder) / f"fold-{fold}", sensor=f"fold {fold}", options=how.options,
-                table_options=how.table_options, prisms=how.prisms, progress=progress, check=check,
+                training, reference, ball, Path(folder) / f"fold-{fold}", sensor=f"fold {fold}",
+                how=replace(how, refine=False), progress=progress, check=check,
             )  # fmt: skip
             yield Fold(bundle=bundle, held_out=held_out)
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from gellight.bundle.bundle import Bundle
 from gellight.frames.view import View
 from gellight.lab.training.child import Check, Progress, go_on, silent
-from gellight.lab.training.folds import GIVEN, REFINED, Learning, trained_folds
+from gellight.lab.training.folds import GIVEN, REFINED, trained_folds
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 from gellight.lab.training.table import images_of
-from gellight.lab.training.training import Reference, fit
+from gellight.lab.training.training import Learning, Reference, fit
 from gellight.lab.training.validation import PressError, frame_of, press_errors, summarised
 from gellight.reconstruction.confidence import TRAINED_QUANTILE
 from gellight.reconstruction.error_bounds import (
@@ -66,8 +66,8 @@ def fit_judged(
             samples += samples_of(fold.bundle, labelled, ball)
     verdict = {"held_out": {"folds": folds, **_figures(errors)}} if folds else {}
     return fit(
-        presses, reference, ball, out, sensor=sensor, options=how.options, table_options=how.table_options,
-        prisms=how.prisms, refine=how.refine, view=view, overwrite=overwrite, progress=report, check=check,
+        presses, reference, ball, out, sensor=sensor, how=how, view=view,
+        overwrite=overwrite, progress=report, check=check,
         extra_files={**(extra_files or {}), **(errors_file(fit_errors(samples)) if folds else {})},
         extra_metrics={**(extra_metrics or {}), **verdict},
     )  # fmt: skip
@@ -105,8 +105,8 @@ class Samples:
     """(n, 3) inside the circle, see `error_bounds.signs`"""
     normal_deg: NDArray[np.floating]
     """(n,)"""
-    depth_mm: NDArray[np.floating]
-    """(n,) absolute, without the mean, because a circle does not say how deep its rim is"""
+    shape_mm: NDArray[np.floating]
+    """(n,) error of the depth, absolute, without the mean, because a circle does not say how deep its rim is"""
 
 
 def samples_of(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> list[Samples]:
@@ -120,7 +120,7 @@ def samples_of(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> list[Sam
         told = signs(frame.gradient_map, frame.depth_mm, frame.contact.mask).reshape(-1, 3)[inside]
         some = random.choice(len(inside), min(len(inside), MOST_PIXELS), replace=False)
         error_mm = np.abs(off_mm - off_mm.mean())
-        found.append(Samples(signs=told[some], normal_deg=angle[some], depth_mm=error_mm[some]))
+        found.append(Samples(signs=told[some], normal_deg=angle[some], shape_mm=error_mm[some]))
     return found
 
 
@@ -135,7 +135,7 @@ def fit_errors(samples: Sequence[Samples]) -> ErrorRecord:
         least=tuple(least.tolist()),
         most=tuple(most.tolist()),
         normal_weights=_weights(terms, [np.log(one.normal_deg + DEG_FLOOR) for one in samples]),
-        depth_weights=_weights(terms, [np.log(one.depth_mm + MM_FLOOR) for one in samples]),
+        shape_weights=_weights(terms, [np.log(one.shape_mm + MM_FLOOR) for one in samples]),
     )
 
 

@@ -48,6 +48,21 @@ class TrainingOptions:
     trainer: TrainerName = "numpy"
 
 
+@dataclass(frozen=True, kw_only=True)
+class Learning:
+    """How a calibration learns from its presses."""
+
+    options: TrainingOptions = TrainingOptions()
+    table_options: TableOptions = HAND_DRAWN
+    prisms: Sequence[PrismPress] = ()
+    """that are trained on too"""
+    refine: bool = False
+    """refit the circles together with the light first"""
+
+
+AS_A_RULE = Learning()
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reference:
     """The untouched gel."""
@@ -125,10 +140,7 @@ def fit(
     out: Path,
     *,
     sensor: str,
-    options: TrainingOptions | None = None,
-    table_options: TableOptions | None = None,
-    prisms: Sequence[PrismPress] = (),
-    refine: bool = False,
+    how: Learning = AS_A_RULE,
     view: View | None = None,
     extra_files: Mapping[str, bytes] | None = None,
     extra_metrics: Mapping[str, object] | None = None,
@@ -138,34 +150,30 @@ def fit(
 
     The drift of the light is taken off each difference image where the light of the presses differs from the
     reference's by more than the noise of a pixel. What the gel at rest does is measured far from the presses
-    (`gel_at_rest`). prisms: presses of prisms that are trained on too. refine: refit the circles together with the
-    light first (`labelling.refinement`); the metrics then say by how much. The rim of circles whose radius no light
-    decided weighs less, unless `table_options` say otherwise.
+    (`gel_at_rest`). Where circles are refined (`labelling.refinement`) the metrics say by how much. The rim of circles
+    whose radius no light decided weighs less, unless `table_options` say otherwise.
     The metrics also say how well the fine pattern of the reference shows in the presses (`fine_pattern`).
     view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more of
     them, ready for JSON. Raises InputError, TrainingError or BundleError; then `out` is as it was.
     """
     steps = PictureSteps.of(reference.image_shape, view, reference.dots)
     metrics: dict[str, object] = {"ball_radius_mm": ball.radius_mm, **(extra_metrics or {})}
-    if refine:
+    if how.refine:
         refined = refinement_of(presses, reference.image, ball)
         presses, metrics["refinement"] = refined.presses, refined.record()
     some = presses[:: -(-len(presses) // MATCHED_PRESSES)]
     metrics["pattern_match"] = pattern_match([press.picture() for press in some], reference.image)
-    wanted = table_options or HAND_DRAWN
     metrics["light_drift_grey"] = drift = drift_of_presses(presses, reference.image)
     follow = drift > reference.noise_grey
-    balls = build_table(presses, reference.image, ball, wanted, follow_light=follow)
-    table = with_prisms(balls, prisms, reference.image, wanted, follow_light=follow)
-    network, record = train(
-        table, options or TrainingOptions(), untouched=reference.image, progress=progress, check=check
-    )
+    balls = build_table(presses, reference.image, ball, how.table_options, follow_light=follow)
+    table = with_prisms(balls, how.prisms, reference.image, how.table_options, follow_light=follow)
+    network, record = train(table, how.options, untouched=reference.image, progress=progress, check=check)
     rest_grey = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
     return write_bundle(
         out, sensor=sensor, overwrite=overwrite,
         reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
         rest_grey=rest_grey, follow_light=follow, network=network,
         pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm), presses=table.arrays(),
-        metrics={**metrics, "prisms": len(prisms), "training": record},
+        metrics={**metrics, "prisms": len(how.prisms), "training": record},
         extra_files={**(extra_files or {}), **(steps.files() if steps else {})},
     )  # fmt: skip

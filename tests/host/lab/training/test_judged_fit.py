@@ -9,10 +9,9 @@ import pytest
 from scipy.stats import spearmanr
 
 from gellight.bundle.bundle import Bundle
-from gellight.lab.training.folds import Learning
 from gellight.lab.training.judged_fit import FOLDS, Samples, fit_errors, fit_judged, in_parts
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
-from gellight.lab.training.training import Reference, TrainingOptions
+from gellight.lab.training.training import Learning, Reference, TrainingOptions
 from gellight.reconstruction.error_bounds import DEG_FLOOR, MM_FLOOR, ErrorRecord, quadratic, read_errors
 from tests.helpers.linear_sensor import GREY_PER_SLOPE
 
@@ -28,20 +27,20 @@ def pressed(count: int) -> list[Samples]:
         signs = RANDOM.uniform([0, 0, -0.2], [1.2, 1, 1], (800, 3))
         size = np.exp(1.5 * signs[:, 0] - signs[:, 2] + 0.05 * RANDOM.standard_normal())
         deg, mm = (scale * size * np.abs(RANDOM.standard_normal(800)) for scale in (2.0, 0.02))
-        found.append(Samples(signs=signs, normal_deg=deg, depth_mm=mm))
+        found.append(Samples(signs=signs, normal_deg=deg, shape_mm=mm))
     return found
 
 
 def bounds_of(record: ErrorRecord, samples: Sequence[Samples]) -> tuple[np.ndarray, np.ndarray]:
     terms = quadratic(np.clip(np.concatenate([one.signs for one in samples]), record.least, record.most))
-    deg, mm = (np.exp(terms @ np.array(weights)) for weights in (record.normal_weights, record.depth_weights))
+    deg, mm = (np.exp(terms @ np.array(weights)) for weights in (record.normal_weights, record.shape_weights))
     return deg - DEG_FLOOR, mm - MM_FLOOR
 
 
 @pytest.mark.parametrize("count", [10, 30])
 def test_nine_in_ten_pixels_of_other_presses_keep_the_bound(count: int) -> None:
     record, judges = fit_errors(pressed(count)), pressed(200)
-    for bound, name in zip(bounds_of(record, judges), ("normal_deg", "depth_mm"), strict=True):
+    for bound, name in zip(bounds_of(record, judges), ("normal_deg", "shape_mm"), strict=True):
         error = np.concatenate([getattr(one, name) for one in judges])
         assert np.mean(error <= bound) == pytest.approx(0.9, abs=0.02)
         by_bound = [error[part].mean() for part in np.array_split(np.argsort(bound), 10)]
