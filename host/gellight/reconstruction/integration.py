@@ -207,8 +207,7 @@ def level_of_sample(depth: Floats, resting: Floats, bulge: float) -> np.floating
 
 
 def angle_deg(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Return the angle between unit vectors (N, 3), deg; by atan2, which keeps small angles exact."""
-    a, b = a.astype(np.float64), b.astype(np.float64)
-    across = np.linalg.norm(np.cross(a, b), axis=-1)
-    angle: NDArray[np.float32] = np.degrees(np.arctan2(across, (a * b).sum(axis=-1))).astype(np.float32)
-    return angle
+    """Return the angle between unit vectors (N, 3), deg; by the chord, 2 asin(|a - b| / 2): small angles stay exact."""
+    chord = a - b
+    half = np.sqrt(np.einsum("...i,...i", chord, chord)) / 2
+    return np.degrees(2 * np.arcsin(np.minimum(half, 1))).astype(np.float32)

@@ -24,6 +24,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.watch.cells import Cells, cell_means, positions_mm
 
 Array = NDArray[np.float64]
+Leds = int | NDArray[np.int_]
 
 NAMEABLE_SHARE = 0.1
 """an LED is named only where the fit leaves less than this share of the picture"""
@@ -53,40 +54,46 @@ def fit_ring_light(bundle: Bundle) -> RingLight | None:
     coarse = (slice(None, None, _EVERY), slice(None, None, _EVERY))
 
     def left(shape: Array) -> Array:
-        fields = _fields(shape, x_mm[coarse], y_mm[coarse], colours, reference[coarse])
-        return np.asarray((fields.sum(axis=0) - reference[coarse]).ravel())
+        by_colour, shares = _by_colour(shape, x_mm[coarse], y_mm[coarse], colours, reference[coarse])
+        return np.asarray((by_colour @ shares - reference[coarse]).ravel())
 
     fits = [optimize.least_squares(left, start, bounds=([3, 2, -3], [200, 200, 12]), x_scale=_STARTS[0])
             for start in _STARTS]  # fmt: skip
     best = min(fits, key=lambda fit: fit.cost)
-    fields = _fields(best.x, x_mm, y_mm, colours, reference)
-    nearer = sum(_gain_per_mm(best.x, x_mm, y_mm, led)[..., None] * fields[led] for led in range(len(fields)))
+    leds = _every_led(colours)
+    lit = _irradiance(best.x, x_mm, y_mm, leds)
+    _, shares = _by_colour(best.x, x_mm, y_mm, colours, reference)
+    fields = lit[..., None] * (colours @ shares)[:, None, None]
     if np.sqrt(((fields.sum(axis=0) - reference) ** 2).mean() / (reference**2).mean()) >= NAMEABLE_SHARE:
         return None
+    nearer = (_gain_per_mm(best.x, x_mm, y_mm, leds)[..., None] * fields).sum(axis=0)
     return RingLight(fields=fields.astype(np.float32), nearer=np.asarray(nearer, np.float32))
 
 
-def _fields(shape: Array, x_mm: Array, y_mm: Array, colours: Array, reference: Cells) -> Array:
-    """(12, h, w, 3) light of each LED for (radius, height, exponent) and (12, 3) colours."""
-    lit = np.stack([_irradiance(shape, x_mm, y_mm, led) for led in range(len(colours))])
-    by_colour = np.einsum("khw,kq->hwq", lit, colours).reshape(-1, 3)
-    shares = np.linalg.lstsq(by_colour, reference.reshape(-1, 3).astype(np.float64), rcond=None)[0]
-    return np.asarray(np.einsum("khw,kc->khwc", lit, colours @ shares))
+def _by_colour(shape: Array, x_mm: Array, y_mm: Array, colours: Array, reference: Cells) -> tuple[Array, Array]:
+    """Light of each colour at each cell, (h, w, 3), for (radius, height, exponent), and its (3, 3) shares."""
+    lit = np.einsum("khw,kq->hwq", _irradiance(shape, x_mm, y_mm, _every_led(colours)), colours)
+    shares = np.linalg.lstsq(lit.reshape(-1, 3), reference.reshape(-1, 3).astype(np.float64), rcond=None)[0]
+    return lit, shares
 
 
-def _irradiance(shape: Array, x_mm: Array, y_mm: Array, led: int) -> Array:
+def _every_led(colours: Array) -> NDArray[np.int_]:
+    return np.arange(len(colours))[:, None, None]
+
+
+def _irradiance(shape: Array, x_mm: Array, y_mm: Array, led: Leds) -> Array:
     _, height, exponent = shape
     square = _distance2(shape, x_mm, y_mm, led)
-    return np.asarray(height**2 * (height / np.sqrt(square)) ** exponent / square)
+    return np.asarray(height ** (2 + exponent) * square ** (-1 - exponent / 2))
 
 
-def _gain_per_mm(shape: Array, x_mm: Array, y_mm: Array, led: int) -> Array:
+def _gain_per_mm(shape: Array, x_mm: Array, y_mm: Array, led: Leds) -> Array:
     """Share by which h^n / d^(n + 2) grows per mm that h shrinks: its logarithm by -h is h (n + 2) / d^2 - n / h."""
     _, height, exponent = shape
     return np.asarray(height * (exponent + 2) / _distance2(shape, x_mm, y_mm, led) - exponent / height)
 
 
-def _distance2(shape: Array, x_mm: Array, y_mm: Array, led: int) -> Array:
+def _distance2(shape: Array, x_mm: Array, y_mm: Array, led: Leds) -> Array:
     radius, height, _ = shape
     azimuth = np.radians(30.0 * led)
     return np.asarray((x_mm - radius * np.cos(azimuth)) ** 2 + (y_mm + radius * np.sin(azimuth)) ** 2 + height**2)

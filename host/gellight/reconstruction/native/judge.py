@@ -39,9 +39,10 @@ def made_up_image(bundle: Bundle, seed: int = 0) -> NDArray[np.uint8]:
     """Return the reference image with noise and some coloured bumps, from gentle ones to steep ones."""
     rng = np.random.default_rng(seed)
     height, width = bundle.image_shape
-    image = bundle.reference + rng.normal(0, bundle.manifest.noise_grey, bundle.reference.shape)
-    y, x = np.indices((height, width))
-    for radius in np.array([0.02, 0.04, 0.1, 0.2]) * min(height, width):
-        away = np.hypot(x - rng.uniform(0, width), y - rng.uniform(0, height)) / radius
-        image += np.exp(-(away**2))[..., None] * rng.uniform(-_STRONGEST_GREY, _STRONGEST_GREY, 3)
+    image = bundle.reference + bundle.manifest.noise_grey * rng.standard_normal(bundle.reference.shape, np.float32)
+    x, y = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)
+    for radius in (share * min(height, width) for share in (0.02, 0.04, 0.1, 0.2)):
+        across, down = (np.exp(-(((at - rng.uniform(0, at.size)) / radius) ** 2)) for at in (x, y))
+        colour = rng.uniform(-_STRONGEST_GREY, _STRONGEST_GREY, 3)
+        image += (down[:, None] * across)[..., None] * colour.astype(np.float32)
     return np.clip(np.round(image), 0, 255).astype(np.uint8)
