@@ -24,7 +24,8 @@ RUN = (
 )  # fmt: skip
 """the half that a robot needs, lowest first: a room imports from itself and from rooms before it"""
 LAB = tuple(
-    f"lab.{name}" for name in ("report", "emulator", "simulator", "training", "optics", "design", "calibration")
+    f"lab.{name}"
+    for name in ("report", "doctor", "emulator", "simulator", "training", "optics", "design", "calibration")
 )
 """the half that makes, calibrates, simulates and designs: it uses the running half up to `opening`"""
 ABOVE = ("cli",)

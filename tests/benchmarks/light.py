@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from gellight.frames.timing import CameraTiming
+from gellight.lab.doctor.shutter_meter import measure_shutter
 from gellight.ring.light_groups import colour_triples
 from gellight.sensor.lighting.lock import hold_frames
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
-from gellight.sensor.lighting.shutter_meter import measure_shutter
 from tests.helpers.light_world import compare
 from tests.helpers.virtual_sensor import RING, virtual_sensor
 

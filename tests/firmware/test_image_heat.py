@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError
+from gellight.lab.doctor.sensor_checks import check_board
 from gellight.ring.light_ring import LightRing, chip_temperature_c
 from gellight.ring.protocol import DIMMING_US, HOTTEST_C, DimmedEvent
-from gellight.sensor.sensor_checks import check_board
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 RED = np.tile(np.array((100, 0, 0), np.uint8), (12, 1))

@@ -11,9 +11,9 @@ from gellight.cli.advice import with_program_path
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson
 from gellight.cli.showing import show
+from gellight.lab.doctor.examination import examine
 from gellight.lab.training.rehearsal import check_trainer
 from gellight.sensor.connection import Surroundings
-from gellight.sensor.doctor import examine
 from gellight.sensor.findings import Finding, Level
 from gellight.sensor.v4l2.kernel import LINUX
 

@@ -6,6 +6,7 @@ The running sensor (every other room of this package) needs it through three doo
 emulator/     the firmware image in an emulated RP2040: sim://
 simulator/    the sensor that needs no hardware
 report/       pictures and charts for people
+doctor/       what stands between a user and good frames
 training/     from labelled presses to a network
 design/       the illumination study, and the parts to make
 calibration/  the guided routine

@@ -210,4 +210,5 @@ def angle_deg(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.fl
     """Return the angle between unit vectors (N, 3), deg; by the chord, 2 asin(|a - b| / 2): small angles stay exact."""
     chord = a - b
     half = np.sqrt(np.einsum("...i,...i", chord, chord)) / 2
-    return np.degrees(2 * np.arcsin(np.minimum(half, 1))).astype(np.float32)
+    angle: NDArray[np.float32] = np.degrees(2 * np.arcsin(np.minimum(half, 1))).astype(np.float32)
+    return angle

@@ -8,9 +8,7 @@ series_cameras.py  cameras that light the ring: series of exposures
 window_camera.py   a window that slides over the frames of a light sequence
 bandwidth.py       whether the cameras of several sensors fit on their USB buses
 opencv_camera.py   the fallback by OpenCV
-doctor.py          what stands between this computer and good frames
-sensor_checks.py   what stands between a sensor and good frames
-findings.py        what both find, each with its remedy
+findings.py        what a check finds, with its remedy
 udev.py            the rule that lets a user open the devices
 v4l2/              the kernel's cameras
 lighting/          which light a frame was taken under

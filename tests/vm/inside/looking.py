@@ -10,8 +10,8 @@ from urllib.parse import parse_qsl
 import cv2
 
 from gellight.base.errors import CameraError, GellightError
+from gellight.lab.doctor.sensor_checks import check_stamps
 from gellight.lab.simulator.usb.encoding import read_mark
-from gellight.sensor.sensor_checks import check_stamps
 from gellight.sensor.v4l2.decoding import decode
 from gellight.sensor.v4l2.options import CaptureOptions
 from gellight.sensor.v4l2.video_camera import V4l2Camera

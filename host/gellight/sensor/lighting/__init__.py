@@ -2,6 +2,6 @@
 
 `sequence_choice` makes the light groups of a sequence. `hold` shows light groups one by one and returns a clean frame
 of each; `sequenced` labels a stream of frames. They stand on `clock` (board and host), `timeline` (what was lit when),
-`label` (exposure against light), `content` (what the picture itself says) and `lock` (how many frames a light has to
+`label` (exposure against light), `light_watch` (what the ring says was lit) and `lock` (how many frames a light has to
 stay, and when it changes).
 """

@@ -5,12 +5,7 @@ import pytest
 
 from gellight.base.errors import CameraError, InputError
 from gellight.frames.timing import CameraTiming
-from gellight.lab.emulator.waveform import Light
-from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.simulator.shutter import Shutter, row_weights
-from gellight.lab.simulator.simulated_camera import built
-from gellight.ring.light_groups import colour_triples
-from gellight.sensor.lighting.shutter_meter import (
+from gellight.lab.doctor.shutter_meter import (
     BANDS,
     CELLS,
     ShutterMeter,
@@ -19,6 +14,11 @@ from gellight.sensor.lighting.shutter_meter import (
     measure_shutter,
     robust_fit,
 )
+from gellight.lab.emulator.waveform import Light
+from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.simulator.shutter import Shutter, row_weights
+from gellight.lab.simulator.simulated_camera import built
+from gellight.ring.light_groups import colour_triples
 from sim_reference.camera import CameraResponse, digitise
 from tests.helpers.virtual_sensor import RING, virtual_sensor
 

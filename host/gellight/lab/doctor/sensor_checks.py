@@ -8,11 +8,11 @@ import numpy as np
 
 from gellight.base.errors import GellightError
 from gellight.frames.camera import Camera
+from gellight.lab.doctor.shutter_meter import ShutterEstimate, measure_shutter
 from gellight.ring.light_ring import LightRing, hot_text
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.discovery import Sensor
 from gellight.sensor.findings import Finding, Level, failure, judged, ok, problem, warning
-from gellight.sensor.lighting.shutter_meter import ShutterEstimate, measure_shutter
 from gellight.sensor.v4l2.decoding import decode
 from gellight.sensor.v4l2.errors import CorruptPictureError
 from gellight.sensor.v4l2.stamps import StampMeaning, cadence

@@ -12,12 +12,13 @@ from typer.testing import CliRunner
 
 from gellight.base.errors import BoardError, CameraError, InputError
 from gellight.cli.main import app
-from gellight.sensor import doctor, sensor_checks, udev
+from gellight.lab.doctor import examination, sensor_checks
+from gellight.lab.doctor.examination import examine
+from gellight.lab.doctor.sensor_checks import check_shutter, check_stamps
+from gellight.lab.doctor.shutter_meter import ShutterEstimate
+from gellight.sensor import udev
 from gellight.sensor.discovery import discover
-from gellight.sensor.doctor import examine
-from gellight.sensor.findings import Finding, Level
-from gellight.sensor.lighting.shutter_meter import ShutterEstimate
-from gellight.sensor.sensor_checks import check_shutter, check_stamps
+from gellight.sensor.findings import Finding, Level, ok, problem
 from gellight.sensor.v4l2 import controls as c
 from gellight.sensor.v4l2 import structures as v
 from gellight.sensor.v4l2.options import parse_url
@@ -257,11 +258,11 @@ def test_a_node_that_others_have_open_is_told_and_one_that_may_not_be_used_is_no
     clinic: Clinic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clinic.plug("1-2", "GL0001")
-    monkeypatch.setattr(doctor, "holders", lambda path: [(4711, "cheese")])
+    monkeypatch.setattr(examination, "holders", lambda path: [(4711, "cheese")])
     found = wrong(clinic.examine(tmp_path))
     assert "also open in cheese (process 4711)" in found["permission"].text
     assert len(clinic.rings) == 1, "having it open is not yet using it: the checks go on"
-    monkeypatch.setattr(doctor.os, "access", lambda path, mode: False)
+    monkeypatch.setattr(examination.os, "access", lambda path, mode: False)
     assert "install-udev" in wrong(clinic.examine(tmp_path))["permission"].remedy
     assert len(clinic.rings) == 1
 
@@ -281,8 +282,8 @@ def test_a_fault_of_the_sensor_is_a_finding_too(clinic: Clinic, tmp_path: Path) 
 
 def test_a_computer_without_sensor_rule_disk_or_date_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clinic = Clinic(tmp_path / "computer")
-    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda folder: SimpleNamespace(free=5e8))
-    monkeypatch.setattr(doctor.time, "gmtime", lambda: SimpleNamespace(tm_year=1970))
+    monkeypatch.setattr(examination.shutil, "disk_usage", lambda folder: SimpleNamespace(free=5e8))
+    monkeypatch.setattr(examination.time, "gmtime", lambda: SimpleNamespace(tm_year=1970))
     clock = clinic.usb.sysfs / "devices/system/clocksource/clocksource0/current_clocksource"
     clock.parent.mkdir(parents=True)
     clock.write_text("hpet\n")
@@ -371,9 +372,9 @@ def test_the_doctor_takes_every_name_that_is_printed_for_a_sensor(clinic: Clinic
 
 
 def test_doctor_prints_findings_and_exits_with_1_where_one_prevents_use(monkeypatch: pytest.MonkeyPatch) -> None:
-    findings = [doctor.ok("disk", "1 GB"), doctor.problem("usb", "slow", "use another cable")]
+    findings = [ok("disk", "1 GB"), problem("usb", "slow", "use another cable")]
     monkeypatch.setattr("gellight.cli.doctor.examine", lambda name, surroundings, folder: iter(findings))
-    monkeypatch.setattr("gellight.cli.doctor.check_trainer", lambda: doctor.ok("training", "numpy trains networks"))
+    monkeypatch.setattr("gellight.cli.doctor.check_trainer", lambda: ok("training", "numpy trains networks"))
     shown = invoke("doctor")
     assert shown.exit_code == 1
     assert shown.output.splitlines()[1:3] == ["problem  usb         slow", f"{'':21}-> use another cable"]

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from gellight.lab.doctor.power import check_power
 from gellight.sensor.findings import Finding, Level
-from gellight.sensor.power import check_power
 from tests.helpers.usb_tree import UsbTree
 
 WEBCAM = (0x046D, 0x0825)

@@ -12,12 +12,12 @@ from pathlib import Path
 
 from gellight.base.errors import BoardError, GellightError, InputError
 from gellight.base.holders import holders
+from gellight.lab.doctor.power import check_power
+from gellight.lab.doctor.sensor_checks import check_sensor
 from gellight.sensor import udev
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.discovery import NOTHING, SEE_SIMULATED, Discovery, Node, Sensor, attribute
 from gellight.sensor.findings import Finding, Level, failure, judged, ok, problem, warning
-from gellight.sensor.power import check_power
-from gellight.sensor.sensor_checks import check_sensor
 from gellight.sensor.v4l2.options import parse_url
 
 HIGH_SPEED_MBPS = 480.0
