@@ -29,8 +29,7 @@ def settings(tmp_path_factory: pytest.TempPathFactory) -> Path:
         run(["openssl", "req", *EC, "-keyout", f"{name}.key", "-out", f"{name}.csr", "-subj", f"/CN={name}"], **made)
         run(["openssl", "x509", "-req", "-in", f"{name}.csr", "-CA", "ca.pem", "-CAkey", "ca.key", "-CAcreateserial",
              "-days", "2", "-extfile", "names", "-out", f"{name}.pem"], **made)  # fmt: skip
-    page = (CHECKOUT / "docs/streaming.md").read_text()
-    daemon, reader = re.findall(r"```json5\n(.*?)```", page, re.DOTALL)
+    daemon, reader = ((CHECKOUT / f"docs/examples/{name}.json5").read_text() for name in ("daemon", "reader"))
     daemon = daemon.replace("tls/0.0.0.0:7448", f"tls/127.0.0.1:{PORT}")
     for name, content in {"daemon": daemon, "reader": reader, "stranger": reader.replace("reader", "stranger")}.items():
         placed = re.sub(r'"(\w+\.(pem|key))"', rf'"{folder}/\1"', content)
