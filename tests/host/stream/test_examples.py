@@ -1,23 +1,29 @@
 """The examples of the documents run as they stand, and the reader in C++ agrees with Python's encoder."""
 
+import csv
 import json
 import os
 import re
+import runpy
 import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
+import gellight
+from gellight.frames.image_files import read_image
 from gellight.frames.measures import MapOnRequest
+from gellight.lab.report.pictures import write_png
 from gellight.stream.publisher import Publisher
 from gellight.stream.wire import encode
 from tests.helpers.children import run
 from tests.helpers.doc_examples import examples
 from tests.helpers.fem_presses import force_n
-from tests.helpers.places import CHECKOUT
+from tests.helpers.places import CHECKOUT, REAL_IMAGES
 from tests.helpers.streamed import bump_daemon, full_frame
 from tests.helpers.weighed import HeavyFrames
 
@@ -70,6 +76,40 @@ def test_the_depth_is_drawn_until_the_window_is_closed() -> None:
     assert 0.5 < float(done.stdout) < 1, "the bump of the daemon"
 
 
+def test_pictures_without_a_calibration_show_where_and_how_large(tmp_path: Path) -> None:
+    (tmp_path / "pictures").mkdir()
+    for name, url in {"untouched": "sim://?programme=0", "ball": "sim://?object=BALL&depth=1.0&x=3&y=-2"}.items():
+        with gellight.open_camera(url) as camera:
+            frame = camera.read()
+        write_png(tmp_path / "pictures" / f"{name}.png", frame.image)
+    told = ["pictures/untouched.png", "pictures", "0.0588", "seen"]
+    said = run([sys.executable, EXAMPLES / "touched.py", *told], cwd=tmp_path, check=True).stdout
+    ball, untouched = said.splitlines()
+    assert untouched == "untouched: nothing touches (largest change 0.0 grey levels)"
+    x, y, area_mm2 = map(float, re.findall(r"[0-9.]+\b", ball.removesuffix("mm2")))
+    rows, columns = np.nonzero(frame.truth.contact)
+    assert np.hypot(x - columns.mean(), y - rows.mean()) < 4
+    assert 0.6 < area_mm2 / (len(rows) * 0.0588**2) < 1.4
+    assert read_image(tmp_path / "seen/ball.png").shape == (480, 640, 3)
+
+
+@pytest.mark.real_images
+def test_pictures_of_a_real_sensor_show_it_as_well_as_the_page_says() -> None:
+    tell, folder, off = runpy.run_path(str(EXAMPLES / "touched.py")), REAL_IMAGES / "gelsight_mini_ball", []
+    with (folder / "presses.csv").open() as file:
+        for press in csv.DictReader(file):
+            x, y, radius = (float(press[name]) for name in ("center_x_px", "center_y_px", "contact_radius_px"))
+            images = (read_image(folder / name) for name in (press["image"], "background.png"))
+            outline = tell["contact"](tell["changed"](*images, None))
+            place = np.subtract(tell["centre"](outline), (x, y))
+            off.append((np.hypot(*place) / radius, cv2.contourArea(outline) / np.pi / radius**2))
+    (place, area), worst = np.median(off, axis=0), np.max(off, axis=0)
+    assert len(off) == 33
+    assert place < 0.12
+    assert worst[0] < 0.3
+    assert 0.7 < area < 1
+
+
 def test_a_mistyped_name_is_answered_in_one_line() -> None:
     daemon, _ = bump_daemon()
     with daemon, Publisher(daemon, name="ball"):
@@ -82,7 +122,7 @@ def test_a_mistyped_name_is_answered_in_one_line() -> None:
 
 def test_every_example_is_run_and_described() -> None:
     page = (CHECKOUT / "docs/streaming.md").read_text()
-    assert len(list(EXAMPLES.glob("*.py"))) == 10, "test_ros2.py runs the tenth"
+    assert len(list(EXAMPLES.glob("*.py"))) == 11, "test_ros2.py runs one"
     assert [path.name for path in EXAMPLES.glob("*.py") if f"examples/{path.name}" not in page] == []
     assert examples("docs/streaming.md")[0].strip() in (EXAMPLES / "live.py").read_text()
 
