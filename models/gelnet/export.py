@@ -4,12 +4,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
-import onnx
 import onnxruntime
 from numpy.typing import NDArray
-from onnx import TensorProto, helper, numpy_helper
 
 from gelnet.jacobian import add_jacobian
+from gelnet.onnx_file import Graph, model, value
 from gelnet.parameters import PLACE, Floats, Parameters, channel_names
 
 Answer = Callable[[Floats], Floats]
@@ -39,7 +38,7 @@ def export(
     answers to them. summary: text for the metadata of the file. Raises ExportError, and removes the file, when the
     angles differ by more than `BOUND`.
     """
-    path.write_bytes(to_onnx(network, summary or {}).SerializeToString(deterministic=True))
+    path.write_bytes(to_onnx(network, summary or {}))
     try:
         difference = largest_difference(answer, path, rows)
     except Exception as error:
@@ -53,36 +52,26 @@ def export(
     return difference
 
 
-def to_onnx(network: Parameters, summary: Mapping[str, str]) -> onnx.ModelProto:
+def to_onnx(network: Parameters, summary: Mapping[str, str]) -> bytes:
     """Write down the trained network, with the normalisation folded into the first layer.
 
     W (p - c) / s + b = (W / s) p + (b - W c / s): five numbers a pixel fewer to move, the same answer. The file also
     answers how the slopes change with the channels, see `jacobian.add_jacobian`.
     """
-    nodes: list[onnx.NodeProto] = []
-    weights: list[onnx.TensorProto] = []
-    value = "pixels"
-    for i, (weight, bias) in enumerate(_folded(network), start=1):
-        weights += [_tensor(f"weight_{i}", weight), _tensor(f"bias_{i}", bias)]
-        nodes.append(helper.make_node("Gemm", [value, f"weight_{i}", f"bias_{i}"], [f"layer_{i}"], transB=1))
-        nodes.append(helper.make_node("Tanh", [f"layer_{i}"], [f"tanh_{i}"]))
-        value = f"tanh_{i}"
-    weights.append(_tensor("steepest_rad", np.float32(network.steepest_rad)))
-    nodes.append(helper.make_node("Mul", [value, "steepest_rad"], ["angle"]))
-    nodes.append(helper.make_node("Tan", ["angle"], ["gradient"]))
-    graph = helper.make_graph(
-        nodes,
-        "GelNet",
-        [helper.make_tensor_value_info("pixels", TensorProto.FLOAT, ["N", len(network.centre)])],
-        [helper.make_tensor_value_info("gradient", TensorProto.FLOAT, ["N", 2])],
-        weights,
+    graph = Graph(
+        name="GelNet",
+        inputs=[value("pixels", np.float32, ["N", len(network.centre)])],
+        outputs=[value("gradient", np.float32, ["N", 2])],
     )
+    last = "pixels"
+    for i, (weight, bias) in enumerate(_folded(network), start=1):
+        graph.constants |= {f"weight_{i}": np.asarray(weight, np.float32), f"bias_{i}": np.asarray(bias, np.float32)}
+        graph.add("Gemm", [last, f"weight_{i}", f"bias_{i}"], f"layer_{i}", transB=1)
+        last = graph.add("Tanh", [f"layer_{i}"], f"tanh_{i}")
+    graph.constants["steepest_rad"] = np.array([network.steepest_rad], np.float32)
+    graph.add("Tan", [graph.add("Mul", [last, "steepest_rad"], "angle")], "gradient")
     add_jacobian(graph, len(network.centre) - len(PLACE))
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", _OPSET)], producer_name="gelnet")
-    model.ir_version = _IR_VERSION
-    helper.set_model_props(model, _properties(network) | dict(summary))
-    onnx.checker.check_model(model, full_check=True)
-    return model
+    return model(graph, operator_set=_OPSET, ir_version=_IR_VERSION, properties=_properties(network) | dict(summary))
 
 
 def _properties(network: Parameters) -> dict[str, str]:
@@ -102,10 +91,6 @@ def _folded(network: Parameters) -> list[tuple[NDArray[np.float64], NDArray[np.f
     weight, bias = layers[0]
     weight = weight / network.scale.astype(np.float64)
     return [(weight, bias - weight @ network.centre.astype(np.float64)), *layers[1:]]
-
-
-def _tensor(name: str, value: NDArray[np.floating] | np.float32) -> onnx.TensorProto:
-    return numpy_helper.from_array(np.ascontiguousarray(value, dtype=np.float32), name)
 
 
 def largest_difference(answer: Answer, path: Path, rows: Floats) -> float:

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnx
 import scipy
 from numpy.typing import NDArray
 
@@ -226,7 +225,6 @@ def _provenance(
             "python": platform.python_version(),
             "numpy": np.__version__,
             "scipy": scipy.__version__,
-            "onnx": onnx.__version__,
         },
         "trainer": network.version,
     }

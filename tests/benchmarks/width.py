@@ -83,7 +83,7 @@ def trained(table: Table, width: int, seed: int) -> bytes:
     recipe = replace(RECIPES["fast"], epochs=Options.epochs, least_visits=0, place_jitter=0.0)
     training = train(table, recipe, make_trainer("numpy", seed=seed), width=width)
     print(f"width {width}, seed {seed}: loss {training.losses[-1]:.5f}, {training.cpu_seconds:.0f} CPU s", flush=True)
-    return to_onnx(training.network.parameters(), {}).SerializeToString()
+    return to_onnx(training.network.parameters(), {})
 
 
 def judge(folder: Path, widths: tuple[int, ...]) -> None:

@@ -84,13 +84,20 @@ def test_the_same_network_gives_the_same_bytes(network: Trainer, rows: np.ndarra
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
+def test_the_library_of_the_format_accepts_the_file(network: Trainer) -> None:
+    content = to_onnx(network.parameters(), {"seed": "7"})
+    model = onnx.load_from_string(content)
+    onnx.checker.check_model(model, full_check=True)
+    assert model.SerializeToString(deterministic=True) == content, "no field that the library does not know"
+
+
 def tampered(layer: int, change: float):
-    def write(network: Parameters, summary: dict[str, str]) -> onnx.ModelProto:
-        model = to_onnx(network, summary)
+    def write(network: Parameters, summary: dict[str, str]) -> bytes:
+        model = onnx.load_from_string(to_onnx(network, summary))
         weight = numpy_helper.to_array(model.graph.initializer[2 * layer]).copy()
         weight.flat[0] += change
         model.graph.initializer[2 * layer].CopyFrom(numpy_helper.from_array(weight, f"weight_{layer + 1}"))
-        return model
+        return bytes(model.SerializeToString())
 
     return write
 
@@ -113,7 +120,7 @@ def test_a_file_that_differs_is_refused_and_removed(
 def test_a_file_that_cannot_run_is_removed(
     network: Trainer, rows: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gelnet.export, "to_onnx", lambda network, summary: onnx.ModelProto())
+    monkeypatch.setattr(gelnet.export, "to_onnx", lambda network, summary: b"")
     with pytest.raises(ExportError, match="cannot be run"):
         written(network, tmp_path / "network.onnx", rows)
     assert list(tmp_path.iterdir()) == []

@@ -53,7 +53,7 @@ def test_doctor_names_what_trains() -> None:
     assert finding.text.startswith("numpy ")
 
 
-@pytest.mark.parametrize(("library", "name"), [("torch", "torch"), ("onnx", "numpy")])
+@pytest.mark.parametrize(("library", "name"), [("torch", "torch"), ("onnxruntime", "numpy")])
 def test_a_library_that_cannot_be_loaded_is_found_before_anybody_presses(
     library: str, name: trainer.TrainerName, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -64,7 +64,7 @@ def test_a_library_that_cannot_be_loaded_is_found_before_anybody_presses(
         rehearse(name)
     finding = check_trainer()
     assert finding.level is (Level.OK if library == "torch" else Level.WARNING)
-    assert ("libgomp.so.1 is missing" in finding.text) == ("--trainer" in finding.remedy) == (library == "onnx")
+    assert ("libgomp.so.1 is missing" in finding.text) == ("--trainer" in finding.remedy) == (library == "onnxruntime")
 
 
 def test_a_process_rehearses_once(monkeypatch: pytest.MonkeyPatch) -> None:
