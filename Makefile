@@ -60,8 +60,8 @@ endef
 # A stamp says what is installed: `host` is what a user runs, `docs` adds what makes the site, `dev` PyTorch
 # and the test tools.
 $(VENV)/.host: pyproject.toml | $(BIN)/python
-	@echo "Installing GelLight and 46 packages that it needs into $(VENV): 700 MB, one to three minutes, once"
-	$(call install,--editable .,49)
+	@echo "Installing GelLight and 41 packages that it needs into $(VENV): 580 MB, one to three minutes, once"
+	$(call install,--editable .,44)
 	@touch $@
 
 $(VENV)/.docs: pyproject.toml | $(VENV)/.host

@@ -16,6 +16,7 @@ from gellight.lab.design import designs, output, studies
 from gellight.lab.design.benchmark_files import write_benchmark
 from gellight.lab.design.geometry import read_geometry
 from gellight.lab.design.housing import housing_scad
+from gellight.lab.design.parts import check_can_draw
 from gellight.lab.design.studies import Setup, setup_of
 from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind
 from gellight.lab.simulator.memory import check_memory
@@ -106,14 +107,16 @@ def design(
 ) -> None:
     """Angle, height, number of LEDs and exposure at once, by the error; with --out, the parts to make."""
     setup = study.setup()
+    if study.out is not None:
+        check_can_draw()
     sensor, numbers = setup.geometry, tuple(lights or (12,))
     requirements = designs.requirements(
         numbers, sensor, one_shot=one_shot, noise_grey=study.noise, exposure_limit=exposure_limit
     )
     with study.sweep("designs") as options:
         result = run_study(designs.full_design_study(setup, requirements), options)
-    answer, files = designs.design_json(result, sensor), designs.parts_of(designs.designed(result.chosen, sensor))
-    study.answer("design", answer, designs.design_text(result, sensor), files)
+    files = designs.parts_of(designs.designed(result.chosen, sensor)) if study.out is not None else {}
+    study.answer("design", designs.design_json(result, sensor), designs.design_text(result, sensor), files)
 
 
 @app.command()

@@ -80,11 +80,20 @@ def strip(geometry: SensorGeometry, width_mm: float = STRIP_WIDTH_MM) -> Strip:
     return Strip(middle - half, middle, middle + half, 2 * pi * flat, count, rise_mm)
 
 
+def check_can_draw() -> None:
+    """Raise InputError where the library that writes DXF is not installed: before a study, not behind it."""
+    try:
+        import ezdxf.filemanagement  # noqa: F401
+    except ImportError:
+        raise InputError('drawing the strip needs a package: pip install "gellight[parts]"') from None
+
+
 def strip_dxf(flat: Strip) -> bytes:
     """Return the strip as DXF R2010 in mm, seen from the LED side: layers OUTLINE, LED and NUMBER.
 
-    Raises InputError if ezdxf finds errors in the drawing.
+    Raises InputError if ezdxf is not installed, or finds errors in the drawing.
     """
+    check_can_draw()
     from ezdxf import units
     from ezdxf.enums import TextEntityAlignment
     from ezdxf.filemanagement import new

@@ -1,6 +1,8 @@
 """Parts to make: the unrolled cone, its files, and the design that the rest of the stack reads."""
 
 import io
+import re
+import sys
 from dataclasses import replace
 from math import cos, hypot, pi, radians
 from pathlib import Path
@@ -88,6 +90,12 @@ def test_the_pictures_are_sound_and_true_to_size() -> None:
         width = float(root.attrib["viewBox"].split()[2])
         assert root.attrib["width"] == f"{width:.3f}mm"
     assert str(files["strip.svg"]).count("<polygon") == 12
+
+
+def test_without_its_library_a_strip_is_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ezdxf.filemanagement", None)
+    with pytest.raises(InputError, match=re.escape('pip install "gellight[parts]"')):
+        parts_of(GEOMETRY)
 
 
 def test_the_led_table_is_the_ring() -> None:
