@@ -217,7 +217,7 @@ def test_the_proportion_of_the_bulge_is_that_of_random_presses() -> None:
         height = np.where(on_plate, height - height[on_plate].max(), NO_OBJECT)
         depth = sample(press(height, spacing, random.uniform(0.3, 0.9), geometry), geometry, 0.0, 0.0).depth_mm
         border = np.concatenate([depth[0], depth[-1], depth[:, 0], depth[:, -1]])
-        proportions.append(-depth.mean() / np.median(border))
+        proportions.append(-depth.mean() / (0.74 * np.quantile(border, 0.25)))
     assert np.median(proportions) == pytest.approx(BULGE, rel=0.15)
 
 
@@ -227,7 +227,7 @@ def test_the_bulge_of_the_gel_sets_the_height_of_a_view_that_is_touched_all_over
     stiff, soft = (integrate(bump.gradient_map, 1.0, at_rest=nowhere, bulge=bulge) for bulge in (0.0, 1.71))
     assert stiff.mean() == pytest.approx(0, abs=1e-6), "no bulge: what is pressed down comes up inside the view"
     border = np.concatenate([soft[0], soft[-1], soft[:, 0], soft[:, -1]])
-    assert soft.mean() == pytest.approx(-1.71 * np.median(border), rel=1e-4)
+    assert soft.mean() == pytest.approx(-1.71 * 0.74 * np.quantile(border, 0.25), rel=1e-3)
 
 
 def test_a_depth_map_has_the_gradient_of_its_polynomial() -> None:
