@@ -7,20 +7,21 @@ from scipy import ndimage
 _CELL_PX = 8
 
 
-def far_from_touch(touched: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def far_from_touch(touched: NDArray[np.bool_], side: int = _CELL_PX) -> NDArray[np.bool_]:
     """Mark the quarter of the untouched (H, W) pixels that is farthest from any touched one.
 
     Gel that is pressed down in one place bulges out around it, with slopes too gentle to show in the image, and comes
     to rest some thicknesses of the gel farther out. The median over all untouched pixels would put 5 micrometres of
-    bulge under a ball that is pressed 1 mm deep. Distances are chess-board distances between cells of 8 x 8 pixels.
+    bulge under a ball that is pressed 1 mm deep. Distances are chess-board distances between cells of `side` pixels a
+    side: 8 for pixels, fewer where `touched` is of means of them.
     """
     free = ~touched
-    far = far_cells(free[_CELL_PX // 2 :: _CELL_PX, _CELL_PX // 2 :: _CELL_PX])
+    far = far_cells(free[side // 2 :: side, side // 2 :: side])
     if not far.any():
         return free
     height, width = free.shape
-    rows = np.minimum(np.arange(height) // _CELL_PX, far.shape[0] - 1)
-    columns = np.minimum(np.arange(width) // _CELL_PX, far.shape[1] - 1)
+    rows = np.minimum(np.arange(height) // side, far.shape[0] - 1)
+    columns = np.minimum(np.arange(width) // side, far.shape[1] - 1)
     return np.asarray(free & far[rows[:, None], columns[None, :]])
 
 

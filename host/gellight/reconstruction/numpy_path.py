@@ -58,6 +58,8 @@ class NumpyPath:
             return self._flat.frame(camera_frame, difference, stages)
         touched = spread_blocks(cells, CELL_PX, self._bundle.image_shape)
         answered = self._slopes(difference, cells, touched)
+        if self._shadows and (change := self._shadows.change(difference, answered, cells)) is not None:
+            answered += change
         # The slopes are smoothed and not the image: blurring colours across a rim before a non-linear map costs depth.
         slopes, noise = self._smoother.prefilter(answered)
         stages.end("gradient")
@@ -65,12 +67,6 @@ class NumpyPath:
             slopes, touched = self._undistortion.apply(slopes, touched)
             stages.end("lens")
         depth_mm = self._depth(slopes, touched)
-        if (
-            self._shadows
-            and (change := self._shadows.change(difference, depth_mm, np.moveaxis(slopes, 2, 0))) is not None
-        ):
-            slopes, noise = self._smoother.prefilter(answered + np.moveaxis(change, 0, 2))
-            depth_mm = self._depth(slopes, touched)
         stages.end("depth")
         where = touched if self._masked else None
         gradient_map = self._smoother.of_surface(depth_mm, self._bundle.pixel_size_mm, slopes, noise, where=where)

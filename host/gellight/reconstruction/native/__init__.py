@@ -3,11 +3,13 @@
 frame_path.h    the terms, and what the stages share
 difference.c    difference image, means over cells, mask
 cells.c         slopes, blended between cells
+shadows.c       the light that cast shadows take
 smoothing.c     noise out of the slopes
 surface.c       slopes to depth and back, normals
 contact.c       contact patch
 build.py        the C sources to libraries: `python -m gellight.reconstruction.native.build`
 library.py      the library that fits this machine
 native_path.py  camera frame to tactile frame on that library
+native_shadows.py  cast shadows on it
 judge.py        the check against the NumPy form
 """

@@ -33,9 +33,22 @@ SIGNATURES = {
     "smooth_adaptively": "pppppppppiiiiiii",
     "slopes_and_normals": "pppii",
     "find_contact": "pffpppppppppii",
+    "slope_means": "pppii",
+    "lost_light": "pppppipffffpppii",
+    "lit_rows": "ppppffppi",
+    "add_change": "pppppppiii",
 }
 """arguments of each function: pointer, int, float"""
-_COUNTING = ("touched_cells", "coarse_slopes", "split_cells", "chosen_rows", "blend", "resting_depths")
+_COUNTING = (
+    "touched_cells",
+    "coarse_slopes",
+    "split_cells",
+    "chosen_rows",
+    "blend",
+    "resting_depths",
+    "lost_light",
+    "lit_rows",
+)
 """functions that return an int; the others return nothing"""
 _KINDS = {"p": ctypes.c_void_p, "i": ctypes.c_int, "f": ctypes.c_float}
 

@@ -30,6 +30,7 @@ from gellight.reconstruction.linearised import (
     CellNetwork,
 )  # fmt: skip
 from gellight.reconstruction.native.library import Library, NativePathError
+from gellight.reconstruction.native.native_shadows import NativeShadows
 from gellight.reconstruction.native.work import WorkMemory
 from gellight.reconstruction.smoothing import FilterTaps
 from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages
@@ -63,7 +64,9 @@ class NativePath:
         if min(bundle.image_shape) < SMALLEST_PX:
             raise NativePathError(f"images of {bundle.image_shape} px are too small for it")
         self._c, self._bundle, self._network, self._cells = library, bundle, cells.network, cells
-        self._undistortion, self._shadows = undistortion, shadows
+        self._undistortion = undistortion
+        bulge = bundle.manifest.bulge
+        self._shadows = shadows and NativeShadows(library, shadows, cells.network, cells.zero, bulge)
         self._height, self._width = bundle.image_shape
         self._taps = FilterTaps.of(smoothing_px) if smoothing_px >= 2 else None
         self._m = WorkMemory(bundle.image_shape, self._taps)
@@ -87,16 +90,14 @@ class NativePath:
         if not touched:
             return self._flat.frame(camera_frame, difference, stages)
         self._slopes(difference, touched)
+        if self._shadows:
+            self._shadows.add_change(self._m)
         self._prefilter()
         stages.end("gradient")
         touched_pixels = self._without_lens()
         if touched_pixels is not None:
             stages.end("lens")
         depth_mm = self._depth(touched_pixels)
-        if self._shadows and (change := self._shadows.change(difference, depth_mm, self._m.measured)) is not None:
-            self._m.slopes += change
-            self._prefilter()
-            depth_mm = self._depth(touched_pixels)
         stages.end("depth")
         self._smooth_adaptively(self._m.touched if touched_pixels is None else touched_pixels)
         gradient_map, normal_map = self._normals(depth_mm)
