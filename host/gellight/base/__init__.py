@@ -6,6 +6,7 @@ allowed.py   what a pydantic model allows, in a user's words
 writing.py   files written whole or not at all, flushed to the disk
 locking.py   locks on files, on Windows too
 mailbox.py   keeps the newest item, from thread to thread
+field_docs.py  fields in the `help()` of a dataclass
 logs.py      what a service says: lines for people, or JSON
 parent.py    a process that ends with the one that started it
 turns.py     a lock whose users take turns

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.field_docs import with_field_docs
 from gellight.frames.status import ForceFigures
 
 BEYOND_VIEW = "beyond_view"
@@ -17,6 +18,7 @@ HEAVIER = "heavier"
 """flag of a force: it is larger than any that the sensor was calibrated with"""
 
 
+@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Force:
     """The force that presses the gel, along its normal; found by depth, so shear is not in it."""
@@ -47,6 +49,7 @@ STEEP, DARK, CLIPPED = 1, 2, 4
 """quality flags of a pixel: steeper than what was learnt; a colour in shadow; a grey level that cannot grow"""
 
 
+@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Confidence:
     """How far each pixel is to be believed."""
@@ -57,6 +60,7 @@ class Confidence:
     """(H, W) why: bits `STEEP`, `DARK`, `CLIPPED`; 0 where nothing is known against the pixel"""
 
 
+@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ErrorBounds:
     """What nine in ten pixels under a ball are off by at most, as far as presses that were not learnt from tell.
