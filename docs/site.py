@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import json
 import posixpath
 import re
 from collections.abc import Iterator
@@ -41,6 +42,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are made."""
     made = {name: linked((ROOT / home).read_text(), home) for home, name in FROM_ROOT.items()}
     made |= {"settings.md": f"# Settings\n\n{reference_markdown()}", "api.md": api()}
+    made["first_touch.md"] = notebook(ROOT / "docs/first_touch.ipynb")
     made |= {f"verbs/{name}.md": "\n\n".join(described(verb, name, "#")) for name, verb in commands().items()}
     for name, text in made.items():
         files.append(File.generated(config, name, content=text))
@@ -61,6 +63,15 @@ def linked(markdown: str, home: str) -> str:
         return match[1] + FROM_ROOT.get(target, target.removeprefix("docs/"))
 
     return LINK.sub(turned, markdown)
+
+
+def notebook(path: Path) -> str:
+    """Return a notebook as a page: its texts, and its code as blocks."""
+    parts = []
+    for cell in json.loads(path.read_text())["cells"]:
+        text = "".join(cell["source"])
+        parts.append(text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```")
+    return "\n\n".join([*parts, f"[The notebook]({path.name}) itself, to run."])
 
 
 def api() -> str:

@@ -1,6 +1,7 @@
 """`make docs`: the site is built, strictly, and has what is made of the commands and the docstrings."""
 
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -41,5 +42,6 @@ def test_the_search_finds_pages_and_the_front_page_has_its_pictures(site: Path) 
     found = json.loads((site / "search/search_index.json").read_text())["docs"]
     assert any("bundle" in entry["text"] for entry in found if entry["location"].startswith("glossary"))
     assert 'data-md-component="search"' in (site / "index.html").read_text()
+    assert "sensor.press" in re.sub("<[^>]*>", "", (site / "first_touch/index.html").read_text())
     assert 'src="pictures/press.webp"' in (site / "index.html").read_text()
     assert (site / "pictures/press.webp").exists()
