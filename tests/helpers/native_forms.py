@@ -23,12 +23,17 @@ def worst(found: TactileFrame, right: TactileFrame) -> tuple[float, float]:
     return float(angle.max()), float(np.abs(found.depth_mm - right.depth_mm).max())
 
 
-def agree(found: TactileFrame, right: TactileFrame) -> None:
-    degrees, depth_mm = worst(found, right)
-    assert degrees < 0.02
-    assert depth_mm < 1e-5
+def agree(found: TactileFrame, right: TactileFrame, *, but: float = 0.0) -> None:
+    """Compare two frames.
+
+    but: share of the pixels left out. The networks of both round otherwise, so of many pixels at a limit one may be
+    asked about in one form alone; smoothing and integration spread it.
+    """
+    angle = angle_deg(found.normal_map.reshape(-1, 3), right.normal_map.reshape(-1, 3))
+    apart = np.abs(found.gradient_map - right.gradient_map) > 2e-4 * (1 + np.abs(right.gradient_map))
+    beyond = [angle >= 0.02, np.abs(found.depth_mm - right.depth_mm) >= 1e-5, apart]
+    assert max(np.count_nonzero(pixels) for pixels in beyond) <= but * angle.size
     np.testing.assert_allclose(found.difference, right.difference, atol=1e-4)
-    np.testing.assert_allclose(found.gradient_map, right.gradient_map, atol=2e-4, rtol=2e-4)
     # Of the same depth: the rim of a torn surface may jump. Pixels are square.
     contact = find_contact(found.depth_mm, 1.0)
     assert np.count_nonzero(found.contact.mask != contact.mask) <= 1e-5 * right.depth_mm.size

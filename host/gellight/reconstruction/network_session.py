@@ -28,7 +28,7 @@ class NetworkSession:
 
         Raises BundleError for a network that does not keep the contract.
         """
-        self._source, self._channels = source, channels
+        self._source, self._channels, self.threads = source, channels, threads
         content = network if isinstance(network, bytes) else _read(network, source)
         self._session = _session(content, threads, source)
         self.has_jacobian = _check_contract(self._session, source, channels)

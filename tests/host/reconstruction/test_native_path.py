@@ -56,7 +56,7 @@ def test_every_library_computes_what_numpy_computes(name: str, seed: int) -> Non
 def test_the_same_pixels_are_asked_about_where_the_gel_is_steep(name: str) -> None:
     native, cells = both(SYNTHETIC)
     frame = frame_of(scenes(SYNTHETIC)["all touched, steep"])
-    agree(native.reconstruct(frame), cells.reconstruct(frame))
+    agree(native.reconstruct(frame), cells.reconstruct(frame), but=1e-3)
     assert native.network_rows.pixels > 10_000
 
 
@@ -180,7 +180,7 @@ def test_a_network_that_answers_nan_is_an_error_and_not_a_map(tmp_path: Path, mo
     path = native._path
     assert isinstance(path, NativePath)
     nan = lambda rows: (rows[:, :2] * np.nan, np.zeros((len(rows), 6)))  # noqa: E731
-    monkeypatch.setattr(path._network.session, "slopes_and_jacobian", nan)
+    monkeypatch.setattr(path._answers, "slopes_and_jacobian", nan)
     with pytest.raises(ValueError, match="NaN or infinite"):
         native.reconstruct(frame_of(judge.made_up_image(SYNTHETIC)))
 

@@ -43,7 +43,7 @@ def test_the_shipped_network_gives_the_same_there(aarch64: OtherProcessor) -> No
     compare(bundle)
     native, cells = both(bundle)
     frame = CameraFrame(image=scenes(bundle)["all touched, steep"], time_s=0.0, sequence=0)
-    agree(native.reconstruct(frame), cells.reconstruct(frame))
+    agree(native.reconstruct(frame), cells.reconstruct(frame), but=1e-3)
     assert aarch64.called == set(library.SIGNATURES)
 
 

@@ -37,6 +37,8 @@ SIGNATURES = {
     "lost_light": "pppppipffffpppii",
     "lit_rows": "ppppffppi",
     "add_change": "pppppppiii",
+    "network_slopes": "pppi",
+    "network_jacobian": "ppppi",
 }
 """arguments of each function: pointer, int, float"""
 _COUNTING = (

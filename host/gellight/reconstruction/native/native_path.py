@@ -1,6 +1,6 @@
 """Camera frame to tactile frame on the C library; what it computes is what `numpy_path.NumpyPath` computes.
 
-The network stays in ONNX Runtime, the transform along the rows in SciPy. The lens is taken out by the NumPy stage.
+The transform along the rows stays in SciPy, an unusual network in ONNX Runtime. The NumPy stage takes the lens out.
 """
 
 import time
@@ -31,6 +31,7 @@ from gellight.reconstruction.linearised import (
 )  # fmt: skip
 from gellight.reconstruction.native.library import Library, NativePathError
 from gellight.reconstruction.native.native_shadows import NativeShadows
+from gellight.reconstruction.native.network import fastest
 from gellight.reconstruction.native.work import WorkMemory
 from gellight.reconstruction.smoothing import FilterTaps
 from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages
@@ -66,7 +67,8 @@ class NativePath:
         self._c, self._bundle, self._network, self._cells = library, bundle, cells.network, cells
         self._undistortion = undistortion
         bulge = bundle.manifest.bulge
-        self._shadows = shadows and NativeShadows(library, shadows, cells.network, cells.zero, bulge)
+        self._answers = fastest(library, bundle.network, cells.network.session, bundle.image_shape)
+        self._shadows = shadows and NativeShadows(library, shadows, self._answers, cells.zero, bulge)
         self._height, self._width = bundle.image_shape
         self._taps = FilterTaps.of(smoothing_px) if smoothing_px >= 2 else None
         self._m = WorkMemory(bundle.image_shape, self._taps)
@@ -145,7 +147,7 @@ class NativePath:
             count = min(_BLOCK_PIXELS, single - start)
             at, rows = m.index[start:], m.rows[:count]
             self._c.call("pixel_rows", difference, at, rows, count, self._width)
-            self._run("store_pixels", at, self._network.session.slopes(rows), self._network.zero, m.slopes, count)
+            self._run("store_pixels", at, self._answers.slopes(rows), self._network.zero, m.slopes, count)
 
     def _coarse(self) -> int:
         """The slopes of the blocks, for where nothing touches; returns of how many the network was asked."""
@@ -154,7 +156,7 @@ class NativePath:
         if count:
             self._c.call("chosen_rows", m.coarse_rows, m.around, m.index, m.rows, len(m.coarse))
             at = m.index[:count]
-            m.coarse[at] = self._network.session.slopes(m.rows[:count]) - self._network.coarse_zero[at]
+            m.coarse[at] = self._answers.slopes(m.rows[:count]) - self._network.coarse_zero[at]
         return count
 
     def _at_cells(self) -> int:
@@ -175,7 +177,7 @@ class NativePath:
         count = self._c.call("chosen_rows", rows, chosen, m.index, m.rows, chosen.size)
         for start in range(0, count, BLOCK_CELLS):
             block = m.rows[start : min(start + BLOCK_CELLS, count)]
-            slopes, jacobian = self._network.session.slopes_and_jacobian(block)
+            slopes, jacobian = self._answers.slopes_and_jacobian(block)
             answer = (m.index[start:], block, slopes, jacobian, zero, planes)
             self._c.call("store_cells", *answer, len(block), chosen.size)
         return count

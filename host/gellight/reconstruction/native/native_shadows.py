@@ -6,9 +6,10 @@ from scipy import fft
 
 from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.cast_shadows import EDGE_MM, FEWEST_CELLS, LEAST_LOST, CastShadows
-from gellight.reconstruction.gelnet import BLOCK_ROWS, CELL_PX, COARSE_PX, GradientNetwork
+from gellight.reconstruction.gelnet import BLOCK_ROWS, CELL_PX, COARSE_PX
 from gellight.reconstruction.integration import rest_level
 from gellight.reconstruction.native.library import Library
+from gellight.reconstruction.native.network import SlopeNetwork
 from gellight.reconstruction.native.work import WorkMemory, elimination
 
 Floats = NDArray[np.float32]
@@ -18,7 +19,7 @@ class NativeShadows:
     """The shadows of one sensor; keeps working memory, so it serves one thread."""
 
     def __init__(
-        self, library: Library, shadows: CastShadows, network: GradientNetwork, zero: Floats, bulge: float
+        self, library: Library, shadows: CastShadows, network: SlopeNetwork, zero: Floats, bulge: float
     ) -> None:
         """Take the parts; zero: (h w, 2) what the network answers at cells to no difference."""
         self._c, self._parts, self._network, self._zero, self._bulge = library, shadows, network, zero, bulge
@@ -45,7 +46,7 @@ class NativeShadows:
         if dark < FEWEST_CELLS:
             return
         rows = m.rows[:dark]
-        blocks = [self._network.session.slopes(rows[at : at + BLOCK_ROWS]) for at in range(0, dark, BLOCK_ROWS)]
+        blocks = [self._network.slopes(rows[at : at + BLOCK_ROWS]) for at in range(0, dark, BLOCK_ROWS)]
         answer = np.concatenate(blocks)
         given = (m.index, answer, self._zero, self._means, self._change, m.slopes, m.work)
         self._c.call("add_change", *given, dark, width, height)
