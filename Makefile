@@ -60,7 +60,7 @@ endef
 # A stamp says what is installed: `host` is what a user runs, `docs` adds what makes the site, `dev` PyTorch
 # and the test tools.
 $(VENV)/.host: pyproject.toml | $(BIN)/python
-	@echo "Installing GelLight and 41 packages that it needs into $(VENV): 580 MB, one to three minutes, once"
+	@echo "Installing GelLight and 41 packages that it needs into $(VENV): 600 MB, one to three minutes, once"
 	$(call install,--editable .,44)
 	@touch $@
 

@@ -159,6 +159,6 @@ def test_handles_that_stay_open_are_noticed(tmp_path: Path, monkeypatch: pytest.
 
     monkeypatch.setattr(shift.Shift, "__enter__", leak)
     monkeypatch.setattr("tests.soak.run.FAULTS_A_SHIFT", 1)
-    assert broken(suffer(tmp_path, *[FaultKind.WALL_CLOCK] * 4)) == {Invariant.HANDLES}
+    assert broken(suffer(tmp_path, *[FaultKind.WALL_CLOCK] * 3)) == {Invariant.HANDLES}
     for handle in kept:
         handle.close()

@@ -294,8 +294,9 @@ class TactileFrame:
     @cached_property
     def error_bounds(self) -> ErrorBounds | None:
         """By how much 90 % of the pixels are off at most; None where the bundle does not know its errors."""
-        measures = self.measures
-        return measures.error_bounds(self.gradient_map, self.depth_mm, self.contact.mask) if measures else None
+        measures, maps = self.measures, (self.gradient_map, self.depth_mm, self.contact.mask)
+        bounds = measures.error_bounds(*maps) if measures else None
+        return bounds.unless(self.confidence.not_learnt) if bounds and self.confidence else bounds
 
     def maps_on_request(self, asked: Collection[MapOnRequest] = tuple(MapOnRequest)) -> dict[str, NDArray[Any]]:
         """Return the maps that are asked for and that this frame can have; `quality_flags` come with `confidence`."""

@@ -45,8 +45,9 @@ class Force:
         return {"normal_n": self.normal_n, "error_n": self.error_n, "flags": self.flags}
 
 
-STEEP, DARK, CLIPPED = 1, 2, 4
-"""quality flags of a pixel: steeper than what was learnt; a colour in shadow; a grey level that cannot grow"""
+STEEP, DARK, CLIPPED, ELSEWHERE, STRANGE = 1, 2, 4, 8, 16
+"""quality flags of a pixel: steeper than what was learnt; a colour in shadow; a grey level that cannot grow; far from
+every press that was learnt from; a colour that none of them had"""
 
 
 @with_field_docs
@@ -57,7 +58,12 @@ class Confidence:
     value: NDArray[np.float32]
     """(H, W) from 1, as good as the calibration, down to 0.05, a guess; for weights, no probability"""
     quality_flags: NDArray[np.uint8]
-    """(H, W) why: bits `STEEP`, `DARK`, `CLIPPED`; 0 where nothing is known against the pixel"""
+    """(H, W) why: bits `STEEP`, `DARK`, `CLIPPED`, `ELSEWHERE`, `STRANGE`; 0 where nothing is known against it"""
+
+    @property
+    def not_learnt(self) -> NDArray[np.bool_]:
+        """(H, W) pixels whose place or colour the calibration never saw."""
+        return self.quality_flags & (ELSEWHERE | STRANGE) > 0
 
 
 @with_field_docs
@@ -66,13 +72,20 @@ class ErrorBounds:
     """What nine in ten pixels under a ball are off by at most, as far as presses that were not learnt from tell.
 
     Objects of another shape are farther off: docs/calibration-data.md has figures. inf where nobody knows: outside of
-    contacts, and where the surface is steeper than any of these presses.
+    contacts, where the surface is steeper than any of these presses, and where no press lay or had such a colour.
     """
 
     normal_deg: NDArray[np.float32]
     """(H, W) angle between the normals, degrees"""
     shape_mm: NDArray[np.float32]
     """(H, W) depth beside the mean of its contact, mm: a circle does not say how deep its rim is"""
+
+    def unless(self, unknown: NDArray[np.bool_]) -> "ErrorBounds":
+        """Return the same with inf where (H, W) pixels are marked."""
+        return ErrorBounds(
+            normal_deg=np.where(unknown, np.float32(np.inf), self.normal_deg),
+            shape_mm=np.where(unknown, np.float32(np.inf), self.shape_mm),
+        )
 
 
 class MapOnRequest(StrEnum):
@@ -95,6 +108,9 @@ class FrameMeasures(Protocol):
 
     def confidence(self, image: NDArray[np.uint8], gradient_map: NDArray[np.float32]) -> Confidence:
         """Judge the pixels of a frame by its (H, W, 3) picture and its (H, W, 2) slopes."""
+
+    def never_seen(self, image: NDArray[np.uint8], pixels: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Say of (n,) flat indices of a frame's pixels what `Confidence.not_learnt` says of all."""
 
     def error_bounds(
         self, gradient_map: NDArray[np.float32], depth_mm: NDArray[np.float32], touched: NDArray[np.bool_]

@@ -1,5 +1,6 @@
 """What a bundle can say of its frames beyond their maps, computed when somebody asks."""
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -7,14 +8,12 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force
-from gellight.reconstruction.confidence import confidence_of, steepest_of
+from gellight.reconstruction.confidence import Learnt, confidence_of
 from gellight.reconstruction.error_bounds import read_errors
 from gellight.reconstruction.force_file import read_force
 from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
 
 PRESSES = "presses.npz"
-SLOPES = slice(5, 7)
-"""columns of the rows of that table"""
 
 
 class BundleMeasures:
@@ -36,11 +35,23 @@ class BundleMeasures:
 
     def confidence(self, image: NDArray[np.uint8], gradient_map: NDArray[np.float32]) -> Confidence:
         """Judge the pixels of a frame; with a lens, the pixels of the undistorted gel."""
+        return confidence_of(*self._over_gel(image), gradient_map, self._learnt)
+
+    def never_seen(self, image: NDArray[np.uint8], pixels: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Say of (n,) flat indices of pixels whether the calibration never saw their place or colour."""
+        if self._learnt is None:
+            return np.zeros(len(pixels), np.bool_)
+        picture, reference = self._over_gel(image)
+        change = picture.reshape(-1, 3)[pixels] - reference.reshape(-1, 3)[pixels]
+        return np.asarray(~self._learnt.near.ravel()[pixels] | self._learnt.strange(change))
+
+    def _over_gel(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Return a picture and the reference without the lens, where the bundle has one."""
         reference = self._bundle.reference
-        if has_lens(self._bundle):
-            lens = read_undistortion(self._bundle)
-            image, reference = lens.picture(image), lens.picture(reference)
-        return confidence_of(image, reference, gradient_map, self._steepest)
+        if not has_lens(self._bundle):
+            return image, reference
+        lens = read_undistortion(self._bundle)
+        return lens.picture(image), lens.picture(reference)
 
     def error_bounds(
         self, gradient_map: NDArray[np.float32], depth_mm: NDArray[np.float32], touched: NDArray[np.bool_]
@@ -49,8 +60,11 @@ class BundleMeasures:
         return self._errors.bounds(gradient_map, depth_mm, touched) if self._errors else None
 
     @cached_property
-    def _steepest(self) -> float | None:
-        """The steepest slope that the network was trained on; None for measured slopes, or where no bundle says."""
+    def _learnt(self) -> Learnt | None:
+        """What the network has learnt from, over the gel; None for measured slopes, or where no bundle says."""
         if not self.from_network or PRESSES not in self._bundle.files:
             return None
-        return steepest_of(self._bundle.presses()["rows"][:, SLOPES])
+        learnt = Learnt.of_rows(self._bundle.presses()["rows"], self._bundle.image_shape)
+        if not has_lens(self._bundle):
+            return learnt
+        return replace(learnt, near=read_undistortion(self._bundle).picture(learnt.near.view(np.uint8)).view(np.bool_))

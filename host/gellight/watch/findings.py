@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.measures import CLIPPED, DARK, STEEP
+from gellight.frames.measures import CLIPPED, DARK, ELSEWHERE, STEEP, STRANGE
 from gellight.frames.status import FindingStatus
 from gellight.watch.cells import CELL_PX
 from gellight.watch.expected import ExpectedError
@@ -38,8 +38,8 @@ class WatchFinding:
     """Something about the sensor is not as it was calibrated."""
 
     kind: str
-    """too_deep, other_unit, drift, led_dimmed, led_dead, camera_moved, uneven, tear, dirt, stuck, never_at_rest,
-    zero_off, recalibrate or, in `gellight reconstruct` alone, not_learnt"""
+    """too_deep, not_learnt, other_unit, drift, led_dimmed, led_dead, camera_moved, uneven, tear, dirt, stuck,
+    never_at_rest, zero_off, recalibrate"""
     severity: Severity
     text: str
     """what was seen, the likely cause and the remedy"""
@@ -173,12 +173,26 @@ def not_learnt(flags: NDArray[np.uint8]) -> WatchFinding:
         kind="not_learnt",
         severity=Severity.WARNING,
         text=f"{np.mean(flags > 0):.0%} of the contact is a guess ({reasons}): the bundle is of another sensor, the "
-        "light is another one, or the press is steeper than any of the calibration",
+        "light is another one, or nothing like it was pressed in the calibration: add such presses to it",
         figures={"guessed": round(float(np.mean(flags > 0)), 3)},
     )
 
 
-_FLAGS = {"steeper than was learnt": STEEP, "in shadow": DARK, "too bright": CLIPPED}
+def never_seen(share: float) -> WatchFinding:
+    """Return the finding that the calibration never saw the places or colours of a share of the contact."""
+    return WatchFinding(
+        kind="not_learnt",
+        severity=Severity.WARNING,
+        text=f"{share:.0%} of the contact is where the calibration has no press, or has colours that none had: depth "
+        "and normals are a guess there; calibrate again with presses there, or give the bundle of this sensor",
+        figures={"guessed": round(share, 3)},
+    )
+
+
+_FLAGS = {
+    "steeper than was learnt": STEEP, "in shadow": DARK, "too bright": CLIPPED,
+    "where the calibration has no press": ELSEWHERE, "of a colour that no press had": STRANGE,
+}  # fmt: skip
 """quality flags in words"""
 
 

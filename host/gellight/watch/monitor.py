@@ -18,7 +18,7 @@ from gellight.watch.expected import ErrorEstimate, ExpectedError
 from gellight.watch.explanation import Explanation, explain
 from gellight.watch.findings import WatchFinding, advice, light_findings, never_at_rest, other_unit, spot_finding
 from gellight.watch.other_unit import UnitCheck
-from gellight.watch.possible import impossible_depth
+from gellight.watch.possible import impossible_depth, unseen_contact
 from gellight.watch.rezero import Situation, refusal
 from gellight.watch.spots import SpotTracker
 from gellight.watch.untouched_model import Mask, UntouchedModel
@@ -93,7 +93,7 @@ class SensorWatch:
         self._state = "starting"
         self._findings: list[WatchFinding] = []
         self._thickness_mm = thickness_mm
-        self._too_deep: list[WatchFinding] = []
+        self._of_frame: list[WatchFinding] = []
         """of the latest frame"""
         self._unit_check: UnitCheck | None = None
         self._other_units: list[WatchFinding] = []
@@ -114,9 +114,9 @@ class SensorWatch:
         if self.paused or self._under_other_light(camera_frame):
             self._state = "paused" if self.paused else "other light"
             self._rest.clear()
-            self._too_deep = []
+            self._of_frame = []
             return
-        self._too_deep = list(impossible_depth(frame, self._thickness_mm))
+        self._of_frame = [*impossible_depth(frame, self._thickness_mm), *unseen_contact(frame)]
         with self._lock:
             self._look(cell_means(camera_frame.image) - self._model.reference, camera_frame.time_s)
         self._looks += 1
@@ -257,7 +257,7 @@ class SensorWatch:
 
         Empty while the sensor is as it was calibrated.
         """
-        return [*self._too_deep, *self._of_another_unit, *self._findings]
+        return [*self._of_frame, *self._of_another_unit, *self._findings]
 
     @property
     def _of_another_unit(self) -> list[WatchFinding]:

@@ -10,10 +10,13 @@ import numpy as np
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.force_file import read_force
-from gellight.watch.findings import WatchFinding, not_learnt, too_deep
+from gellight.watch.findings import WatchFinding, never_seen, not_learnt, too_deep
 
 MOST_GUESSED = 0.6
 """share of a contact that may have quality flags: pins, pressed deep by a bundle of balls, have up to 0.50"""
+
+MOST_SAMPLES = 2000
+"""pixels of a contact that are looked at while the sensor runs"""
 
 
 def gel_thickness_mm(bundle: Bundle, told_mm: float | None = None) -> float | None:
@@ -26,6 +29,17 @@ def impossible_depth(frame: TactileFrame, thickness_mm: float | None) -> Iterato
     """Yield the finding that a frame is deeper than the gel is thick."""
     if thickness_mm is not None and frame.contact.indentation_mm > thickness_mm:
         yield too_deep(frame.contact.indentation_mm, thickness_mm)
+
+
+def unseen_contact(frame: TactileFrame) -> Iterator[WatchFinding]:
+    """Yield the finding that the calibration never saw the places or colours of most of a contact, by some pixels."""
+    if frame.measures is None or not frame.contact.mask.any():
+        return
+    pixels = np.flatnonzero(frame.contact.mask)
+    some = pixels[:: -(-len(pixels) // MOST_SAMPLES)]
+    share = float(frame.measures.never_seen(frame.camera_frame.image, some).mean())
+    if share > MOST_GUESSED:
+        yield never_seen(share)
 
 
 def guessed_contact(frame: TactileFrame) -> Iterator[WatchFinding]:

@@ -124,6 +124,17 @@ def test_evaluate_prints_a_line_an_image(bundle: Path, pressed: Path) -> None:
     assert "depth error in contact" in result.stdout
 
 
+def test_evaluate_says_where_nothing_was_pressed(bundle: Path, pressed: Path, tmp_path: Path) -> None:
+    x, y = 15.0, 11.0
+    contact = photograph(Scene(GEOMETRY, CameraResponse()), Press("BALL", 1.0, x, y), 50, tmp_path / "corner.png")
+    circle = f"corner.png,{x / 0.2352 + 79.5},{y / 0.2352 + 59.5},{np.sqrt(contact.sum() / np.pi):.2f}"
+    (tmp_path / "corner.csv").write_text(f"image,center_x_px,center_y_px,contact_radius_px\n{circle}\n")
+    given = ("evaluate", "--calibration", bundle, "--presses", tmp_path / "corner.csv")
+    figures = json.loads(run(*given, "--json").stdout)
+    assert figures["not_learnt"] > 0.5
+    assert f"the calibration never saw the place or colour of {figures['not_learnt']:.1%}" in run(*given).stdout
+
+
 def test_wrong_circles_make_a_larger_error(bundle: Path, pressed: Path, tmp_path: Path) -> None:
     lines = (pressed / "others.csv").read_text().splitlines()
     name, x, *rest = lines[1].split(",")

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.bundle.bundle import extend_bundle, load_bundle, write_bundle
+from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle, write_bundle
 from gellight.frames.frames import CameraFrame
-from gellight.frames.measures import CLIPPED, DARK, STEEP
+from gellight.frames.measures import CLIPPED, DARK, ELSEWHERE, STEEP, STRANGE
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.reconstruction.confidence import confidence_of, steepest_of
+from gellight.reconstruction.confidence import Learnt, confidence_of, steepest_of
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.lens.lens_file import lens_of, read_record
 from gellight.reconstruction.measures import BundleMeasures
@@ -22,10 +22,13 @@ from tests.helpers.linear_sensor import linear_network
 SHAPE = (4, 6)
 REFERENCE = np.full((*SHAPE, 3), 120, np.float32)
 FLAT = np.zeros((*SHAPE, 2), np.float32)
+WIDE = (60, 80)
+EVERYTHING = Learnt(1.0, np.ones(SHAPE, np.bool_), np.ones((64, 64, 64), np.bool_))
+"""up to a slope of 1"""
 
 
 def test_pixels_like_those_of_the_calibration_are_believed() -> None:
-    found = confidence_of(REFERENCE.astype(np.uint8), REFERENCE, FLAT + 0.4, 1.0)
+    found = confidence_of(REFERENCE.astype(np.uint8), REFERENCE, FLAT + 0.4, EVERYTHING)
     assert not found.quality_flags.any()
     assert (found.value == 1).all()
 
@@ -36,7 +39,7 @@ def test_each_doubt_has_its_bit_and_lowers_the_value() -> None:
     image[1, 1, 2] = 6
     image[2, 2, 0] = 255
     image[3, 3], slopes[3, 3] = (0, 255, 120), (9, 0)
-    found = confidence_of(image, REFERENCE, slopes, 1.0)
+    found = confidence_of(image, REFERENCE, slopes, EVERYTHING)
     assert [found.quality_flags[k, k] for k in range(4)] == [STEEP, DARK, CLIPPED, STEEP | DARK | CLIPPED]
     assert [found.value[k, k] for k in range(4)] == pytest.approx([0.25, 0.5, 0.5, 0.05])
     assert np.count_nonzero(found.quality_flags) == 4
@@ -45,7 +48,7 @@ def test_each_doubt_has_its_bit_and_lowers_the_value() -> None:
 def test_a_channel_without_light_at_rest_says_nothing_of_shadow() -> None:
     reference, image = REFERENCE.copy(), REFERENCE.astype(np.uint8)
     reference[..., 1] = image[..., 1] = 3
-    assert not confidence_of(image, reference, FLAT, 1.0).quality_flags.any()
+    assert not confidence_of(image, reference, FLAT, EVERYTHING).quality_flags.any()
 
 
 def test_nothing_is_steep_where_nobody_knows_what_was_learnt() -> None:
@@ -59,16 +62,40 @@ def test_the_steepest_slope_leaves_single_pixels_out() -> None:
     assert steepest_of(slopes) == pytest.approx(1.0, abs=0.002)
 
 
-def test_the_bundle_tells_what_its_network_has_learnt(tmp_path: Path) -> None:
-    rows = np.zeros((1000, 7), np.float32)
-    rows[:, 5] = np.linspace(0, 0.5, 1000)
-    bundle = write_bundle(
-        tmp_path / "bundle", sensor="s", reference=REFERENCE.astype(float), reference_frames=1, noise_grey=1.0,
+def learnt_from(rows: np.ndarray, folder: Path) -> Bundle:
+    """A bundle that was trained on such rows."""
+    return write_bundle(
+        folder / "bundle", sensor="s", reference=np.full((*WIDE, 3), 120.0), reference_frames=1, noise_grey=1.0,
         pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={}, presses={"rows": rows},
     )  # fmt: skip
-    image = REFERENCE.astype(np.uint8)
-    assert (BundleMeasures(bundle).confidence(image, FLAT + 1).quality_flags == STEEP).all()
-    assert not BundleMeasures(bundle, from_network=False).confidence(image, FLAT + 1).quality_flags.any()
+
+
+def rows_at(x: float, y: float, colour: tuple[int, int, int], slopes: np.ndarray) -> np.ndarray:
+    rows = np.zeros((len(slopes), 7), np.float32)
+    rows[:, :3], rows[:, 3], rows[:, 4], rows[:, 5] = colour, x, y, slopes
+    return rows
+
+
+def test_the_bundle_tells_what_its_network_has_learnt(tmp_path: Path) -> None:
+    bundle = learnt_from(rows_at(50, 20, (0, 0, 0), np.linspace(0, 0.5, 1000)), tmp_path)
+    image, steep = np.full((*WIDE, 3), 120, np.uint8), np.ones((*WIDE, 2), np.float32)
+    image[20, 50] += 20
+    flags = BundleMeasures(bundle).confidence(image, steep).quality_flags
+    away = np.hypot(*(np.indices(WIDE) - np.array([20, 50])[:, None, None]))
+    near = away <= 0.1 * WIDE[0]
+    np.testing.assert_array_equal(flags & ELSEWHERE > 0, ~near)
+    assert flags[20, 50] == STEEP | STRANGE
+    near[20, 50] = False
+    assert (flags[near] == STEEP).all()
+    assert not BundleMeasures(bundle, from_network=False).confidence(image, steep).quality_flags.any()
+
+
+@pytest.mark.parametrize(("off_grey", "strange"), [(0, False), (7, False), (16, True), (-16, True)])
+def test_a_colour_is_known_where_a_press_had_one_like_it(off_grey: int, strange: bool, tmp_path: Path) -> None:
+    bundle = learnt_from(rows_at(50, 20, (0, 40, -40), np.full(9, 0.5)), tmp_path)
+    image = np.full((*WIDE, 3), (120, 160 + off_grey, 80), np.uint8)
+    flags = BundleMeasures(bundle).confidence(image, np.zeros((*WIDE, 2), np.float32)).quality_flags
+    assert (flags[20, 50] == STRANGE) == strange
 
 
 def test_pins_throw_shadows_and_there_the_normals_are_worse() -> None:

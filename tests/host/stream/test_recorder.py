@@ -273,7 +273,7 @@ def test_what_was_not_recorded_whole_is_exported_and_told(recording: Path, tmp_p
 
 def test_the_verb_records_until_it_is_ended_and_then_finishes_the_file(tmp_path: Path) -> None:
     out = tmp_path / "new" / "a.mcap"
-    url = "sim://?object=BALL&depth=0.5"
+    url = "sim://?object=BALL&depth=0.5&fps=5"
     with children.started([*children.GELLIGHT, "record", "--sensor", url, "--out", out], stdout=-1, stderr=-1) as verb:
         while not out.exists() or out.stat().st_size < 4e6:
             assert verb.poll() is None, verb.stderr.read()
@@ -292,7 +292,7 @@ def test_the_verb_records_until_it_is_ended_and_then_finishes_the_file(tmp_path:
 def test_a_recording_that_is_killed_gives_its_finished_chunks(tmp_path: Path) -> None:
     """At most one chunk is lost, of frames without a gap; what is left is exported and can be replayed."""
     out = tmp_path / "killed.mcap"
-    url = "sim://?object=BALL&depth=0.5"
+    url = "sim://?object=BALL&depth=0.5&fps=10"
     with children.started([*children.GELLIGHT, "record", "--sensor", url, "--out", out], stdout=-1, stderr=-1) as verb:
         while not out.exists() or out.stat().st_size < 2.5 * CHUNK_BYTES:
             assert verb.poll() is None, verb.stderr.read()

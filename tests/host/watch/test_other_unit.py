@@ -149,7 +149,7 @@ def test_the_watch_says_it_within_three_seconds_and_the_zero_does_not_follow(tmp
 
 def note(watch: SensorWatch, image: np.ndarray, number: int) -> None:
     camera_frame = CameraFrame(image=image, time_s=number * PERIOD_S, sequence=number)
-    watch.note(SimpleNamespace(camera_frame=camera_frame))  # type: ignore[arg-type]
+    watch.note(SimpleNamespace(camera_frame=camera_frame, measures=None))  # type: ignore[arg-type]
 
 
 # ---- the pattern ----

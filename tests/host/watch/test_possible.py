@@ -1,5 +1,6 @@
 """A frame that cannot be is said: at once, in each frame, and no longer than it lasts; what can be is left alone."""
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from gellight.lab.training.training import Learning, TrainingOptions, fit
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth
+from sim_reference.camera import CameraResponse
+from sim_reference.geometry import SensorGeometry
 from tests.benchmarks.real_sets import SETS
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.weighed import LAYER, force_files
@@ -45,6 +48,25 @@ def test_the_bundle_knows_its_gel_better_than_the_settings(synthetic: Bundle, tm
     weighed = extend_bundle(plain, tmp_path / "weighed", force_files())
     assert [gel_thickness_mm(bundle, 4.0) for bundle in (synthetic, weighed, plain)] == [5.0, LAYER.thickness_mm, 4.0]
     assert gel_thickness_mm(plain) is None
+
+
+def test_a_contact_where_the_calibration_has_no_press_is_said_while_it_lasts(synthetic: Bundle, tmp_path: Path) -> None:
+    press = Scene(SensorGeometry(), CameraResponse()).show(Press("BALL", 1.0, -6.0, 0.0))
+    image = np.clip(press[0], 0, 255).astype(np.uint8)
+    y, x = np.nonzero(press[1].contact)
+    rows = np.zeros((len(x), 7), np.float32)
+    rows[:, :3], rows[:, 3:5] = (image - synthetic.reference)[y, x], np.stack([x, y], axis=1)
+    rows[:, 5] = 9.0
+    for side, kinds in ((0, []), (300, ["not_learnt"])):
+        content = io.BytesIO()
+        np.savez(content, rows=rows + np.array([0, 0, 0, side, 0, 0, 0], np.float32))
+        bundle = extend_bundle(synthetic, tmp_path / str(side), {"presses.npz": content.getvalue()})
+        watch, path = SensorWatch(bundle), Reconstructor(bundle)
+        watch.note(path.reconstruct(CameraFrame(image=image, time_s=0.0, sequence=0)))
+        assert [finding.kind for finding in watch.findings()] == kinds
+        at_rest = np.rint(bundle.reference).astype(np.uint8)
+        watch.note(path.reconstruct(CameraFrame(image=at_rest, time_s=1.0, sequence=1)))
+        assert not watch.findings()
 
 
 @pytest.mark.parametrize("name", ["BALL", "PCONVEX", "PINS"])

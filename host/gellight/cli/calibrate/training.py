@@ -290,6 +290,16 @@ def _error_lines(errors: PressFigures) -> list[str]:
         f"{'image':<24}{'pixels':>8}{'mean':>8}{'median':>8}{'p95':>8}  normal error, deg",
         *(f"{name:<24}{pixels:>8}{_angles(angles)}" for name, pixels, angles in rows),
         f"depth error in contact {errors.depth_mae_mm:.4f} mm, contact patch IoU {errors.contact_iou:.2f}",
+        *_never_seen_lines(errors),
+    ]
+
+
+def _never_seen_lines(errors: PressFigures) -> list[str]:
+    if errors.not_learnt_deg is None:
+        return []
+    return [
+        f"the calibration never saw the place or colour of {errors.not_learnt:.1%} of these pixels: there normals are "
+        f"off by {errors.not_learnt_deg:.2f} deg; presses there would mend it"
     ]
 
 

@@ -68,7 +68,7 @@ def fit_judged(
     return fit(
         presses, reference, ball, out, sensor=sensor, how=how, view=view,
         overwrite=overwrite, progress=report, check=check,
-        extra_files={**(extra_files or {}), **(errors_file(fit_errors(samples)) if folds else {})},
+        extra_files={**(extra_files or {}), **(errors_file(fit_errors(samples)) if samples else {})},
         extra_metrics={**(extra_metrics or {}), **verdict},
     )  # fmt: skip
 
@@ -110,11 +110,17 @@ class Samples:
 
 
 def samples_of(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> list[Samples]:
-    """Reconstruct presses as the sensor runs, and compare some pixels inside the circle of each with the ball."""
+    """Reconstruct presses as the sensor runs, and compare some pixels inside the circle of each with the ball.
+
+    Pixels whose place or colour was not learnt are left out: of these nobody knows the error.
+    """
     path, random, found = Reconstructor(bundle, undistorted=False), np.random.default_rng(0), []
     for press in presses:
         frame, shape = path.reconstruct(frame_of(press)), bundle.image_shape
-        inside = np.flatnonzero(contact_circle(press, shape))
+        unknown = frame.confidence.not_learnt if frame.confidence else False
+        inside = np.flatnonzero(contact_circle(press, shape) & ~unknown)
+        if not len(inside):
+            continue
         off_mm = (frame.depth_mm - cap_depth_mm(press, ball, shape)).ravel()[inside]
         angle = angle_deg(normals(frame.gradient_map), normals(sphere_gradient(press, ball, shape))).ravel()[inside]
         told = signs(frame.gradient_map, frame.depth_mm, frame.contact.mask).reshape(-1, 3)[inside]

@@ -38,6 +38,8 @@ class PressError:
     image: str
     angle_deg: Floats
     """(N,) angle between the measured and the true normal at each pixel inside the labelled circle"""
+    not_learnt: NDArray[np.bool_]
+    """(N,) whether the calibration never saw the place or the colour of the pixel, see `Confidence.not_learnt`"""
     depth_mae_mm: float
     """mean absolute depth error there, with its mean removed: a circle does not say how deep its own rim lies"""
     contact_iou: float
@@ -85,6 +87,10 @@ class PressFigures(_Figures):
     """The errors on several presses: every pixel counts the same, and for the contact patch every image."""
 
     images: tuple[ImageFigures, ...]
+    not_learnt: float
+    """share of the pixels whose place or colour the calibration never saw"""
+    not_learnt_deg: float | None
+    """mean error of their normals; None where there are none"""
 
     def as_json(self) -> dict[str, object]:
         """Return the figures by name."""
@@ -149,10 +155,12 @@ def press_error(press: Press, ball: Ball, frame: TactileFrame) -> PressError:
     # Other balls in the same picture are not of this press.
     patch = frame.contact.mask & (distance_px(press, shape) < _OWN * press.contact_radius_px)
     true_normals = normals(sphere_gradient(press, ball, shape))
+    never_seen = frame.confidence.not_learnt if frame.confidence else np.zeros(shape, np.bool_)
     depth_error = frame.depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
     return PressError(
         image=press.image.name,
         angle_deg=angle_deg(frame.normal_map[inside], true_normals[inside]),
+        not_learnt=never_seen[inside],
         depth_mae_mm=float(np.abs(depth_error - depth_error.mean()).mean()),
         contact_iou=float((patch & inside).sum() / (patch | inside).sum()),
     )
@@ -171,8 +179,11 @@ def summarised(errors: Sequence[PressError]) -> PressFigures:
         for error in errors
     )
     pixels = [image.pixels for image in images]
+    angles, never_seen = (np.concatenate([getattr(error, k) for error in errors]) for k in ("angle_deg", "not_learnt"))
     return PressFigures(
-        normal_error_deg=AngleFigures.of(np.concatenate([error.angle_deg for error in errors])),
+        normal_error_deg=AngleFigures.of(angles),
+        not_learnt=float(never_seen.mean()),
+        not_learnt_deg=float(angles[never_seen].mean()) if never_seen.any() else None,
         depth_mae_mm=float(np.average([image.depth_mae_mm for image in images], weights=pixels)),
         contact_iou=float(np.mean([image.contact_iou for image in images])),
         images=images,
