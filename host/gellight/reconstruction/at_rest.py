@@ -16,12 +16,16 @@ def far_from_touch(touched: NDArray[np.bool_], side: int = _CELL_PX) -> NDArray[
     side: 8 for pixels, fewer where `touched` is of means of them.
     """
     free = ~touched
-    far = far_cells(free[side // 2 :: side, side // 2 :: side])
+    return free_and_far(free, far_cells(free[side // 2 :: side, side // 2 :: side]), side)
+
+
+def free_and_far(free: NDArray[np.bool_], far: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
+    """Mark the free (H, W) pixels in far (h, w) cells; all that are free where no cell is far."""
     if not far.any():
         return free
-    height, width = free.shape
-    rows = np.minimum(np.arange(height) // side, far.shape[0] - 1)
-    columns = np.minimum(np.arange(width) // side, far.shape[1] - 1)
+    rows, columns = (
+        np.minimum(np.arange(n) // side, cells - 1) for n, cells in zip(free.shape, far.shape, strict=True)
+    )
     return np.asarray(free & far[rows[:, None], columns[None, :]])
 
 

@@ -39,6 +39,8 @@ LEAST_LOST = 0.001
 """of the light of a channel at rest: less is left"""
 FEWEST_CELLS = 16
 """Smaller shadows are left: they change the depth in contact by less than half a micrometre."""
+DEEPEST = 0.15
+"""of the height of the LEDs: gel is not pressed in further, so nothing is sought where nothing so deep would shade"""
 _BEYOND = np.float32(1e3)
 """slope at which a LED stands where nothing is known of the surface: nothing hides it"""
 _DIAGONAL = 1.00001
@@ -54,6 +56,7 @@ class CastShadows:
         self.black, self.gamma = np.asarray(model.black_grey, np.float32), model.gamma
         self.leds = np.concatenate([model.ring.positions_mm(), model.ring.axes()], axis=1).astype(np.float32)
         """(K, 6) position, mm, and axis"""
+        self.deepest_mm = DEEPEST * float(self.leds[:, 2].min())
         self.exponent = model.ring.emission_exponent
         self.cell_mm = CELL_PX * bundle.pixel_size_mm[0], CELL_PX * bundle.pixel_size_mm[1]
         self.cells = -(-bundle.image_shape[0] // CELL_PX), -(-bundle.image_shape[1] // CELL_PX)
@@ -83,6 +86,9 @@ class CastShadows:
         difference: (H, W, 3). slopes: (H, W, 2) as found, not smoothed. touched: (h, w) cells.
         """
         found = cell_means(slopes, CELL_PX)
+        deepest = self._surface(np.full(self.cells, self.deepest_mm, np.float32), found)
+        if not any(deepest.away_from(led).any() for led in self.leds):
+            return None
         lost = self.lost(self.depth_mm(found, touched), found)
         cell = np.flatnonzero(lost.max(axis=2) > LEAST_LOST)
         if len(cell) < FEWEST_CELLS:
@@ -106,7 +112,7 @@ class CastShadows:
         depth_mm: (h, w). slopes: (h, w, 2).
         """
         lost = np.zeros((3, *self.cells), np.float32)
-        surface = _Surface(depth_mm, slopes[..., 0], slopes[..., 1], *np.meshgrid(self.x_mm, self.y_mm))
+        surface = self._surface(depth_mm, slopes)
         normal = np.stack([-surface.across, -surface.down, np.ones_like(depth_mm)])
         normal /= np.sqrt((normal**2).sum(axis=0))
         for led, shares in zip(self.leds, self.shares, strict=True):
@@ -118,6 +124,9 @@ class CastShadows:
             light = light_row(points, hidden, led[:3].tolist(), led[3:].tolist(), self.exponent)
             lost += shares * np.maximum((light * normal).sum(axis=0), 0)
         return np.moveaxis(lost, 0, 2)
+
+    def _surface(self, depth_mm: Floats, slopes: Floats) -> "_Surface":
+        return _Surface(depth_mm, slopes[..., 0], slopes[..., 1], *np.meshgrid(self.x_mm, self.y_mm))
 
     def _lit(self, seen: Floats, lost: Floats, rest: Floats) -> Floats:
         """(M, 3) differences of cells with the light `lost` (M, 3), in shares of the light at rest; seen: without."""

@@ -120,13 +120,12 @@ def measure_patches(
     if not mask.any():
         return []
     size_x, size_y = pixel_size_xy(pixel_size_mm)
-    middle = [(length - 1) / 2 for length in mask.shape]
     # All of it in the part around them: to look through the whole map takes several times as long.
     part = bounding_box(mask)
     top, left = (side.start for side in part)
     depth_mm, gradient_map = depth_mm[part], gradient_map[part]
     labels, _ = ndimage.label(mask[part], structure=_NEIGHBOURS)
-    patches = []
+    parts = []
     for label, (rows, columns) in enumerate(ndimage.find_objects(labels), start=1):
         inside = labels[rows, columns] == label
         count = np.count_nonzero(inside)
@@ -134,20 +133,33 @@ def measure_patches(
             continue
         depths = depth_mm[rows, columns][inside]
         slopes_x, slopes_y = (gradient_map[rows, columns, axis][inside] for axis in (0, 1))
-        x, y = (_mean_index(np.count_nonzero(inside, axis=axis)) for axis in (0, 1))
-        patches.append(
-            Patch(
-                centroid_mm=(
-                    (left + columns.start + x - middle[1]) * size_x,
-                    (top + rows.start + y - middle[0]) * size_y,
-                ),
-                depth_mm=float(np.nanmax(depths)),
-                area_mm2=float(count * size_x * size_y),
-                volume_mm3=float(np.nansum(depths, dtype=np.float64) * size_x * size_y),
-                slope_rad=math.atan(math.sqrt(np.nanmax(slopes_x**2 + slopes_y**2))),
-            )
+        x, y = (count * _mean_index(np.count_nonzero(inside, axis=axis)) for axis in (0, 1))
+        places = x + count * (left + columns.start), y + count * (top + rows.start)
+        sums = np.nanmax(depths), np.nansum(depths, dtype=np.float64), np.nanmax(slopes_x**2 + slopes_y**2)
+        parts.append([count, *places, *sums])
+    return patches_of(np.array(parts).reshape(-1, 6), mask.shape, (size_x, size_y))
+
+
+def patches_of(
+    parts: NDArray[np.float64], image_shape: tuple[int, ...], pixel_size_mm: tuple[float, float]
+) -> list[Patch]:
+    """Return the patches of the parts of a contact, the deepest first, at most `MOST_PATCHES`.
+
+    parts: (N, 6) pixels, sums of their columns and rows, largest depth and sum of depth in mm, largest square of the
+    slope.
+    """
+    (size_x, size_y), (middle_y, middle_x) = pixel_size_mm, [(length - 1) / 2 for length in image_shape]
+    deepest = parts[np.argsort(-parts[:, 3], kind="stable")[:MOST_PATCHES]].tolist()
+    return [
+        Patch(
+            centroid_mm=((x / count - middle_x) * size_x, (y / count - middle_y) * size_y),
+            depth_mm=depth,
+            area_mm2=count * size_x * size_y,
+            volume_mm3=volume * size_x * size_y,
+            slope_rad=math.atan(math.sqrt(square)),
         )
-    return sorted(patches, key=lambda patch: -patch.depth_mm)[:MOST_PATCHES]
+        for count, x, y, depth, volume, square in deepest
+    ]
 
 
 def _check(depth_mm: NDArray[np.floating], threshold_mm: float) -> None:

@@ -267,12 +267,14 @@ EXPORT int blend(const float *difference, const uint8_t *touched, int touched_co
 
 /* Rows (count, 5) of the network for single pixels. */
 EXPORT void pixel_rows(const float *difference, const int32_t *index, float *rows, int count, int width) {
+    int y = count ? index[0] / width : 0; /* index ascends, and a division takes as long as the rest */
     for (int n = 0; n < count; n++) {
         const float *d = difference + 3 * (ptrdiff_t)index[n];
         float *row = rows + 5 * (ptrdiff_t)n;
+        while (index[n] >= (y + 1) * width) y++;
         for (int c = 0; c < 3; c++) row[c] = d[c];
-        row[3] = (float)(index[n] % width);
-        row[4] = (float)(index[n] / width);
+        row[3] = (float)(index[n] - y * width);
+        row[4] = (float)y;
     }
 }
 

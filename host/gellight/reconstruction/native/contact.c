@@ -167,3 +167,77 @@ EXPORT void find_contact(const float *depth, float threshold, float aspect, uint
             mark_row(depth + (ptrdiff_t)y * width, any ? level : 0, mask + (ptrdiff_t)y * width, y, result, width);
     }
 }
+
+/* Runs of the mask, numbered from 0 on in the order of their rows: where each begins and ends in the image, and whose number
+ * its part of the contact has. Runs that meet, at corners too, are of one part, whose number is the smallest of theirs. */
+static int find_runs(const uint8_t *mask, int32_t *begin, int32_t *end, int32_t *parent, int width, int height) {
+    int count = 0, above = 0;
+    for (int y = 0; y < height; y++) {
+        const int first = count, row = y * width;
+        int any = 0;
+        for (int x = 0; x < width; x++) any |= mask[row + x];
+        for (int x = 0; any && x < width; x++) {
+            if (!mask[row + x]) continue;
+            begin[count] = row + x;
+            while (x < width && mask[row + x]) x++;
+            end[count] = row + x;
+            parent[count] = count;
+            for (; above < first && end[above] + width < begin[count]; above++);
+            for (int k = above; k < first && begin[k] + width <= end[count]; k++) {
+                const int a = root(parent, k), b = root(parent, count);
+                parent[larger_int(a, b)] = smaller_int(a, b);
+            }
+            count++;
+        }
+        above = first;
+    }
+    return count;
+}
+
+/* Measure the connected parts of a contact (`contact.measure_patches`), in the order of their first pixels.
+ *
+ * slopes: two planes. fewest: pixels, smaller parts are left out. runs: 4 H ceil(W / 2); parts: (H W / fewest, 6) pixels, sums
+ * of their columns and rows, largest depth, sum of depth, largest square of the slope. Returns how many parts, or -1 where
+ * one has no pixel in a touched cell: that is no contact. */
+EXPORT int measure_parts(const uint8_t *mask, const uint8_t *touched, const float *depth, const float *slopes, int fewest,
+                         int32_t *runs, double *parts, int width, int height) {
+    const ptrdiff_t most = (ptrdiff_t)height * ((width + 1) / 2), plane = (ptrdiff_t)width * height;
+    int32_t *begin = runs, *end = begin + most, *parent = end + most, *size = parent + most;
+    const int count = find_runs(mask, begin, end, parent, width, height);
+    int found = 0;
+    for (int k = 0; k < count; k++) size[k] = 0; /* pixels; below 0 while nothing of it is touched */
+    for (int k = 0; k < count; k++) {
+        const int a = root(parent, k), y = begin[k] / width, x = begin[k] % width, pixels = end[k] - begin[k];
+        const uint8_t *cells = touched + (ptrdiff_t)(y / CELL) * cells_of(width);
+        int felt = size[a] > 0;
+        for (int j = x / CELL; j <= (x + pixels - 1) / CELL; j++) felt |= cells[j];
+        size[a] = (size[a] < 0 ? -size[a] : size[a]) + pixels;
+        if (!felt) size[a] = -size[a];
+    }
+    for (int k = 0; k < count; k++) {
+        if (size[k] < 0) return -1;
+        if (parent[k] != k) continue;
+        const int number = size[k] >= fewest ? found++ : -1;
+        for (int c = 0; number >= 0 && c < 6; c++) parts[6 * (ptrdiff_t)number + c] = c == 3 ? -__builtin_inf() : 0;
+        size[k] = number;
+    }
+    for (int k = 0; k < count; k++) {
+        const int number = size[root(parent, k)], y = begin[k] / width;
+        if (number < 0) continue;
+        double *part = parts + 6 * (ptrdiff_t)number, sum = 0;
+        float deepest = (float)part[3], steepest = (float)part[5];
+        for (int at = begin[k]; at < end[k]; at++) {
+            sum += depth[at];
+            deepest = larger(deepest, depth[at]);
+            steepest = larger(steepest, squared(slopes[at]) + squared(slopes[plane + at]));
+        }
+        const double pixels = end[k] - begin[k];
+        part[0] += pixels;
+        part[1] += pixels * (begin[k] % width + (pixels - 1) / 2);
+        part[2] += pixels * y;
+        part[3] = deepest;
+        part[4] += sum;
+        part[5] = steepest;
+    }
+    return found;
+}

@@ -12,6 +12,7 @@
 
 #define EXPORT __attribute__((visibility("default")))
 #define INLINE static inline __attribute__((always_inline))
+#define ONCE static __attribute__((noinline)) /* called from several places, and too large to lie in each */
 #define CELL 4
 
 INLINE int clamped(int i, int n) { return i < 0 ? 0 : i >= n ? n - 1 : i; }

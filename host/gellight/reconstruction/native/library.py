@@ -33,7 +33,9 @@ SIGNATURES = {
     "smooth_adaptively": "pppppppppiiiiiii",
     "slopes_and_normals": "pppii",
     "find_contact": "pffpppppppppii",
+    "measure_parts": "ppppippii",
     "slope_means": "pppii",
+    "may_shade": "ppppifppii",
     "lost_light": "pppppipffffpppii",
     "lit_rows": "ppppffppi",
     "add_change": "pppppppiii",
@@ -48,8 +50,10 @@ _COUNTING = (
     "chosen_rows",
     "blend",
     "resting_depths",
+    "may_shade",
     "lost_light",
     "lit_rows",
+    "measure_parts",
 )
 """functions that return an int; the others return nothing"""
 _KINDS = {"p": ctypes.c_void_p, "i": ctypes.c_int, "f": ctypes.c_float}

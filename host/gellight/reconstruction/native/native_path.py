@@ -12,11 +12,17 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.frames.frames import CameraFrame, Contact, Patch, TactileFrame
 from gellight.frames.pixel_grid import bounding_box, spread_blocks
 from gellight.reconstruction.at_rest import far_cells, far_from_touch
 from gellight.reconstruction.cast_shadows import CastShadows
-from gellight.reconstruction.contact import THRESHOLD_MM, measure_patches, without_untouched
+from gellight.reconstruction.contact import (
+    SMALLEST_PATCH_PX,
+    THRESHOLD_MM,
+    measure_patches,
+    patches_of,
+    without_untouched,
+)
 from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.integration import level_of_sample, rest_level, sample_grid
 from gellight.reconstruction.lens.undistortion import Undistortion
@@ -92,20 +98,20 @@ class NativePath:
         if not touched:
             return self._flat.frame(camera_frame, difference, stages)
         self._slopes(difference, touched)
+        far = far_cells(~self._m.touched[1::2, 1::2].view(np.bool_))
         if self._shadows:
-            self._shadows.add_change(self._m)
+            self._shadows.add_change(self._m, far)
         self._prefilter()
         stages.end("gradient")
         touched_pixels = self._without_lens()
         if touched_pixels is not None:
             stages.end("lens")
-        depth_mm = self._depth(touched_pixels)
+        depth_mm = self._depth(touched_pixels, far)
         stages.end("depth")
         self._smooth_adaptively(self._m.touched if touched_pixels is None else touched_pixels)
         gradient_map, normal_map = self._normals(depth_mm)
         stages.end("normals")
-        contact = self._felt(self._contact(depth_mm), depth_mm, touched_pixels)
-        contacts = measure_patches(contact.mask, depth_mm, gradient_map, self._bundle.pixel_size_mm)
+        contact, contacts = self._felt(self._contact(depth_mm), depth_mm, gradient_map, touched_pixels)
         stages.end("contact")
         return TactileFrame(
             camera_frame=camera_frame,
@@ -200,7 +206,7 @@ class NativePath:
         m.measured[:] = np.moveaxis(slopes, 2, 0)
         return touched
 
-    def _depth(self, touched_pixels: Bools | None) -> Floats:
+    def _depth(self, touched_pixels: Bools | None, far: Bools) -> Floats:
         """Integrate the measured slopes; also differentiate the depth into `surface` of the work memory."""
         m, size, bulge = self._m, self._bundle.pixel_size_mm, self._bundle.manifest.bulge
         depth = np.empty(self._bundle.image_shape, np.float32)
@@ -209,7 +215,7 @@ class NativePath:
         self._run("solve_columns", waves, m.factors, m.column)
         depth = np.ascontiguousarray(fft.idct(waves, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1))
         if touched_pixels is None:
-            level = level_of_sample(depth, self._resting(depth), bulge)
+            level = level_of_sample(depth, self._resting(depth, far), bulge)
         else:
             level = rest_level(depth, far_from_touch(touched_pixels), bulge)
         if not np.isfinite(level):
@@ -217,10 +223,9 @@ class NativePath:
         self._run("level_and_slopes", depth, float(level), m.surface, *size, m.work)
         return depth
 
-    def _resting(self, depth: Floats) -> Floats:
+    def _resting(self, depth: Floats, far: Bools) -> Floats:
         """The depths at rest among those on the sample grid."""
         m = self._m
-        far = far_cells(~m.touched[1::2, 1::2].view(np.bool_))
         everywhere = far if far.any() else np.ones_like(far)
         step = sample_grid(depth.shape)[0].step
         count = self._run("resting_depths", depth, m.touched, everywhere, *everywhere.shape[::-1], step, m.work_plane)
@@ -263,11 +268,19 @@ class NativePath:
             centroid_mm=centroid and (centroid[0] * size_x, centroid[1] * size_y),
         )
 
-    def _felt(self, contact: Contact, depth_mm: Floats, touched: NDArray[np.bool_] | None) -> Contact:
-        """Return the contact without what nothing touches; touched: pixels, where the lens moved them."""
+    def _felt(
+        self, contact: Contact, depth_mm: Floats, gradient_map: Floats, touched: Bools | None
+    ) -> tuple[Contact, list[Patch]]:
+        """Return the contact without what nothing touches, and its parts; touched: pixels, if the lens moved them."""
+        m, pixel_size = self._m, self._bundle.pixel_size_mm
         if touched is None:
-            touched = spread_blocks(self._m.touched.view(np.bool_), CELL_PX, self._bundle.image_shape)
-        return without_untouched(contact, touched, depth_mm, self._bundle.pixel_size_mm)
+            maps = (contact.mask, m.touched, depth_mm, m.surface)
+            count = self._run("measure_parts", *maps, SMALLEST_PATCH_PX, m.runs, m.parts)
+            if count >= 0:
+                return contact, patches_of(m.parts[:count], contact.mask.shape, pixel_size)
+            touched = spread_blocks(m.touched.view(np.bool_), CELL_PX, self._bundle.image_shape)
+        contact = without_untouched(contact, touched, depth_mm, pixel_size)
+        return contact, measure_patches(contact.mask, depth_mm, gradient_map, pixel_size)
 
     def _run(self, function: str, *arguments: NDArray[Any] | float) -> int:
         """Call a function of the library with arrays and numbers, then width and height."""

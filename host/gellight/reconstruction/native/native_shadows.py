@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from gellight.reconstruction.at_rest import far_from_touch
+from gellight.reconstruction.at_rest import free_and_far
 from gellight.reconstruction.cast_shadows import EDGE_MM, FEWEST_CELLS, LEAST_LOST, CastShadows
 from gellight.reconstruction.gelnet import BLOCK_ROWS, CELL_PX, COARSE_PX
 from gellight.reconstruction.integration import rest_level
@@ -31,18 +31,19 @@ class NativeShadows:
         self._lost, self._work = np.zeros((3, h, w), np.float32), np.zeros(8 * h * w + 4 * (w + h + 64), np.float32)
         self._flags = np.zeros(w + h, np.uint8)
 
-    def add_change(self, m: WorkMemory) -> None:
-        """Add to the slopes in `m` what the light that their shadows took changes of them."""
+    def add_change(self, m: WorkMemory, far: NDArray[np.bool_]) -> None:
+        """Add to the slopes in `m` what the light that their shadows took changes of them; far: of `far_cells`."""
         parts, (h, w) = self._parts, self._parts.cells
         height, width = m.slopes.shape[1:]
         self._c.call("slope_means", m.slopes, self._means, m.work, width, height)
-        depth_mm = self._depth_mm(m)
-        places = (parts.x_mm, parts.y_mm, parts.leds, len(parts.leds), self._shares, *parts.cell_mm)
-        memory = (EDGE_MM, parts.exponent, self._lost, self._work, self._flags)
-        if not self._c.call("lost_light", depth_mm, self._means, *places, *memory, w, h):
+        places = (parts.x_mm, parts.y_mm, parts.leds, len(parts.leds))
+        if not self._c.call("may_shade", self._means, *places, parts.deepest_mm, self._work, self._flags, w, h):
             return
-        light = (self._lost, parts.rest, parts.black, parts.gamma, LEAST_LOST)
-        dark = self._c.call("lit_rows", m.cell_rows, *light, m.index, m.rows, h * w)
+        light = (self._shares, *parts.cell_mm, EDGE_MM, parts.exponent, self._lost, self._work, self._flags)
+        if not self._c.call("lost_light", self._depth_mm(m, far), self._means, *places, *light, w, h):
+            return
+        lost = (self._lost, parts.rest, parts.black, parts.gamma, LEAST_LOST)
+        dark = self._c.call("lit_rows", m.cell_rows, *lost, m.index, m.rows, h * w)
         if dark < FEWEST_CELLS:
             return
         rows = m.rows[:dark]
@@ -51,7 +52,7 @@ class NativeShadows:
         given = (m.index, answer, self._zero, self._means, self._change, m.slopes, m.work)
         self._c.call("add_change", *given, dark, width, height)
 
-    def _depth_mm(self, m: WorkMemory) -> Floats:
+    def _depth_mm(self, m: WorkMemory, far: NDArray[np.bool_]) -> Floats:
         """Integrate the means of the slopes."""
         (h, w), size = self._parts.cells, self._parts.cell_mm
         depth = np.empty((h, w), np.float32)
@@ -59,6 +60,6 @@ class NativeShadows:
         waves = fft.dct(depth, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1)
         self._c.call("solve_columns", waves, self._factors, self._column, w, h)
         depth = np.ascontiguousarray(fft.idct(waves, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1))
-        at_rest = far_from_touch(m.touched.view(np.bool_), COARSE_PX // CELL_PX)
+        at_rest = free_and_far(~m.touched.view(np.bool_), far, COARSE_PX // CELL_PX)
         depth -= rest_level(depth, at_rest, self._bulge)
         return depth

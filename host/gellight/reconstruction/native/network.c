@@ -89,11 +89,11 @@ INLINE void layer(const float *weights, const float *bias, int inputs, int outpu
     }
 }
 
-static __attribute__((noinline)) void hidden_layer(const float *weights, const float *bias, Numbers (*const in)[SIDE], Units out) {
+ONCE void hidden_layer(const float *weights, const float *bias, Numbers (*const in)[SIDE], Units out) {
     layer(weights, bias, HIDDEN, HIDDEN, in, out);
 }
 
-static __attribute__((noinline)) void bend(Units units) {
+ONCE void bend(Units units) {
     for (int k = 0; k < HIDDEN; k++)
         for (int v = 0; v < SIDE; v++) units[k][v] = tanh_of(units[k][v]);
 }
@@ -105,7 +105,7 @@ INLINE void through(Units back, Numbers (*const units)[SIDE]) {
 }
 
 /* All layers of rows (TOGETHER, 5); bent: (2) the last tanh. */
-static __attribute__((noinline)) void forwards(const Network *n, const float *rows, Units *units, Numbers (*bent)[SIDE]) {
+ONCE void forwards(const Network *n, const float *rows, Units *units, Numbers (*bent)[SIDE]) {
     Numbers in[INPUTS][SIDE], out[TILE][SIDE];
     for (int c = 0; c < INPUTS; c++)
         for (int r = 0; r < TOGETHER; r++) in[c][r / NUMBERS][r % NUMBERS] = rows[INPUTS * r + c];

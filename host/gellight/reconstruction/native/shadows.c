@@ -55,7 +55,7 @@ typedef struct {
 
 /* How much of a LED is hidden from row i, columns first to last - 1: the smallest slope at which it stands on each ray
  * comes from the row before, `least`, and goes on to `next`. Returns whether any is. */
-static int hide_row(const Surface *s, const Led *led, int i, int first, int last, float edge_mm, const float *restrict least,
+ONCE int hide_row(const Surface *s, const Led *led, int i, int first, int last, float edge_mm, const float *restrict least,
                     float *restrict next, float *restrict hidden) {
     const float *restrict z = s->z + (ptrdiff_t)i * s->w, *restrict px = s->x;
     const float ly = led->y - s->y[i], down = larger(__builtin_fabsf(ly), 1e-6f), per_row = s->size_y / (down * s->size_x);
@@ -96,7 +96,7 @@ INLINE void add_lost(const Surface *s, const Led *led, const float *shares, int 
 }
 
 /* Go down the rows on one side of a LED (step 1 or -1), away from it, over the rays that cross more rows than columns. */
-static void sweep(const Surface *s, const Led *led, const float *shares, int step, const Rules *rules, float *work) {
+ONCE void sweep(const Surface *s, const Led *led, const float *shares, int step, const Rules *rules, float *work) {
     const int w = s->w, end = step > 0 ? s->h : -1;
     float *least = work + 16, *next = least + w + 32, *hidden = next + w + 32;
     int begin = step > 0 ? 0 : s->h - 1, final;
@@ -124,7 +124,7 @@ static void sweep(const Surface *s, const Led *led, const float *shares, int ste
     }
 }
 
-static void transpose(const float *from, float *to, int w, int h) {
+ONCE void transpose(const float *from, float *to, int w, int h) {
     for (int top = 0; top < h; top += 16)
         for (int left = 0; left < w; left += 16)
             for (int j = left; j < smaller_int(left + 16, w); j++)
@@ -132,7 +132,7 @@ static void transpose(const float *from, float *to, int w, int h) {
 }
 
 /* Mark rows and columns in which some cell is turned away from a LED; returns whether any is. */
-static int turned_away(const Surface *s, const Led *led, uint8_t *rows, uint8_t *restrict columns) {
+ONCE int turned_away(const Surface *s, const Led *led, uint8_t *rows, uint8_t *restrict columns) {
     int any = 0;
     for (int j = 0; j < s->w; j++) columns[j] = 0;
     for (int i = 0; i < s->h; i++) {
@@ -149,6 +149,18 @@ static int turned_away(const Surface *s, const Led *led, uint8_t *rows, uint8_t 
         any |= found;
     }
     return any;
+}
+
+/* Whether some cell of a surface that is all `deepest` mm deep is turned away from a LED. work: h w; the rest as below. */
+EXPORT int may_shade(const float *slopes, const float *x, const float *y, const float *leds, int count, float deepest, float *work,
+                     uint8_t *flags, int w, int h) {
+    for (ptrdiff_t at = 0; at < (ptrdiff_t)w * h; at++) work[at] = deepest;
+    const Surface s = {.w = w, .h = h, .x = x, .y = y, .z = work, .gx = slopes, .gy = slopes + (ptrdiff_t)w * h};
+    for (int k = 0; k < count; k++) {
+        const Led led = {.x = leds[6 * k], .y = leds[6 * k + 1], .z = leds[6 * k + 2]};
+        if (turned_away(&s, &led, flags, flags + h)) return 1;
+    }
+    return 0;
 }
 
 /* The light that cells lack for the shadows of a surface, (3, h, w), in shares of the light at rest.

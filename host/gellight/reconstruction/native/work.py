@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.reconstruction.contact import FEWEST_BLOCKS, LEVELS
+from gellight.reconstruction.contact import FEWEST_BLOCKS, LEVELS, SMALLEST_PATCH_PX
 from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX
 from gellight.reconstruction.smoothing import FilterTaps
 
@@ -42,6 +42,8 @@ class WorkMemory:
         self.label, self.parent, self.slot = np.zeros(blocks, np.int32), *np.zeros((2, blocks + 1), np.int32)
         self.histogram = _floats(blocks // FEWEST_BLOCKS + 1, 2 * LEVELS)
         self.found = np.zeros(4)
+        self.runs = np.zeros(4 * height * -(-width // 2), np.int32)
+        self.parts = np.zeros((height * width // SMALLEST_PATCH_PX + 1, 6))
 
 
 def elimination(image_shape: tuple[int, int]) -> Floats:
