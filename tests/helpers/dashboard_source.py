@@ -5,12 +5,13 @@
 
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.frames import CameraFrame, Contact, GroundTruth, TactileFrame
+from gellight.frames.frames import CameraFrame, Contact, GroundTruth, Patch, TactileFrame
 from gellight.reconstruction.contact import find_contact, measure_patches
 
 HEIGHT, WIDTH, PIXEL_MM = 480, 640, 0.0588
@@ -46,9 +47,14 @@ def bump(depth_mm: float, x_mm: float, y_mm: float, *, shape: tuple[int, int] = 
         normal_map=normal.astype(np.float32),
         depth_mm=depth.astype(np.float32),
         contact=touched,
-        contacts=tuple(measure_patches(touched.mask, depth, gradient, pixel)),
+        contacts=numbered(measure_patches(touched.mask, depth, gradient, pixel)),
         stage_seconds={"gelnet": 0.008, "integration": 0.003},
     )
+
+
+def numbered(patches: Sequence[Patch]) -> tuple[Patch, ...]:
+    """Number the contacts as a sensor does that runs."""
+    return tuple(replace(patch, number=number) for number, patch in enumerate(patches, start=1))
 
 
 def two_bumps(*, truth_factor: float | None = None) -> TactileFrame:
@@ -57,7 +63,7 @@ def two_bumps(*, truth_factor: float | None = None) -> TactileFrame:
     depth = first.depth_mm + second.depth_mm
     gradient = first.gradient_map + second.gradient_map
     contact = find_contact(depth, PIXEL_MM)
-    contacts = tuple(measure_patches(contact.mask, depth, gradient, PIXEL_MM))
+    contacts = numbered(measure_patches(contact.mask, depth, gradient, PIXEL_MM))
     frame = replace(first, depth_mm=depth, gradient_map=gradient, contact=contact, contacts=contacts)
     return frame if truth_factor is None else with_truth(frame, truth_factor)
 

@@ -164,7 +164,7 @@ function draw(view) {
   truth.draw(view, planes.colours);
   surface?.update(view, planes.normalPixels);
   measure.show(view);
-  stats.contacts = contacts.number(view.header.contacts ?? []);
+  stats.contacts = view.header.contacts.toSorted((one, other) => one.number - other.number);
   drawSurface();
   mark();
   ring.show(view.header.light);
