@@ -7,23 +7,28 @@ const DIFFERENCE_OFFSET = 128;
 /** Return (h, w, 2) d(depth)/dx, d(depth)/dy by central differences, one-sided at the rims; 0 where a depth is missing. */
 export function slopesOf(depth, width, height, [pitchX, pitchY]) {
   const slopes = new Float32Array(2 * width * height);
-  for (let row = 0, i = 0; row < height; row++) {
+  for (let row = 0; row < height; row++) {
     const above = row > 0 ? width : 0;
     const below = row < height - 1 ? width : 0;
-    const rowsMm = ((above + below) / width) * pitchY;
-    for (let column = 0; column < width; column++, i++) {
-      const left = column > 0 ? 1 : 0;
-      const right = column < width - 1 ? 1 : 0;
-      slopes[2 * i] = slope(depth[i - left], depth[i + right], (left + right) * pitchX);
-      slopes[2 * i + 1] = slope(depth[i - above], depth[i + below], rowsMm);
-    }
+    const first = row * width;
+    const along = DEPTH_UNIT_MM / (2 * pitchX);
+    const across = DEPTH_UNIT_MM / (Math.max((above + below) / width, 1) * pitchY);
+    fill(slopes, 0, depth, first + 1, first + width - 1, 1, 1, along);
+    fill(slopes, 1, depth, first, first + width, above, below, across);
+    if (width < 2) continue;
+    fill(slopes, 0, depth, first, first + 1, 0, 1, 2 * along);
+    fill(slopes, 0, depth, first + width - 1, first + width, 1, 0, 2 * along);
   }
   return slopes;
 }
 
-function slope(before, after, distanceMm) {
-  if (before === NO_DEPTH || after === NO_DEPTH || distanceMm === 0) return 0;
-  return ((after - before) * DEPTH_UNIT_MM) / distanceMm;
+/** Fill one of the two slopes of pixels from `from` up to `to` from neighbours so many pixels before and after. */
+function fill(slopes, axis, depth, from, to, before, after, factor) {
+  for (let i = from; i < to; i++) {
+    const one = depth[i - before];
+    const other = depth[i + after];
+    if (one !== NO_DEPTH && other !== NO_DEPTH) slopes[2 * i + axis] = (other - one) * factor;
+  }
 }
 
 let canvas = null;

@@ -12,6 +12,7 @@ const SAMPLES = 5;
 const SETTLING = 2; // the first pictures of a level compile shaders
 const EASY_MS = 40; // a picture that takes less than that leaves time for a finer one
 const EASY_PICTURES = 40; // as many easy pictures in a row before a finer level is tried, twice as many after each fall
+const SPARSE = 4; // where pictures are easy at the finest level, one in so many is timed
 const PAUSE_MS = 3000; // longer than that the page was asleep, not slow
 
 /** Steps down a level when the median picture takes longer than the budget, and up when there is time; `choose` overrides it. */
@@ -23,6 +24,7 @@ export class Detail {
   #settling = SETTLING;
   #easy = 0; // easy pictures in a row
   #patience = EASY_PICTURES;
+  #untimed = 0; // pictures since the last one that was timed
   why = ""; // the surface is drawn in 2D
 
   /** Start at level `first`, and never draw finer than `finest`. */
@@ -43,6 +45,14 @@ export class Detail {
     this.#chosen = level;
     this.why = "";
     this.#enter(level ?? this.#first);
+  }
+
+  /** Whether the next picture is to be timed: that takes a turn of the page, which composes all of it once more. */
+  due() {
+    if (this.#chosen !== null || this.#finest === RELIEF) return false;
+    const calm = this.level === this.#finest && this.#easy > 0;
+    this.#untimed = calm ? (this.#untimed + 1) % SPARSE : 0;
+    return this.#untimed === 0;
   }
 
   /** Take in how long the last picture took; return whether the level has changed. */

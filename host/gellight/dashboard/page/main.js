@@ -147,8 +147,10 @@ function turn(now) {
     draw(view);
     if (performance.now() - tickedAt > TICK_MS) tick(); // together with the pictures, so that the page is composed once
     giveCredit();
-    drewAt = now;
-    ask(); // tells how long the picture took
+    if (detail.due()) {
+      drewAt = now;
+      ask(); // tells how long the picture took
+    }
   } else if (turned && shown) {
     drawSurface();
   }
@@ -166,7 +168,7 @@ function draw(view) {
   measure.show(view);
   stats.contacts = view.header.contacts.toSorted((one, other) => one.number - other.number);
   drawSurface();
-  mark();
+  overlay();
   ring.show(view.header.light);
   count(view.header);
 }
@@ -183,13 +185,18 @@ function drawSurface() {
   stats.level = LEVELS[detail.level].name;
 }
 
-/** Draw what lies over the pictures: the line, the place pointed at, the numbers of the contacts. */
+/** Draw what lies over the pictures and the surface, after it has changed. */
 function mark() {
   if (!shown) return;
+  overlay();
+  again();
+}
+
+/** Draw what lies over the pictures: the line, the place pointed at, the numbers of the contacts. */
+function overlay() {
   const several = stats.contacts.length > 1 ? stats.contacts : [];
   pictures.mark({ line: measure.line, point: measure.point, labels: several.map(({ number, centroid_mm: place }) => [String(number), place]) });
   stats.section = measure.section;
-  again();
 }
 
 function count({ sequence, contact }) {
@@ -223,6 +230,7 @@ function tick() {
   if (shown) {
     showContact(shown.header.contact);
     showForce(shown.header.force);
+    truth.write(shown.header.truth);
     contacts.show(stats.contacts);
   }
   judgeState(now / 1000);

@@ -1,7 +1,7 @@
 // Measuring: what is under the pointer, and the section along a line drawn over a picture.
 
 import { depthAt, sectionOf, slopeDegAt } from "./field.js";
-import { fixed } from "./figures.js";
+import { fixed, write } from "./figures.js";
 import { plot, roundUp } from "./plot.js";
 
 const element = (id) => document.getElementById(id);
@@ -81,7 +81,7 @@ export class Measure {
 
   #read() {
     if (!this.#view || !this.point) {
-      element("readout").textContent = "point at a picture to measure";
+      write("readout", "point at a picture to measure");
       return;
     }
     const view = this.#view;
@@ -89,16 +89,16 @@ export class Measure {
     const parts = [`x ${x} y ${y} mm`, `depth ${fixed(depthAt(view, view.depth, this.point), 3)} mm`];
     if (view.truth) parts.push(`true ${fixed(depthAt(view, view.truth, this.point), 3)} mm`);
     parts.push(`slope ${fixed(slopeDegAt(view, this.point), 1)}°`);
-    element("readout").textContent = parts.join(" · ");
+    write("readout", parts.join(" · "));
   }
 
   #cut() {
     element("clear-line").hidden = !this.line;
-    if (!this.line || !this.#view) element("section-text").textContent = ADVICE;
+    if (!this.line || !this.#view) write("section-text", ADVICE);
     else {
       const { depth, truth } = this.#view;
       this.section = { measured: sectionOf(this.#view, depth, this.line), truth: truth && sectionOf(this.#view, truth, this.line) };
-      element("section-text").textContent = describe(this.section);
+      write("section-text", describe(this.section));
     }
     this.#drawSection();
   }

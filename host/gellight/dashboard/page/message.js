@@ -11,6 +11,7 @@ const PREFIX_BYTES = 12;
 /** Turns messages into views, in the order in which they came. */
 export class Decoder {
   #references = new References();
+  #truth = { packed: null, codes: null }; // the last one: it stays while an object rests
   #completed;
   #last = Promise.resolve();
 
@@ -41,12 +42,18 @@ export class Decoder {
       createImageBitmap(new Blob([plane("image")], { type: "image/jpeg" }), { colorSpaceConversion: "none" }),
       depths("depth"),
       inflate(plane("contact")),
-      header.truth ? depths("truth") : null,
+      header.truth ? this.#truthOf(plane("truth"), () => depths("truth")) : null,
     ]);
     const slopes = slopesOf(depth, width, height, pitchMm(header));
     const view = { header, width, height, bitmap, depth, contact, truth, slopes, difference: null };
     this.#subtract(view, pixelsOf(bitmap));
     return view;
+  }
+
+  /** Return the codes of the true depth map; those of before where it has not changed. */
+  #truthOf(packed, unpack) {
+    if (!this.#truth.packed || !equal(packed, this.#truth.packed)) this.#truth = { packed, codes: unpack() };
+    return this.#truth.codes;
   }
 
   #subtract(view, image) {
@@ -73,6 +80,10 @@ export function parse(buffer) {
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, PREFIX_BYTES, start - PREFIX_BYTES)));
   const place = Object.fromEntries(header.planes.map((plane) => [plane.name, plane]));
   return { header, plane: (name) => new Uint8Array(buffer, start + place[name].offset, place[name].length) };
+}
+
+function equal(one, other) {
+  return one.length === other.length && one.every((byte, i) => byte === other[i]);
 }
 
 /** Size in mm of a pixel of the view on the gel: [x, y]. */

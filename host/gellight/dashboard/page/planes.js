@@ -4,6 +4,7 @@ import { DEPTH_SCALES_UM, MAPS, chooseMap, depthColour, depthTable, differenceTa
 
 const element = (id) => document.getElementById(id);
 const OUTLINE = 0xffffffff;
+const OPAQUE = 0xff000000;
 
 /** A canvas at view size with its pixels at hand. */
 class Plane {
@@ -104,14 +105,12 @@ export class Planes {
   }
 
   #drawNormals(slopes) {
-    const { data } = this.#normal.pixels;
-    for (let from = 0, to = 0; from < slopes.length; from += 2, to += 4) {
-      const x = -slopes[from];
-      const y = -slopes[from + 1];
-      const z = 1 / Math.sqrt(x * x + y * y + 1);
-      data[to] = 127.5 + 127.5 * x * z;
-      data[to + 1] = 127.5 + 127.5 * y * z;
-      data[to + 2] = 127.5 + 127.5 * z;
+    const { words } = this.#normal;
+    for (let i = 0; i < words.length; i++) {
+      const x = slopes[2 * i];
+      const y = slopes[2 * i + 1];
+      const z = 127.5 / Math.sqrt(x * x + y * y + 1);
+      words[i] = rgb(128 - x * z, 128 - y * z, 128 + z);
     }
     this.#normal.show();
   }
@@ -122,6 +121,11 @@ export class Planes {
     outline(words, contact, width, height);
     this.#depth.show();
   }
+}
+
+/** Return an opaque pixel of three levels from 0 to below 256, each cut to a whole number. */
+export function rgb(red, green, blue) {
+  return OPAQUE | (blue << 16) | (green << 8) | red;
 }
 
 /** Draw the rim of the contact patch: pixels inside it with a neighbour outside. */

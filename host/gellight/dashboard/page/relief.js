@@ -1,8 +1,11 @@
 // The surface where 3D is too slow or missing: depth colours shaded by the slopes, as on a map.
 
+import { rgb } from "./planes.js";
+
 export class Relief {
   #context;
   #pixels = null;
+  #words = null;
 
   constructor(box) {
     this.canvas = document.createElement("canvas");
@@ -16,20 +19,19 @@ export class Relief {
     if (this.#pixels?.width !== view.width || this.#pixels.height !== view.height) {
       Object.assign(this.canvas, { width: view.width, height: view.height });
       this.#pixels = new ImageData(view.width, view.height);
+      this.#words = new Uint32Array(this.#pixels.data.buffer);
     }
-    const { data } = this.#pixels;
     const { slopes } = view;
     for (let i = 0; i < colours.length; i++) {
       const light = 0.45 + 0.85 * brightness(exaggeration * slopes[2 * i], exaggeration * slopes[2 * i + 1]);
       const colour = colours[i];
-      data[4 * i] = (colour & 255) * light;
-      data[4 * i + 1] = ((colour >> 8) & 255) * light;
-      data[4 * i + 2] = ((colour >> 16) & 255) * light;
-      data[4 * i + 3] = 255;
+      this.#words[i] = rgb(level((colour & 255) * light), level(((colour >> 8) & 255) * light), level(((colour >> 16) & 255) * light));
     }
     this.#context.putImageData(this.#pixels, 0, 0);
   }
 }
+
+const level = (grey) => Math.min(grey + 0.5, 255);
 
 /** Light from the upper left, (-0.5, -0.6, 0.62), on a surface with slopes x and y: its normal is (-x, -y, 1) / length. */
 function brightness(x, y) {
