@@ -160,6 +160,13 @@ class Presses:
     """How many presses there are, and how well they have to be felt."""
 
     presses: Annotated[int, typer.Option(help="Ball presses to learn from.")] = 40
+    until_um: Annotated[
+        float | None,
+        typer.Option(
+            help="Press no more once presses held out are felt to this, µm: the depth beside its contact's mean.",
+            show_default="all presses",
+        ),
+    ] = None
     verifications: Annotated[int, typer.Option(help="Fresh ball presses that judge.")] = 6
     prism_presses: Annotated[int, typer.Option(help="Fresh presses of the prism that judge, where there is one.")] = 3
     largest_depth_error_um: Annotated[
@@ -193,6 +200,7 @@ def command(
     options = RoutineOptions(
         out=target.out,
         presses=wanted.presses,
+        until_um=wanted.until_um,
         verifications=wanted.verifications,
         prism_presses=wanted.prism_presses,
         limits=wanted.limits(),

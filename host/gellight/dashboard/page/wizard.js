@@ -218,7 +218,8 @@ function showCoverage(coverage) {
   element("steepest").textContent = coverage.steepest_deg ? `up to ${coverage.steepest_deg}°` : "";
   if (points.length < 2) return;
   drawCurve(element("held-out"), points);
-  element("held-out-now").textContent = `${points.at(-1)[1].toFixed(2)}°`;
+  const shape = coverage.held_out_um == null ? "" : `, ${coverage.held_out_um.toFixed(0)} µm`;
+  element("held-out-now").textContent = `${points.at(-1)[1].toFixed(2)}°${shape}`;
 }
 
 /** What the map says in words: the same places that the advice counts. */

@@ -31,6 +31,8 @@ class RoutineOptions:
     cylinder_presses: int = 5
     presses: int = 40
     """ball presses to train on; a guided routine says when fewer are enough"""
+    until_um: float | None = None
+    """error of the depth beside its contact's mean on presses held out, at which fewer ball presses are enough"""
     verifications: int = 6
     """fresh ball presses, never trained on"""
     prism_presses: int = 3
@@ -51,6 +53,8 @@ class RoutineOptions:
                 f"led_colours = {self.led_colours!r}: give a letter for each LED of the ring, R, G or B, each at least "
                 f"once, {MOST_LEDS} at most"
             )
+        if self.until_um is not None and not self.until_um > 0:
+            raise InputError(f"until_um = {self.until_um}: give micrometres above 0")
         least = {"presses": LEAST_PRESSES, "verifications": 2, "prism_presses": 1, "cylinder_presses": 2,
                  "reference_frames": 8}  # fmt: skip
         for name, count in least.items():

@@ -105,8 +105,11 @@ class _Collector:
         run.display.update(problem="", press=record.shown("taken"))
         self.show_press(image, circle)
         self.show_progress()
-        if len(run.folder.state.presses) == ball_radius.LEAST_PRESSES:
+        count, until_um = len(run.folder.state.presses), run.options.until_um
+        if count == ball_radius.LEAST_PRESSES:
             self.check_radius()
+        if until_um is not None and count >= LEAST_PRESSES and self.live.reached(until_um):
+            self.enough = True
 
     def drop(self, arguments: dict[str, float]) -> None:
         self.forget(int(arguments.get("number", self.last().number)))
@@ -171,6 +174,8 @@ class _Collector:
         self.live.update()
         found = coverage(presses, self.ball, run.camera.image_shape)
         words = advice(found, len(presses), wanted, settled=self.live.settled())
+        if self.live.depth_um:
+            words += f"; presses held out are felt to {self.live.depth_um[-1]:.0f} µm"
         doubtful = self.live.outliers()
         run.display.update(
             instruction=f"Press the ball of {run.options.tools.ball_radius_mm:g} mm radius, from a "
@@ -178,9 +183,13 @@ class _Collector:
             "lift. A wrong circle can be corrected or dropped.",
             progress=Progress(done=len(presses), wanted=wanted, unit="presses"),
             advice=words + (f"; press {doubtful[0]} contradicts the others, drop it" if doubtful else ""),
-            coverage=LiveCoverage(held_out=tuple(self.live.history), **dict(found)),
+            coverage=LiveCoverage(held_out=tuple(self.live.history), held_out_um=self.held_out_um, **dict(found)),
         )
         run.display.show(coverage=coverage_picture(found, run.camera.image_shape))
+
+    @property
+    def held_out_um(self) -> float | None:
+        return self.live.depth_um[-1] if self.live.depth_um else None
 
     def figures(self) -> BallPresses:
         run = self.run
@@ -190,6 +199,7 @@ class _Collector:
             refused=self.refused,
             coverage=found,
             held_out=tuple(self.live.history),
+            held_out_um=self.held_out_um,
             likely_radius_mm=self.radius_mm,
             press_error_deg=self.live.by_press,
         )

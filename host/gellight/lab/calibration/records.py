@@ -152,6 +152,8 @@ class LiveCoverage(Coverage):
     """The coverage while presses come in."""
 
     held_out: HeldOutCurve
+    held_out_um: float | None
+    """error of the depth beside its contact's mean, likewise, now"""
 
 
 class BallPresses(StepFigures):
@@ -162,6 +164,8 @@ class BallPresses(StepFigures):
     refused: int
     coverage: Coverage
     held_out: HeldOutCurve
+    held_out_um: float | None = None
+    """see `LiveCoverage`; None in records of before"""
     likely_radius_mm: float | None
     """of the ball, by the light; None where the light does not tell"""
     press_error_deg: dict[int, float]

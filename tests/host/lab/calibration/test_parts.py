@@ -1,5 +1,6 @@
 """The parts of the calibration routine, each by itself: light, gel, coverage, live error, ball."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from gellight.lab.calibration.untouched import foreign_share
 from gellight.lab.simulator.scene import Press as GelPress
 from gellight.lab.simulator.scene import Scene
 from gellight.lab.simulator.virtual_hand import spread
-from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
+from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 
@@ -138,6 +139,32 @@ def test_the_live_error_of_a_matt_ball_is_small_and_a_slipped_circle_stands_out(
     live.add(7, photograph(at(*places[7]), BALL, REFERENCE, 7), wrong)
     live.update()
     assert live.outliers() == [7]
+
+
+def test_the_second_press_says_how_well_the_sensor_feels_and_more_presses_say_when_it_is_enough() -> None:
+    live = LiveError(REFERENCE, BALL)
+    for number in range(12):
+        press = at(80 + 50 * (number % 4), 60 + 50 * (number // 4), 18 + number % 5)
+        live.add(number, photograph(press, BALL, REFERENCE, number), press)
+        live.update()
+    assert [presses for presses, _ in live.history] == list(range(2, 13))
+    assert live.history[0][1] < 6, "under a flat answer it would be 22 degrees"
+    assert live.history[-1][1] < live.history[0][1]
+    worst_um = max(live.depth_um[-3:])
+    assert live.reached(worst_um)
+    assert not live.reached(0.99 * worst_um), "three presses in a row have to be as good"
+
+
+@pytest.mark.parametrize("bend", [0.02, 0.05])
+def test_the_depth_of_a_press_is_judged_as_its_slopes_say(bend: float) -> None:
+    """Slopes that are all too steep by a share make the cap too high by that share: a mean error that is known."""
+    press, live = at(160, 120, 24), LiveError(REFERENCE, BALL)
+    live.add(0, photograph(press, BALL, REFERENCE, 0), press)
+    (one,) = live._learnt.values()
+    exact = replace(one, terms=one.slopes)
+    _, depth_mm = exact.errors((1 + bend) * np.eye(2), np.arange(2))
+    cap_mm = cap_depth_mm(press, BALL, SHAPE)[contact_circle(press, SHAPE)]
+    assert depth_mm == pytest.approx(bend * np.abs(cap_mm - cap_mm.mean()).mean(), rel=0.1)
 
 
 @pytest.mark.parametrize("named_mm", [3.0, 4.0, 6.0])

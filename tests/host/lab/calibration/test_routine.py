@@ -18,7 +18,7 @@ from gellight.bundle.store import BundleStore
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
-from gellight.lab.calibration.choices import RoutineOptions
+from gellight.lab.calibration.choices import LEAST_PRESSES, RoutineOptions
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.simulated_camera import SimulatedCamera
@@ -28,6 +28,8 @@ from gellight.reconstruction.force_file import read_force
 from gellight.reconstruction.lens.lens_file import read_record
 from tests.benchmarks.objects import object_errors, summary
 from tests.helpers.calibration_routine import GEOMETRY, LIT, camera, finished, options, wait_for
+
+UNTIL_UM = 40.0
 
 
 class Remembering(CameraWrapper):
@@ -82,11 +84,14 @@ def test_it_measures_noise_and_pixel_and_finds_every_led_where_it_is(calibrated:
 
 
 def test_a_ring_of_eight_leds_is_calibrated_as_its_geometry_says(tmp_path: Path) -> None:
-    """A short rehearsal: board, LED check, light and bundle go by led_colours, whose colours are not equally many."""
+    """A short rehearsal: board, LED check, light and bundle go by led_colours, whose colours are not equally many.
+
+    It presses until presses held out are felt well enough.
+    """
     ring = {**GEOMETRY, "led_colours": "RRRGGGBB"}
     with open_camera(LIT, geometry=ring) as sensor:
         assert isinstance(sensor, SimulatedCamera)
-        tools = options(tmp_path, led_colours="RRRGGGBB")
+        tools = options(tmp_path, led_colours="RRRGGGBB", presses=30, until_um=UNTIL_UM)
         routine = Routine(sensor, tools, tmp_path / "state", hand=VirtualHand(sensor.stage), install=lambda _: None)
         snapshot = finished(routine)
     assert snapshot["step"] == "finished", snapshot["problem"]
@@ -96,6 +101,9 @@ def test_a_ring_of_eight_leds_is_calibrated_as_its_geometry_says(tmp_path: Path)
     assert [group["leds"] for group in lights["groups"]] == [[0, 3, 6], [1, 4, 6], [2, 5, 7]]
     bundle = load_bundle(tmp_path / "bundle")
     assert [led.colour for led in bundle.manifest.led] == list("RRRGGGBB")
+    collected = snapshot["figures"]["presses"]
+    assert LEAST_PRESSES <= collected["presses"] < 30
+    assert collected["held_out_um"] <= UNTIL_UM
 
 
 def test_a_board_of_another_number_of_leds_is_told(tmp_path: Path) -> None:
