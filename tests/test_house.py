@@ -52,7 +52,7 @@ DOORS = {
     "cv2": (
         "bundle/bundle.py", "lab/optics/lens/pins.py", "dashboard/view.py",
         "frames/dots.py", "frames/image_files.py", "frames/pixel_grid.py", "frames/video_files.py", "frames/view.py",
-        "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
+        "reconstruction/at_rest.py", "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
         "reconstruction/linearised.py", "reconstruction/smoothing.py",
         "series/reconstructor.py", "lab/report/pictures.py", "lab/report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "lab/simulator/usb/encoding.py",

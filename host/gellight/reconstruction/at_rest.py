@@ -1,8 +1,8 @@
 """Where the gel is at rest, so that depth can be counted from there."""
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 _CELL_PX = 8
 
@@ -33,7 +33,7 @@ def far_cells(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mark the farthest quarter of the free (h, w) cells; all of them where no cell is touched."""
     if free.all() or not free.any():
         return free
-    distance = ndimage.distance_transform_cdt(free, metric="chessboard")
+    distance = cv2.distanceTransform(np.ascontiguousarray(free).view(np.uint8), cv2.DIST_C, 3)
     distances = distance[free]
     place = -(-3 * (distances.size - 1) // 4)  # of the upper quartile among them, in ascending order
     return np.asarray(distance >= max(1, np.partition(distances, place)[place]))

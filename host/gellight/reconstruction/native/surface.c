@@ -1,13 +1,18 @@
 /* Slopes to depth and back, and normals: `integration.py` has the formulas. */
 #include "frame_path.h"
 
-/* Integral of a slope over the edge between samples i and i + 1 of n >= 6, in pixels (`integration._edge_integrals`). */
+/* Integral of a slope over the edge between two samples, a and the next, with two more on both sides, in pixels. */
+INLINE float inner_edge(const float *a, ptrdiff_t step) {
+    return (802 * (a[0] + a[step]) - 93 * (a[-step] + a[2 * step]) + 11 * (a[-2 * step] + a[3 * step])) * (1.0f / 1440);
+}
+
+/* The same between samples i and i + 1 of n >= 6 (`integration._edge_integrals`). */
 INLINE float edge(const float *s, int i, int n, ptrdiff_t step) {
     const float *a = s + i * step, *b = a + step;
     if (i == 0) return (9 * a[0] + 19 * b[0] - 5 * b[step] + b[2 * step]) * (1.0f / 24);
     if (i == n - 2) return (9 * b[0] + 19 * a[0] - 5 * a[-step] + a[-2 * step]) * (1.0f / 24);
     if (i == 1 || i == n - 3) return (13 * (a[0] + b[0]) - (a[-step] + b[step])) * (1.0f / 24);
-    return (802 * (a[0] + b[0]) - 93 * (a[-step] + b[step]) + 11 * (a[-2 * step] + b[2 * step])) * (1.0f / 1440);
+    return inner_edge(a, step);
 }
 
 /* Right-hand side of Poisson's equation, mm: edge integrals that leave a pixel less those that enter
@@ -20,7 +25,7 @@ EXPORT void divergence(const float *slopes, float *out, float size_x, float size
     for (int y = 0; y < height; y++) {
         const float *row = gx + (ptrdiff_t)y * width;
         float *restrict edges = across + 1;
-        for (int x = 2; x < width - 3; x++) edges[x] = edge(row, x, 1 << 30, 1);
+        for (int x = 2; x < width - 3; x++) edges[x] = inner_edge(row + x, 1);
         for (int k = 0; k < 2; k++) {
             edges[k] = edge(row, k, width, 1);
             edges[width - 2 - k] = edge(row, width - 2 - k, width, 1);
@@ -29,7 +34,7 @@ EXPORT void divergence(const float *slopes, float *out, float size_x, float size
         if (y == height - 1)
             for (int x = 0; x < width; x++) below[x] = 0;
         else if (y > 1 && y < height - 3)
-            for (int x = 0; x < width; x++) below[x] = edge(gy + x, y, 1 << 30, width);
+            for (int x = 0; x < width; x++) below[x] = inner_edge(gy + (ptrdiff_t)y * width + x, width);
         else
             for (int x = 0; x < width; x++) below[x] = edge(gy + x, y, height, width);
         float *restrict f = out + (ptrdiff_t)y * width;
