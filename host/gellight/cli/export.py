@@ -21,6 +21,7 @@ from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.lab.report.video import VideoFile
 from gellight.reconstruction.pipeline import Reconstructor
 from gellight.recording.array_files import write_arrays
+from gellight.recording.lerobot_files import write_lerobot
 from gellight.recording.recording_file import Recording
 
 VIDEO = "video.mp4"
@@ -37,15 +38,16 @@ class Kind(StrEnum):
     VIDEO = "video"
     HDF5 = "hdf5"
     ZARR = "zarr"
+    LEROBOT = "lerobot"
 
 
-ONE_FILE = {Kind.HDF5: "frames.h5", Kind.ZARR: "frames.zarr"}
+ONE_FILE = {Kind.HDF5: "frames.h5", Kind.ZARR: "frames.zarr", Kind.LEROBOT: "lerobot"}
 
 
 def command(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of `gellight record`.")],
     out: Annotated[Path, typer.Option(help="Folder for the files; created if need be.")],
-    kind: Annotated[Kind, typer.Option("--as", help="A file a frame, one video, or one file of arrays.")] = Kind.NPZ,
+    kind: Annotated[Kind, typer.Option("--as", help="A file a frame, a video, arrays or a data set.")] = Kind.NPZ,
     calibration: Annotated[str | None, typer.Option(help="Bundle.", show_default="the recording's own")] = None,
     every: Annotated[int, typer.Option(min=1, help="Take every n-th frame.")] = 1,
     depth_scale_um: Annotated[float, typer.Option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
@@ -67,6 +69,9 @@ def command(
                 used = recording.bundle
                 known = {"pixel_size_mm": used.pixel_size_mm, "calibration": used.identity, "source": file.name}
                 count = write_arrays(frames, out / ONE_FILE[kind], **known)
+            case Kind.LEROBOT:
+                rate = fps_of(recording) / every
+                count = write_lerobot(frames, out / ONE_FILE[kind], fps=rate, task=file.stem, png=encode_png)
             case _:
                 count = sum(_written(frame, out, kind, depth_scale_um, recording.bundle) for frame in frames)
     except OSError as error:

@@ -1,0 +1,185 @@
+"""Tactile frames as a LeRobot dataset of version 3.0, written by pyarrow: LeRobot itself would bring PyTorch.
+
+One recording is one episode. LeRobot counts time in frames, so `timestamp` is the number of the frame over the frame
+rate; `observation.time_s` is when it was taken, since the first one. Depth is in metres, as the camera plug-in gives
+it, rounded by 0.03 um at most, so that it is packed; it has no entry in the statistics.
+"""
+
+import json
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.frames.frames import TactileFrame
+
+IMAGE, DEPTH, STATE, TIME = (f"observation.{name}" for name in ("images.gel", "gel_depth", "state", "time_s"))
+INDICES = ("frame_index", "episode_index", "index", "task_index")
+STEP_M = 2.0**-24
+REMEDY = 'this needs a package: pip install "gellight[lerobot]"'
+_DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+_FIRST = "chunk-000/file-000.parquet"
+
+
+def write_lerobot(
+    frames: Iterable[TactileFrame], folder: Path, *, fps: float, task: str, png: Callable[[NDArray[np.uint8]], bytes]
+) -> int:
+    """Write frames as one episode into a new `folder`, all or nothing, and return their number.
+
+    task: what was done, in words. png: encodes an image. Raises InputError where the folder exists,
+    without pyarrow, or without frames.
+    """
+    if folder.exists():
+        raise InputError(f"{folder} exists: choose another folder, or remove it")
+    rate, statistics, count = max(round(fps), 1), Statistics(), 0
+    draft = folder.with_name(f".{folder.name}.draft")
+    try:
+        rows = iter(frames)
+        first = next(rows, None)
+        if first is None:
+            raise InputError("the recording has no frames")
+        names = state_names(first)
+        with _table(draft / "data" / _FIRST, features_of(first, names)) as append:
+            for count, frame in enumerate(_chained(first, rows), start=1):
+                state = np.array([_state(frame)[name] for name in names], np.float32)
+                statistics.add(frame.camera_frame.image, state)
+                image = {"bytes": png(frame.camera_frame.image), "path": None}
+                since_s = frame.camera_frame.time_s - first.camera_frame.time_s
+                append({IMAGE: image, STATE: state.tolist(), TIME: since_s, **_row(frame, count - 1, rate)})
+        _write_meta(draft, features_of(first, names), statistics, count, rate, task)
+        draft.rename(folder)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+    return count
+
+
+def _chained(first: TactileFrame, rest: Iterator[TactileFrame]) -> Iterator[TactileFrame]:
+    yield first
+    yield from rest
+
+
+def state_names(frame: TactileFrame) -> list[str]:
+    """Return what `observation.state` holds, in its order; the force where the bundle has its constant."""
+    return list(_state(frame))
+
+
+def _state(frame: TactileFrame) -> dict[str, float]:
+    felt = {"indentation_mm": frame.contact.indentation_mm, "area_mm2": frame.contact.area_mm2}
+    return felt | ({"force_n": frame.force.normal_n} if frame.force else {})
+
+
+def features_of(frame: TactileFrame, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return the features as info.json lists them."""
+    height, width = frame.depth_mm.shape
+    axes = ["height", "width", "channels"]
+    single = {"shape": [1], "names": None}
+    return {
+        IMAGE: {"dtype": "image", "shape": [height, width, 3], "names": axes},
+        DEPTH: {"dtype": "float32", "shape": [height, width, 1], "names": axes},
+        STATE: {"dtype": "float32", "shape": [len(names)], "names": list(names)},
+        TIME: {"dtype": "float32", **single},
+        "timestamp": {"dtype": "float32", **single},
+        **{name: {"dtype": "int64", **single} for name in INDICES},
+    }
+
+
+class Statistics:
+    """Least, largest, mean and standard deviation of images, of each channel and 0 to 1, and of states."""
+
+    def __init__(self) -> None:
+        """Begin without frames."""
+        self._states: list[NDArray[np.float32]] = []
+        self._channels: list[NDArray[np.float64]] = []
+
+    def add(self, image: NDArray[np.uint8], state: NDArray[np.float32]) -> None:
+        """Take in a frame."""
+        levels = image.reshape(-1, 3) / 255
+        self._states.append(state)
+        self._channels.append(np.array([levels.min(0), levels.max(0), levels.mean(0), (levels**2).mean(0)]))
+
+    def record(self) -> dict[str, dict[str, Any]]:
+        """Return what stats.json holds."""
+        low, high, mean, square = (np.array(self._channels)[:, part] for part in range(4))
+        spread = np.sqrt(np.maximum(square.mean(0) - mean.mean(0) ** 2, 0))
+        states, count = np.array(self._states, np.float64), [len(self._states)]
+        channels = {"min": low.min(0), "max": high.max(0), "mean": mean.mean(0), "std": spread}
+        vectors = {"min": states.min(0), "max": states.max(0), "mean": states.mean(0), "std": states.std(0)}
+        return {
+            IMAGE: {name: values[:, None, None].tolist() for name, values in channels.items()} | {"count": count},
+            STATE: {name: values.tolist() for name, values in vectors.items()} | {"count": count},
+        }
+
+
+def _row(frame: TactileFrame, number: int, rate: int) -> dict[str, Any]:
+    """Return the depth of a frame and its indices."""
+    return {
+        DEPTH: (np.round(frame.depth_mm[..., None] / (1000 * STEP_M)) * STEP_M).tolist(),
+        "timestamp": number / rate,
+        **dict.fromkeys(INDICES, 0),
+        "frame_index": number,
+        "index": number,
+    }
+
+
+@contextmanager
+def _table(path: Path, features: dict[str, dict[str, Any]]) -> Iterator[Any]:
+    """Open the file of the frames; yields what appends a row."""
+    try:
+        import pyarrow as pa
+        from pyarrow import parquet
+    except ImportError:
+        raise InputError(REMEDY) from None
+    kinds = {"float32": pa.float32(), "int64": pa.int64()}
+    fields: dict[str, Any] = {name: kinds.get(one["dtype"]) for name, one in features.items()}
+    fields[IMAGE] = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
+    fields[DEPTH] = pa.list_(pa.list_(pa.list_(pa.float32())))
+    fields[STATE] = pa.list_(pa.float32(), features[STATE]["shape"][0])
+    schema = pa.schema(list(fields.items()), metadata={"huggingface": json.dumps(_kinds_of_datasets(features))})
+    path.parent.mkdir(parents=True)
+    with parquet.ParquetWriter(path, schema, compression="zstd", use_dictionary=False) as writer:
+        yield lambda row: writer.write_table(pa.Table.from_pylist([row], schema))
+
+
+def _kinds_of_datasets(features: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return how the library `datasets` is told of the columns."""
+    kinds: dict[str, Any] = {name: {"dtype": one["dtype"], "_type": "Value"} for name, one in features.items()}
+    kinds[IMAGE] = {"_type": "Image"}
+    kinds[DEPTH] = {"shape": features[DEPTH]["shape"], "dtype": "float32", "_type": "Array3D"}
+    kinds[STATE] = {"feature": kinds[STATE], "length": features[STATE]["shape"][0], "_type": "List"}
+    return {"info": {"features": kinds}}
+
+
+def _write_meta(
+    folder: Path, features: dict[str, dict[str, Any]], statistics: Statistics, count: int, rate: int, task: str
+) -> None:
+    """Write what describes the frames: info.json, stats.json, the tasks and the episodes."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    info = {
+        "codebase_version": "v3.0", "robot_type": None, "fps": rate, "features": features, "total_episodes": 1,
+        "total_frames": count, "total_tasks": 1, "chunks_size": 1000, "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200, "data_path": _DATA, "video_path": None, "splits": {"train": "0:1"},
+    }  # fmt: skip
+    (folder / "meta/episodes/chunk-000").mkdir(parents=True)
+    (folder / "meta/info.json").write_text(json.dumps(info, indent=4))
+    (folder / "meta/stats.json").write_text(json.dumps(statistics.record(), indent=4))
+    places = {f"{kind}/{part}_index": 0 for kind in ("data", "meta/episodes") for part in ("chunk", "file")}
+    episode = {"episode_index": 0, "tasks": [task], "length": count, "dataset_from_index": 0, "dataset_to_index": count}
+    parquet.write_table(pa.Table.from_pylist([{**episode, **places}]), folder / "meta/episodes" / _FIRST)
+    columns = [_column("task_index", "int64", "int64"), _column("task", "unicode", "object")]
+    index = {"index_columns": ["task"], "column_indexes": [], "columns": columns, "pandas_version": "2.2.0"}
+    tasks = pa.Table.from_pylist([{"task_index": 0, "task": task}]).replace_schema_metadata(
+        {"pandas": json.dumps(index)}
+    )
+    parquet.write_table(tasks, folder / "meta/tasks.parquet")
+
+
+def _column(name: str, kind: str, held_as: str) -> dict[str, Any]:
+    """Describe a column to pandas."""
+    return {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": held_as, "metadata": None}
