@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import sys
 from pathlib import Path
@@ -122,6 +123,9 @@ def test_evaluate_prints_a_line_an_image(bundle: Path, pressed: Path) -> None:
     assert result.exit_code == 0
     assert len([line for line in result.stdout.splitlines() if ".png" in line]) == 4
     assert "depth error in contact" in result.stdout
+    known, kept = map(int, re.search(r"tell of (\d+)% .* at most; (\d+)% of those", result.stdout).groups())
+    assert known > 60
+    assert kept > 60
 
 
 def test_evaluate_says_where_nothing_was_pressed(bundle: Path, pressed: Path, tmp_path: Path) -> None:

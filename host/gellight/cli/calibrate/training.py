@@ -152,7 +152,7 @@ def evaluate(
     angles = prism_errors(bundle, _prisms(prisms, bundle.image_shape, steps.dots if steps else None))
     balls = {"ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}
     felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.3g} mm"
-    text = "\n".join([*_error_lines(errors), felt, *map(_prism_line, angles)])
+    text = "\n".join([*_error_lines(errors), *_bounds_lines(errors), felt, *map(_prism_line, angles)])
     show({**errors.as_json(), **balls, "prisms": angles}, as_json, text)
 
 
@@ -291,6 +291,15 @@ def _error_lines(errors: PressFigures) -> list[str]:
         *(f"{name:<24}{pixels:>8}{_angles(angles)}" for name, pixels, angles in rows),
         f"depth error in contact {errors.depth_mae_mm:.4f} mm, contact patch IoU {errors.contact_iou:.2f}",
         *_never_seen_lines(errors),
+    ]
+
+
+def _bounds_lines(errors: PressFigures) -> list[str]:
+    if errors.within_bounds is None:
+        return ["the bundle does not tell how far a frame is off: `fit` finds that from two presses on"]
+    return [
+        f"frames tell of {errors.bounded:.0%} of these pixels how far normals are off at most; "
+        f"{errors.within_bounds:.0%} of those are (90 % wanted)"
     ]
 
 

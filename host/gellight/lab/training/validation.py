@@ -40,6 +40,8 @@ class PressError:
     """(N,) angle between the measured and the true normal at each pixel inside the labelled circle"""
     not_learnt: NDArray[np.bool_]
     """(N,) whether the calibration never saw the place or the colour of the pixel, see `Confidence.not_learnt`"""
+    bound_deg: Floats
+    """(N,) what the frame says that they are off by at most, see `ErrorBounds`; inf where nobody knows"""
     depth_mae_mm: float
     """mean absolute depth error there, with its mean removed: a circle does not say how deep its own rim lies"""
     contact_iou: float
@@ -91,6 +93,10 @@ class PressFigures(_Figures):
     """share of the pixels whose place or colour the calibration never saw"""
     not_learnt_deg: float | None
     """mean error of their normals; None where there are none"""
+    bounded: float
+    """share of the pixels whose frame tells how far they are off at most"""
+    within_bounds: float | None
+    """share of these that are; None where no frame tells"""
 
     def as_json(self) -> dict[str, object]:
         """Return the figures by name."""
@@ -156,11 +162,13 @@ def press_error(press: Press, ball: Ball, frame: TactileFrame) -> PressError:
     patch = frame.contact.mask & (distance_px(press, shape) < _OWN * press.contact_radius_px)
     true_normals = normals(sphere_gradient(press, ball, shape))
     never_seen = frame.confidence.not_learnt if frame.confidence else np.zeros(shape, np.bool_)
+    bound_deg = frame.error_bounds.normal_deg if frame.error_bounds else np.full(shape, np.inf, np.float32)
     depth_error = frame.depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
     return PressError(
         image=press.image.name,
         angle_deg=angle_deg(frame.normal_map[inside], true_normals[inside]),
         not_learnt=never_seen[inside],
+        bound_deg=bound_deg[inside],
         depth_mae_mm=float(np.abs(depth_error - depth_error.mean()).mean()),
         contact_iou=float((patch & inside).sum() / (patch | inside).sum()),
     )
@@ -179,11 +187,15 @@ def summarised(errors: Sequence[PressError]) -> PressFigures:
         for error in errors
     )
     pixels = [image.pixels for image in images]
-    angles, never_seen = (np.concatenate([getattr(error, k) for error in errors]) for k in ("angle_deg", "not_learnt"))
+    names = ("angle_deg", "not_learnt", "bound_deg")
+    angles, never_seen, bounds = (np.concatenate([getattr(error, name) for error in errors]) for name in names)
+    known = np.isfinite(bounds)
     return PressFigures(
         normal_error_deg=AngleFigures.of(angles),
         not_learnt=float(never_seen.mean()),
         not_learnt_deg=float(angles[never_seen].mean()) if never_seen.any() else None,
+        bounded=float(known.mean()),
+        within_bounds=float((angles <= bounds)[known].mean()) if known.any() else None,
         depth_mae_mm=float(np.average([image.depth_mae_mm for image in images], weights=pixels)),
         contact_iou=float(np.mean([image.contact_iou for image in images])),
         images=images,
