@@ -112,7 +112,7 @@ class ReconstructionSettings(StrictModel):
     cast_shadows: bool = Field(
         default=True,
         description="give gel in cast shadow its light back, where the bundle has `lights.json`: depth beside steep "
-        "walls is right, but such frames take up to 2.7 times as long",
+        "walls is right; such frames take up to 1.2 times as long",
     )
 
 
