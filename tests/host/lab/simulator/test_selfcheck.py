@@ -108,7 +108,8 @@ def test_bounds_grow_with_depth_and_are_never_below_what_was_measured() -> None:
             assert error < bounds[kind]
             assert shallower[kind] <= bounds[kind]
         for (other, less), smaller in ERRORS.items():  # as measured: an object is never felt much worse in between
-            assert other != name or less > depth or min(np.divide(errors, smaller)) > 0.75
+            judged, before = (np.maximum(one, list(SMALLEST.values())) for one in (errors, smaller))
+            assert other != name or less > depth or min(judged / before) > 0.75
     assert bounds_of(truth("", 0.0), geometry) == (dict(SMALLEST), "")
 
 
