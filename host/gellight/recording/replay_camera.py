@@ -42,6 +42,7 @@ class ReplayCamera(Camera):
         """Begin where `chosen` says; InputError where nothing is recorded so late."""
         self.url, self.bundle = url, recording.bundle
         self._recording, self._chosen = recording, chosen
+        self.waits = chosen.speed == 0
         info = recording.first.info
         self.image_shape = (info.height, info.width)
         self._closing = threading.Event()

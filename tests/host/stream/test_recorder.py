@@ -172,6 +172,15 @@ def test_a_recording_is_replayed_with_its_own_bundle(recording: Path) -> None:
     assert status["calibration"]["identity"] == gellight.load_bundle("synthetic").identity
 
 
+def test_no_frame_is_left_out_of_a_replay_that_waits_for_its_reader(recording: Path) -> None:
+    recorded, got = len(list(Recording(recording).frames())), []
+    with gellight.connect(f"replay://{recording}?speed=0", every=True) as sensor:
+        for frame in sensor:
+            time.sleep(0.05)
+            got.append(frame.camera_frame.sequence)
+    assert got == list(range(got[0], got[0] + recorded))
+
+
 def test_a_replay_that_ends_before_its_frames_says_so_in_words(recording: Path) -> None:
     done = children.gellight("replay", recording, "--speed", "0", "--frames", "999", "--no-dashboard")
     assert done.returncode == 0, done.stderr
