@@ -37,7 +37,7 @@ from tests.benchmarks.real_sets import SETS, RealSet
 Floats = NDArray[np.float32]
 FOLD_SEED = 1
 SURE = 0.8
-"""of a contact radius: so far the ball touches the gel, whoever drew the circle"""
+"""share of a contact radius: within it the ball touches the gel, whoever drew the circle"""
 GIVEN, REFINED = "as given", "refined"
 PLAIN, REFINING, PEER = "GelLight", "GelLight, --refine", "gs_sdk"
 WAYS = (PLAIN, REFINING, PEER)

@@ -59,7 +59,7 @@ def timed(act: Callable[[Item], object], item: Item) -> float:
 
 
 def counts(scene: Scene, runs: int) -> None:
-    """How many of so many faulty and sound sensors were told rightly."""
+    """How many of that many faulty and sound sensors were told rightly."""
     random = np.random.default_rng(3000)
     looks = false = 0
     for run in range(runs):
