@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from gellight.bundle.bundle import load_bundle
-from gellight.reconstruction.pipeline import Reconstructor
+from gellight.frame_path.pipeline import Reconstructor
 from tests.helpers.light_touches import NOISE_GREY, LightTouches, ball, flat_punch
 
 Floats = NDArray[np.float32]
