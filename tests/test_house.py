@@ -19,8 +19,8 @@ PACKAGES = {
     "sim_reference": ROOT / "sim_reference",
 }
 RUN = (
-    "base", "ring", "bundle", "frames", "photometric", "reconstruction", "series", "sensor", "recording", "watch",
-    "opening", "daemon", "stream", "dashboard",
+    "base", "ring", "bundle", "frames", "photometric", "reconstruction", "reconstruction.native", "frame_path",
+    "series", "sensor", "recording", "watch", "opening", "daemon", "stream", "dashboard",
 )  # fmt: skip
 """the half that a robot needs, lowest first: a room imports from itself and from rooms before it"""
 LAB = tuple(
@@ -131,7 +131,8 @@ def graph(package: str) -> dict[str, set[str]]:
 def room(module: str) -> str:
     """Return the room of a module of the host: the folder, or the file itself where it lies in the root."""
     names = module.split(".")[1:]
-    return ".".join(names[:2]) if names[0] == "lab" else names[0]
+    inner = names[0] == "lab" or ".".join(names[:2]) in RUN
+    return ".".join(names[:2]) if inner else names[0]
 
 
 HOST = graph("gellight")

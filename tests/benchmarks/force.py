@@ -10,9 +10,9 @@ from collections.abc import Callable
 import numpy as np
 
 from gellight.bundle.bundle import load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.reconstruction.contact import find_contact
 from gellight.reconstruction.force import Layer, indenting
-from gellight.reconstruction.pipeline import Reconstructor
 from tests.helpers.fem_presses import NAMES, SPACING_MM, depth_mm, force_n, picture
 
 WEIGHED = "ball4_1.0"

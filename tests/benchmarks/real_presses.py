@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.training.labelling.refinement import FirstFits, refine, refine_others
 from gellight.lab.training.presses import Press, cap_depth_mm, distance_px, sphere_gradient
@@ -30,14 +31,13 @@ from gellight.lab.training.table import images_of
 from gellight.lab.training.training import Learning, TrainingOptions, fit
 from gellight.lab.training.validation import frame_of
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.pipeline import Reconstructor
 from tests.benchmarks.peer_network import PeerNetwork
 from tests.benchmarks.real_sets import SETS, RealSet
 
 Floats = NDArray[np.float32]
 FOLD_SEED = 1
 SURE = 0.8
-"""of a contact radius: so far the ball touches the gel, whoever drew the circle"""
+"""share of a contact radius: within it the ball touches the gel, whoever drew the circle"""
 GIVEN, REFINED = "as given", "refined"
 PLAIN, REFINING, PEER = "GelLight", "GelLight, --refine", "gs_sdk"
 WAYS = (PLAIN, REFINING, PEER)

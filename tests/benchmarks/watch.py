@@ -12,9 +12,9 @@ from typing import TypeVar
 import numpy as np
 
 from gellight.bundle.bundle import load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.cells import spread
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 from sim_reference.camera import CameraResponse
@@ -59,7 +59,7 @@ def timed(act: Callable[[Item], object], item: Item) -> float:
 
 
 def counts(scene: Scene, runs: int) -> None:
-    """How many of so many faulty and sound sensors were told rightly."""
+    """How many of that many faulty and sound sensors were told rightly."""
     random = np.random.default_rng(3000)
     looks = false = 0
     for run in range(runs):

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.simulator.gel_models import KeptPresses
 from gellight.lab.simulator.scene import Press, Scene
@@ -30,7 +31,6 @@ from gellight.lab.training.table import images_of
 from gellight.lab.training.training import Learning, TrainingOptions, fit, read_reference
 from gellight.lab.training.validation import press_errors
 from gellight.reconstruction.errors import TrueSurface, mean_errors, surface_errors
-from gellight.reconstruction.pipeline import Reconstructor
 from gelnet.export import to_onnx
 from gelnet.recipes import RECIPES
 from gelnet.synthetic import SEEDS as TABLE_SEEDS

@@ -78,7 +78,7 @@ class BenchBoard(EmulatedBoard):
         self.powered = True
         self.temperature_c = ROOM_C
         self.cut_after: int | None = None
-        """power fails after so many bytes of flash were erased or programmed"""
+        """power fails after that many bytes of flash were erased or programmed"""
         self._cut = False
         super().__init__(image, **options)
 

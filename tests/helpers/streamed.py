@@ -46,7 +46,7 @@ def bump_daemon(
     measures: FrameMeasures | None = None,
     bundle: Bundle | None = None,
 ) -> tuple[SensorSession, BumpReconstructor]:
-    """Return a daemon (not started) that gives so many frames, and what computes them."""
+    """Return a daemon (not started) that gives that many frames, and what computes them."""
     reconstructor = BumpReconstructor(bundle, measures)
     camera: Any = ScriptedCamera(count=frames, period_s=period_s)
     camera.image_shape = SHAPE

@@ -11,7 +11,7 @@ import numpy as np
 from gellight.lab.design import designs, drawings, output, parts, studies
 from gellight.lab.design.geometry import ring_colours
 from gellight.lab.design.output import BallResult, write_all
-from gellight.lab.design.studies import BeyondResult, Setup
+from gellight.lab.design.studies import BeyondResult, StudySetup
 from gellight.lab.report import html
 from gellight.lab.report.charts import Axes, Series, line_chart
 from gellight.lab.report.html import box, section, table
@@ -143,7 +143,7 @@ def _under(row: Judgement) -> str:
     )
 
 
-def _benchmark(setup: Setup) -> str:
+def _benchmark(setup: StudySetup) -> str:
     return section(
         "The benchmark",
         f"<p>Ten objects in four groups, relief {setup.parameters.relief_mm:g} mm, pressed "

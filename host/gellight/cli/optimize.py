@@ -17,7 +17,7 @@ from gellight.lab.design.benchmark_files import write_benchmark
 from gellight.lab.design.geometry import read_geometry
 from gellight.lab.design.housing import housing_scad
 from gellight.lab.design.parts import check_can_draw
-from gellight.lab.design.studies import Setup, setup_of
+from gellight.lab.design.studies import StudySetup, study_setup
 from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind
 from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.sweep import (
@@ -68,14 +68,14 @@ class Study(Answering, Sweeping):
         Path | None, typer.Option("--store", metavar="DIR", help="Where results are kept.", show_default="cache")
     ] = None
 
-    def setup(self) -> Setup:
+    def setup(self) -> StudySetup:
         """Return what is studied; raises ConfigError or InputError for what cannot be, or cannot be written."""
         if self.out is not None:
             output.check_writable(self.out)
         sensor = read_geometry(self.geometry)
         if self.gel == "fem" and self.scheduler is None:
             check_memory(self.resolution, sensor, self.workers or available_cores())
-        setup = setup_of(sensor, self.press, self.relief, self.size, self.noise)
+        setup = study_setup(sensor, self.press, self.relief, self.size, self.noise)
         return replace(setup, gel=self.gel, resolution_mm=self.resolution)
 
     def sweep(self, title: str) -> AbstractContextManager[SweepOptions]:

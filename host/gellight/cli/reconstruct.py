@@ -18,12 +18,12 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, with_options
 from gellight.cli.showing import show
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import TactileFrame
 from gellight.frames.image_files import ImageCamera, image_files
 from gellight.frames.picture import prepared
 from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.photometric.directions import LightDirections
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.series.recorded import frame_of_lights
 from gellight.series.single_light_path import has_single_lights, read_directions, slopes_by
 from gellight.watch.findings import WatchFinding

@@ -46,7 +46,7 @@ COMMANDS: TypeAdapter[Credit | Press | Release] = TypeAdapter(
 )
 
 
-def explain(error: ValidationError) -> str:
+def in_one_line(error: ValidationError) -> str:
     """Return what is wrong with a command, as one line."""
     parts = []
     for problem in error.errors(include_url=False, include_context=False):

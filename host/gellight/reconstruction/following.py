@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 MISSED_S = 0.1
 """as long may noise hide a contact near the threshold; later it is another one"""
 WINDOW_S = 0.15
-"""the velocity is the slope of the line through the places of so long"""
+"""the velocity is the slope of the line through the places of the last 0.15 s"""
 
 
 @dataclass

@@ -17,6 +17,7 @@ from gellight.base.errors import GellightError
 from gellight.bundle.bundle import extend_bundle, load_bundle, save_bundle
 from gellight.cli.ending import Ending
 from gellight.cli.reconstruct import command
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.image_files import read_image
 from gellight.lab.report.pictures import (
     depth_bar,
@@ -26,7 +27,6 @@ from gellight.lab.report.pictures import (
     normal_picture,
     write_png,
 )
-from gellight.reconstruction.pipeline import Reconstructor
 from tests.helpers.analytic_surfaces import gaussian
 from tests.helpers.linear_sensor import linear_bundle, photograph
 from tests.helpers.places import REAL_IMAGES

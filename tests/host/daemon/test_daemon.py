@@ -12,9 +12,9 @@ import pytest
 
 from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.daemon.session import SensorSession
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import TactileFrame
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.findings import WatchFinding
 from gellight.watch.monitor import Zero
 from tests.helpers.linear_sensor import linear_bundle, reference_image

@@ -12,14 +12,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
+from gellight.frame_path import pipeline
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
-from gellight.reconstruction import linearised, pipeline
+from gellight.reconstruction import linearised
 from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.integration import angle_deg
 from gellight.reconstruction.native import build, judge, library
 from gellight.reconstruction.native.native_path import NativePath
-from gellight.reconstruction.pipeline import Reconstructor
 from tests.benchmarks.frame_times import scenes
 from tests.helpers.analytic_surfaces import gaussian
 from tests.helpers.linear_sensor import linear_bundle, photograph
@@ -283,7 +284,8 @@ import numpy as np
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import CameraFrame
 from tests.benchmarks.frame_times import scenes
-from gellight.reconstruction import linearised, pipeline
+from gellight.frame_path import pipeline
+from gellight.reconstruction import linearised
 from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.native import judge, library
 sys.path.insert(0, {root!r})

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.frame_path import pipeline
 from gellight.frames.frames import CameraFrame
-from gellight.reconstruction import pipeline
 from gellight.reconstruction.native import build, judge, library
 from tests.benchmarks.frame_times import halved, scenes
 from tests.helpers.linear_sensor import linear_bundle

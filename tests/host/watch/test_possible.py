@@ -9,11 +9,11 @@ import pytest
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.daemon import assembly
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.training import Learning, TrainingOptions, fit
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth
 from sim_reference.camera import CameraResponse

@@ -7,10 +7,10 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.simulator.scene import Press
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.cells import spread
 from gellight.watch.expected import ErrorEstimate
 from gellight.watch.findings import WatchFinding

@@ -1,7 +1,7 @@
 // The numbers of the page.
 
 const element = (id) => document.getElementById(id);
-/** `value` with so many digits, without a minus before zero; a dash where it is not known. */
+/** `value` with `digits` digits, without a minus before zero; a dash where it is not known. */
 export function fixed(value, digits) {
   if (typeof value !== "number") return "–";
   const text = value.toFixed(digits);

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.view import View
 from gellight.lab.training.child import Check, Progress, go_on, silent
 from gellight.lab.training.folds import GIVEN, REFINED, trained_folds
@@ -30,7 +31,6 @@ from gellight.reconstruction.error_bounds import (
     signs,
 )
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.pipeline import Reconstructor
 
 FOLDS = 3
 MOST_PIXELS = 2000

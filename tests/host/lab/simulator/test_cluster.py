@@ -25,8 +25,8 @@ def cluster() -> Iterator[LocalCluster]:
         yield started
 
 
-def setup() -> studies.Setup:
-    return replace(studies.setup_of(SensorGeometry(), 0.9, 1.0, 48), names=("TSTEP", "WAVE"))
+def setup() -> studies.StudySetup:
+    return replace(studies.study_setup(SensorGeometry(), 0.9, 1.0, 48), names=("TSTEP", "WAVE"))
 
 
 def test_a_cluster_gives_the_results_of_this_machine(cluster: LocalCluster, tmp_path: Path) -> None:

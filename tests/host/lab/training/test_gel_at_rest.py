@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gellight.bundle.bundle import Bundle, write_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.training.gel_at_rest import rest_of_presses
@@ -15,7 +16,6 @@ from gellight.lab.training.presses import Ball, Press, distance_px
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.image_noise import noise_of_one
 from gellight.reconstruction.light_drift import difference_of
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 from tests.helpers.linear_sensor import linear_network
 from tests.helpers.places import REAL_IMAGES

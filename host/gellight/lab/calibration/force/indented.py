@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import ImageCamera
 from gellight.frames.picture import prepared
 from gellight.lab.calibration.force.record import Array, ForceReadings
 from gellight.reconstruction.force import Layer, indenting
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.recording.recording_file import Recording
 
 MOST_FRAMES = 600

@@ -13,6 +13,7 @@ from gellight.base.settings import LightingSettings, Settings
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.main import app
 from gellight.daemon.assembly import open_session
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.lab.calibration.preparing import full_colours
 from gellight.lab.optics.lights.ball_series import BallSeries, read_series
 from gellight.lab.optics.lights.channel_fit import channel_table, fit_channels
@@ -22,7 +23,6 @@ from gellight.lab.training.table import TableOptions
 from gellight.lab.training.training import TrainingOptions
 from gellight.opening import open_camera
 from gellight.photometric.directions import levels_of, lights_of
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.series.single_light_path import SingleLightPath, read_directions
 from tests.helpers.places import REAL_CROPS

@@ -9,9 +9,9 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.dashboard.messages import encode as page_message
 from gellight.dashboard.reference_views import ReferenceViews
+from gellight.frame_path.pipeline import Reconstructor
+from gellight.frame_path.sequence_path import SequencePath
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
-from gellight.reconstruction.pipeline import Reconstructor
-from gellight.reconstruction.sequence_path import SequencePath
 
 
 @pytest.fixture(scope="module")

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.frame_path.picture_path import PicturePath
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, LightState, TactileFrame
 from gellight.frames.status import PathStatus
-from gellight.reconstruction.picture_path import PicturePath
-from gellight.reconstruction.pipeline import Reconstructor
 
 
 class SequencePath:

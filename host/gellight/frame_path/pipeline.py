@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
+from gellight.frame_path.numpy_path import NumpyPath
+from gellight.frame_path.picture_path import check_image
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.status import PathStatus
 from gellight.photometric.directions import FILE_NAME
@@ -23,8 +25,6 @@ from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.native.judge import refuse_disagreement
 from gellight.reconstruction.native.library import NativePathError, fitting_library
 from gellight.reconstruction.native.native_path import NativePath
-from gellight.reconstruction.numpy_path import NumpyPath
-from gellight.reconstruction.picture_path import check_image
 from gellight.reconstruction.smoothing import NARROWEST_PX
 from gellight.reconstruction.stages import Clock, NetworkRows, TactilePath
 
