@@ -8,17 +8,16 @@ import cv2
 import numpy as np
 import pytest
 import typer
-from typer.testing import CliRunner
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
-from gellight.cli.calibrate.verbs import app
 from gellight.cli.reconstruct import command
 from gellight.frames.image_files import read_image
 from gellight.frames.picture import steps_of
 from gellight.lab.simulator.scene import Press, Scene
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
+from tests.helpers.command_line import invoke
 from tests.helpers.dotted import CORNERS, from_the_side, with_dots
 from tests.helpers.places import REAL_IMAGES
 
@@ -30,7 +29,7 @@ reconstruct.command()(command)
 
 
 def run(*arguments: object) -> Any:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+    return invoke("calibrate", *arguments)
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +77,7 @@ def test_a_dotted_gel_from_the_side_is_calibrated_and_felt(
     assert steps.dots is not None
     for number in (0, 5, 11):
         asked = [taken / f"press{number:02}.png", "--calibration", tmp_path / "b", "--out", tmp_path / "out"]
-        assert CliRunner().invoke(reconstruct, [str(one) for one in asked]).exit_code == 0
+        assert invoke(*asked, app=reconstruct).exit_code == 0
         with np.load(tmp_path / f"out/press{number:02}.npz") as maps:
             depth_mm = maps["depth_mm"]
         assert depth_mm.max() == pytest.approx(1.5, abs=0.2)

@@ -16,7 +16,7 @@ from gellight.cli import main
 from gellight.cli.lazy import LazyVerb
 from gellight.cli.one_sensor import warn_of_foreign_bundle
 from tests.helpers.children import run
-from tests.helpers.verbs import verbs
+from tests.helpers.command_line import verbs
 
 
 def test_the_version_is_that_of_the_installed_package() -> None:

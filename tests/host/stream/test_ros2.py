@@ -22,7 +22,7 @@ from gellight.frames.point_cloud import points_of
 from gellight.stream.ros2 import HASHES, QOS, Ros2Publisher
 from tests.helpers.children import gellight, run
 from tests.helpers.places import CHECKOUT
-from tests.helpers.streamed import bump_daemon
+from tests.helpers.streamed import bump_daemon, free_port
 from tests.helpers.weighed import HeavyFrames
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
@@ -66,11 +66,6 @@ reader = ROS2Subscriber(topic, kind, show, msg_definition=text, type_hash=store.
 ok = came.wait(30)
 os._exit(0 if ok else 1)
 """
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return int(probe.getsockname()[1])
 
 
 @pytest.fixture

@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from gellight.base.errors import BundleError, ConfigError, GellightError, InputError
 from gellight.base.settings import LightingSettings, Settings
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.cli.main import app
 from gellight.daemon.assembly import open_session
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.lab.calibration.preparing import full_colours
@@ -25,6 +23,7 @@ from gellight.opening import open_camera
 from gellight.photometric.directions import levels_of, lights_of
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.series.single_light_path import SingleLightPath, read_directions
+from tests.helpers.command_line import invoke
 from tests.helpers.places import REAL_CROPS
 
 OEM = REAL_CROPS / "oem_six_lights"
@@ -36,7 +35,7 @@ RING = full_colours("RRRRGGGGBBBB")
 
 
 def run(*arguments: object) -> Any:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+    return invoke(*arguments)
 
 
 def circles(path: Path, centres: list[tuple[float, float]], ball: Ball, image: str) -> Path:
