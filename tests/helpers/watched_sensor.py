@@ -73,7 +73,6 @@ class WatchedSensor:
             camera_frame=CameraFrame(image=image, time_s=self.time_s, sequence=round(self.time_s / PERIOD_S)),
             difference=np.zeros((2, 2, 3), np.float32),
             gradient_map=np.zeros((2, 2, 2), np.float32),
-            normal_map=np.zeros((2, 2, 3), np.float32),
             depth_mm=flat,
             contact=Contact(mask=flat > 0, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
         )

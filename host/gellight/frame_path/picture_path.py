@@ -19,9 +19,9 @@ class PicturePath:
         """Pass on pictures of the size of `bundle`."""
         self.bundle = bundle
         shape = bundle.image_shape
-        self._nothing = [np.full((*shape, n), np.nan, np.float32) for n in (2, 3)]
+        self._no_slopes = np.full((*shape, 2), np.nan, np.float32)
         self._no_depth, self._nowhere = np.full(shape, np.nan, np.float32), np.zeros(shape, np.bool_)
-        for array in (*self._nothing, self._no_depth, self._nowhere):
+        for array in (self._no_slopes, self._no_depth, self._nowhere):
             array.flags.writeable = False
 
     def status(self) -> PathStatus:
@@ -34,10 +34,9 @@ class PicturePath:
         stages = Stages()
         difference = np.subtract(camera_frame.image, self.bundle.reference, dtype=np.float32)
         stages.end("difference")
-        slopes, normals = self._nothing
         nowhere = Contact(mask=self._nowhere, area_mm2=np.nan, indentation_mm=np.nan, centroid_mm=None)
         return TactileFrame(
-            camera_frame=camera_frame, difference=difference, gradient_map=slopes, normal_map=normals,
+            camera_frame=camera_frame, difference=difference, gradient_map=self._no_slopes,
             depth_mm=self._no_depth, contact=nowhere, stage_seconds=stages.seconds,
         )  # fmt: skip
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gellight.base.field_docs import with_field_docs
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force, FrameMeasures, MapOnRequest
+from gellight.frames.normals import normals
 from gellight.frames.status import ExposuresStatus
 
 
@@ -265,8 +266,6 @@ class TactileFrame:
     gradient_map: NDArray[np.float32]
     """(H, W, 2) d(depth)/dx, d(depth)/dy, dimensionless; with a lens in the bundle, over the undistorted gel, as are
     all maps below, while the images above are as taken"""
-    normal_map: NDArray[np.float32]
-    """(H, W, 3) unit normals of the gel surface, towards the camera"""
     depth_mm: NDArray[np.float32]
     """(H, W) mm"""
     contact: Contact
@@ -280,6 +279,11 @@ class TactileFrame:
     """None where no daemon ran, as for the images of `gellight reconstruct`"""
     measures: FrameMeasures | None = field(default=None, repr=False)
     """computes the properties below when they are first asked for"""
+
+    @cached_property
+    def normal_map(self) -> NDArray[np.float32]:
+        """(H, W, 3) unit normals of the gel surface, towards the camera."""
+        return normals(self.gradient_map)
 
     @cached_property
     def force(self) -> Force | None:

@@ -173,5 +173,7 @@ class SensorStatus(PathStatus, FrameCounts):
     watch: WatchStatus | None
     recording: str | None
     """name of the file that is being written; None where nothing is recorded"""
+    priority: str
+    """how camera and reconstruction stand before other threads, see `base.priority`"""
     error: str | None
     camera: CameraStatus

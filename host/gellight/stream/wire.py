@@ -20,7 +20,6 @@ from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Patch, Provenance, TactileFrame
 from gellight.frames.measures import Confidence, Force, MapOnRequest
-from gellight.reconstruction.integration import normals
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.measures import BundleMeasures
 
@@ -95,7 +94,7 @@ _DETAILS = TypeAdapter(Details)
 class ReceivedFrame(TactileFrame):
     """A tactile frame from another process. Its arrays cannot be written.
 
-    Normals are computed when they are first asked for. So is what needs the bundle: the difference image, and the
+    What needs the bundle is computed when it is first asked for: the difference image, and the
     pressure map and the confidence where they do not travel. The bundle is fetched from the daemon, once for each zero;
     StreamError where the zero has changed since the frame was taken.
     """
@@ -103,11 +102,6 @@ class ReceivedFrame(TactileFrame):
     def __init__(self, bundle_of: Callable[[str], Bundle], fields: Mapping[str, Any]) -> None:
         """Take the fields that travel; `bundle_of` returns the bundle with the zero of an identity."""
         vars(self).update(fields, _bundle_of=bundle_of)
-
-    @cached_property
-    def normal_map(self) -> NDArray[np.float32]:
-        """(H, W, 3) unit normals of the gel surface, towards the camera."""
-        return normals(self.gradient_map)
 
     @cached_property
     def difference(self) -> NDArray[np.float32]:

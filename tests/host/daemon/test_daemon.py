@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, CameraError, InputError
+from gellight.bundle.placeholder import placeholder
+from gellight.daemon.frame_threads import FrameThreads
 from gellight.daemon.session import SensorSession
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera, EndOfStream
@@ -309,6 +311,48 @@ def test_camera_and_reconstruction_run_first_if_asked(monkeypatch: pytest.Monkey
         daemon.wait_frame(0, 10)
         running = {thread.name: thread.native_id for thread in threading.enumerate()}
     assert given == [(running[name], os.SCHED_FIFO, 10) for name in ("capture", "reconstruct")]
+
+
+@pytest.mark.parametrize(
+    ("allowed", "said"), [(True, "before other programs"), (False, "before the page and the watch")]
+)
+def test_unasked_they_run_as_early_as_nice_values_let_them(
+    monkeypatch: pytest.MonkeyPatch, allowed: bool, said: str
+) -> None:
+    given: dict[int, int] = {}
+
+    def set_nice(_: int, thread: int, value: int) -> None:
+        if value < 0 and not allowed:
+            raise PermissionError(1, "Operation not permitted")
+        given[thread] = value
+
+    monkeypatch.setattr(os, "setpriority", set_nice)
+    with daemon_of(ScriptedCamera(period_s=0.01)) as daemon:
+        daemon.wait_frame(0, 10)
+        running = {thread.name: thread.native_id for thread in threading.enumerate()}
+        assert daemon.status()["priority"] == said
+    first = {running["capture"]: -5, running["reconstruct"]: -5} if allowed else {}
+    assert given == {**first, running["check"]: 5, running["watch_now_and_then"]: 5}
+
+
+def test_what_looks_now_and_then_uses_its_share_of_the_processor_at_most() -> None:
+    looks: list[float] = []
+
+    def busy(frame: TactileFrame) -> None:
+        end_s = time.thread_time() + 0.02
+        while time.thread_time() < end_s:
+            pass
+        looks.append(time.monotonic())
+
+    camera = ScriptedCamera(period_s=0.01)
+    threads = FrameThreads(camera, CountingReconstructor().reconstruct, lambda: placeholder((2, 2)))
+    threads.add_periodic(busy, 0.001, share=0.1)
+    threads.start()
+    time.sleep(1)
+    threads.stop()
+    camera.close()
+    assert len(looks) >= 2
+    assert min(np.diff(looks)) > 0.2
 
 
 def test_a_system_that_lets_nothing_run_first_is_told_of_and_the_camera_is_closed(

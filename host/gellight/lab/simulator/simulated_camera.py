@@ -27,6 +27,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.allowed import query_of
 from gellight.base.errors import BoardError, CameraError, ConfigError, InputError
+from gellight.base.priority import give_way
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, GroundTruth
 from gellight.frames.timing import CameraTiming
@@ -50,6 +51,8 @@ logger = logging.getLogger(__name__)
 DARK_S = 5.0
 """LEDs that the board has made dark are lit again within this time, or never"""
 
+BUFFERS = 3
+"""frames that wait for who reads late, as those of a V4L2 camera do"""
 CLOSE_S = 1.0
 """as long `close` waits for a press that is computed ahead"""
 
@@ -161,9 +164,11 @@ class SimulatedCamera(Camera):
             return self._press
         with self.stage.computing(press):
             self._scene.prepare(press)
+        self._due_s = time.monotonic()
         return press
 
     def _prepare_ahead(self, press: Press) -> None:
+        give_way()
         try:
             with self.stage.computing(press):
                 self._scene.prepare_ahead(press)
@@ -175,8 +180,7 @@ class SimulatedCamera(Camera):
         """Return when the next frame that is due began, and its light as `_light_since` does."""
         given_up_s = time.monotonic() + DARK_S
         while time.monotonic() < given_up_s:
-            self._due_s = max(self._due_s + self._period_s, time.monotonic())
-            time.sleep(max(self._due_s - time.monotonic(), 0.0))
+            self._wait_until_due()
             begun_s = self._begin()
             seen = self._light_since(begun_s)
             lit_s = self.ring.lit_since_s() + self._shutter.pulse_period_us * 1e-6 if self.ring else 0.0
@@ -184,11 +188,17 @@ class SimulatedCamera(Camera):
                 return begun_s, *seen
         raise BoardError(f"the board of {self.url} keeps its LEDs dark: see `gellight ring info`")
 
+    def _wait_until_due(self) -> None:
+        """Wait for the next frame. The schedule stays: `BUFFERS` frames wait for who reads late, no others."""
+        late = int((time.monotonic() - self._due_s) / self._period_s) - BUFFERS
+        self._due_s += self._period_s * max(late, 1)
+        time.sleep(max(self._due_s - time.monotonic(), 0.0))
+
     def _begin(self) -> float:
-        """Return when the frame that now is in the host began (`time.monotonic`); with a strobe, begin it and wait."""
+        """Return when the frame that now is due began (`time.monotonic`); with a strobe, begin it and wait."""
         taken_s = (self._shutter.duration_us + self._shutter.transfer_us) * 1e-6
         if not self._strobe:
-            return time.monotonic() - taken_s
+            return self._due_s - taken_s
         begun_s = self._board().strobe()
         time.sleep(max(begun_s + taken_s - time.monotonic(), 0.0))
         return begun_s

@@ -49,7 +49,6 @@ def test_swapped_slopes_fail_by_normals_and_by_picture(judge: SelfCheck, frame: 
         replace(
             frame,
             gradient_map=np.ascontiguousarray(frame.gradient_map[..., ::-1]),
-            normal_map=np.ascontiguousarray(frame.normal_map[..., [1, 0, 2]]),
         )
     )
     assert result.normal_error_deg > SMALLEST["normal_error_deg"]
