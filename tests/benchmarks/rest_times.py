@@ -19,7 +19,7 @@ from gellight.reconstruction.image_noise import REST_TIMES
 from gellight.reconstruction.light_drift import difference_of
 from tests.benchmarks.real_sets import SETS, RealSet
 from tests.helpers.linear_sensor import linear_network
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import real
 
 TIMES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0)
 SENSORS = ("mini", "digit", "dots")
@@ -72,7 +72,7 @@ def main() -> None:
             for times, figures in tables[name].items():
                 print(f"{times:6.1f}" + "".join(f"{100 * figure:9.1f} %" for figure in figures))
             if name == "digit":
-                second = read_image(REAL_IMAGES / "digit_ball/background.png")
+                second = read_image(real("digit_ball") / "background.png")
                 change = difference_of(second, images.reference.image, follow_light=True)
                 for times in TIMES:
                     touched = _network(images, rest, times).touched(change).mean()
