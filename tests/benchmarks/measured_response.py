@@ -1,8 +1,9 @@
 """Calibrate on the measured light of three real sensors: `python -m tests.benchmarks.measured_response`.
 
-The tables (Taxim; beside the checkout) say which colour a real sensor showed at each slope and place. Simulated
-surfaces are rendered through them, so neither our light model nor our camera model has a part in it. Balls are pressed
-at random, found by themselves, refined and learnt from; the error is measured on other objects, pressed elsewhere.
+The tables (Taxim; one comes along, in half precision) say which colour a real sensor showed at each slope and place.
+Simulated surfaces are rendered through them, so neither our light model nor our camera model has a part in it. Balls
+are pressed at random, found by themselves, refined and learnt from; the error is measured on other objects, pressed
+elsewhere.
 """
 
 import csv
@@ -24,10 +25,10 @@ from gellight.reconstruction.integration import angle_deg, normals
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import ObjectParameters
 from sim_reference.surface import Surface, press_object, sample
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import REAL_CROPS, real
 
 Array = NDArray[np.float64]
-RESPONSES = REAL_IMAGES / "taxim_response"
+RESPONSES = REAL_CROPS / "taxim_response", real("taxim_response")
 NAMES = ("polycalib", "digit_polycalib", "gelsight_r1.5_polycalib")
 BALL = Ball(radius_mm=4.0, pixel_size_mm=0.09)
 GEOMETRY = SensorGeometry(image_width_px=320, image_height_px=240, pixel_size_mm=BALL.pixel_size_mm)
@@ -54,7 +55,7 @@ class MeasuredResponse:
     @classmethod
     def read(cls, name: str) -> "MeasuredResponse":
         """Read one of the tables."""
-        with np.load(RESPONSES / f"{name}.npz") as file:
+        with np.load(next(p for place in RESPONSES if (p := place / f"{name}.npz").exists())) as file:
             table = np.stack([file[f"grad_{colour}"] for colour in "rgb"], axis=2)
         # A flat gel has no direction: what the directions disagree about there is scatter.
         table[0] = table[0].mean(axis=0)

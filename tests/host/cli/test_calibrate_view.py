@@ -19,7 +19,7 @@ from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.command_line import invoke
 from tests.helpers.dotted import CORNERS, from_the_side, with_dots
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import real
 
 PIXEL_MM = 0.2352
 BALL = ["--ball-radius-mm", "4", "--pixel-size-mm", str(PIXEL_MM)]
@@ -121,10 +121,10 @@ def test_16_bit_pictures_of_fewer_bits_are_brought_to_white(tmp_path: Path) -> N
     assert (read_image(tmp_path / "out/deep.png") == 128).all()
 
 
-@pytest.mark.real_images
+@pytest.mark.real_images("dots")
 def test_the_presses_of_a_real_gel_with_dots_are_found(tmp_path: Path) -> None:
     """None of the 12 was found with its dots, in the perspective of the camera or out of it."""
-    folder = REAL_IMAGES / "dots"
+    folder = real("dots")
     corners = ["--corners", "33,58 208,61 185,244 56,250", "--size", "240x320"]
     assert run("view", f"{folder}/*.jpg", *corners, "--out", tmp_path / "view").exit_code == 0
     ball = ["--ball-radius-mm", "2.42", "--pixel-size-mm", "0.1", "--reference", tmp_path / "view/bg-0.png"]

@@ -27,7 +27,7 @@ from gellight.lab.report.pictures import (
 from tests.helpers.analytic_surfaces import gaussian
 from tests.helpers.command_line import invoke, refused
 from tests.helpers.linear_sensor import linear_bundle, photograph
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import of_real, real_picture
 from tests.helpers.weighed import force_files
 
 SHAPE = (120, 160)
@@ -156,10 +156,16 @@ def test_a_contact_of_colours_that_nothing_learnt_is_said(tmp_path: Path) -> Non
     assert len(findings(tmp_path / "out" / "bright.npz")) == 1
 
 
-@pytest.mark.real_images
-@pytest.mark.parametrize("name", ["gelsight_mini_ball/0001.png", "digit_ball/0002.png", "gripper_ball/0003.png"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "three_lights/press.png",
+        "ball_plate/plate.png",
+        *map(of_real, ("gelsight_mini_ball/0001.png", "digit_ball/0002.png", "gripper_ball/0003.png")),
+    ],
+)
 def test_the_bundle_of_another_sensor_is_found_out(tmp_path: Path, name: str) -> None:
-    picture = cv2.resize(cv2.imread(str(REAL_IMAGES / name)), (640, 480))
+    picture = cv2.resize(cv2.imread(str(real_picture(name))), (640, 480))
     cv2.imwrite(str(tmp_path / "real.png"), picture)
     result = run(tmp_path / "real.png", "--calibration", "synthetic", "--out", tmp_path / "out")
     assert result.exit_code == Ending.JUDGED_BAD

@@ -77,8 +77,13 @@ def test_the_deepest_presses_of_the_simulated_sensor_can_be(watched_scene: Scene
     assert not [*impossible_depth(frame, gel_thickness_mm(synthetic)), *guessed_contact(frame)]
 
 
-@pytest.mark.real_images
-@pytest.mark.parametrize("name", ["mini", "digit"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("mini", marks=pytest.mark.real_images("gelsight_mini_ball")),
+        pytest.param("digit", marks=pytest.mark.real_images("digit_ball")),
+    ],
+)
 def test_every_press_of_a_real_sensor_can_be_by_its_own_bundle(tmp_path: Path, name: str) -> None:
     known = SETS[name](tmp_path)
     short = Learning(options=TrainingOptions(recipe="fast", epochs=4))
