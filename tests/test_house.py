@@ -25,7 +25,7 @@ RUN = (
 """the half that a robot needs, lowest first: a room imports from itself and from rooms before it"""
 LAB = tuple(
     f"lab.{name}"
-    for name in ("report", "doctor", "emulator", "simulator", "training", "optics", "design", "calibration")
+    for name in ("report", "doctor", "emulator", "simulator", "training", "optics", "design", "boards", "calibration")
 )
 """the half that makes, calibrates, simulates and designs: it uses the running half up to `opening`"""
 ABOVE = ("cli",)
@@ -47,7 +47,8 @@ DOORS = {
         "lab/simulator/one_press.py", "lab/simulator/read_noise.py", "lab/simulator/scene.py",
         "lab/simulator/selfcheck.py", "lab/simulator/selfcheck_bounds.py", "lab/simulator/simulated_camera.py",
         "lab/simulator/stage.py", "lab/simulator/dataset.py", "lab/simulator/demo_presses.py",
-        "lab/training/synthetic.py", "lab/design/", "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py",
+        "lab/training/synthetic.py", "lab/boards/", "lab/design/", "cli/optimize.py", "cli/simulate.py",
+        "cli/sweeping.py",
     ),
     "cv2": (
         "bundle/bundle.py", "lab/optics/lens/pins.py", "dashboard/view.py",

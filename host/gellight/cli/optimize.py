@@ -12,6 +12,9 @@ import typer
 from gellight.cli.options import AsJson, GeometryFile, with_options
 from gellight.cli.showing import show
 from gellight.cli.sweeping import Sweeping
+from gellight.lab.boards.catalogue import LAMPS
+from gellight.lab.boards.files import board_files
+from gellight.lab.boards.modules import MODULES
 from gellight.lab.design import designs, output, studies
 from gellight.lab.design.benchmark_files import write_benchmark
 from gellight.lab.design.geometry import read_geometry
@@ -146,6 +149,18 @@ def make_parts(
     """Parts of a sensor to make: LED strip, ring, housing and mould (OpenSCAD), without a study."""
     sensor = read_geometry(geometry)
     for path in output.write_all(out, {**designs.parts_of(sensor), "housing.scad": housing_scad(sensor, lens)}):
+        typer.echo(path)
+
+
+@app.command()
+def boards(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the boards here.")],
+    geometry: GeometryFile = None,
+    board: Annotated[str, typer.Option("--board", help=f"Controller on the carrier: {', '.join(MODULES)}.")] = "pico",
+    package: Annotated[str, typer.Option("--package", help=f"Package of the LEDs: {', '.join(LAMPS)}.")] = "5050",
+) -> None:
+    """Circuit boards to order: the flexible strip, and a carrier for the controller."""
+    for path in output.write_all(out, board_files(read_geometry(geometry), board, package)):
         typer.echo(path)
 
 
