@@ -84,7 +84,7 @@ $(BIN)/python:
 	@$(BIN)/pip install --quiet --upgrade pip
 
 # What the tests need beside Python: two real browsers for the page, a second compiler for the firmware, an emulator for the
-# frame path on aarch64. Root installs it; anyone else is told how. The virtual machine's kernel and tools are only
+# frame path on aarch64, KiCad for the boards (45 MB and 37 packages beside it: two minutes). Root installs it; anyone else is told how. The virtual machine's kernel and tools are only
 # unpacked, into a cache folder.
 .PHONY: tools
 tools:
@@ -95,6 +95,7 @@ tools:
 	command -v arm-none-eabi-gcc >/dev/null || missing="$$missing gcc-arm-none-eabi"; \
 	command -v gcc >/dev/null || missing="$$missing gcc"; \
 	command -v qemu-aarch64 >/dev/null || missing="$$missing qemu-user"; \
+	/usr/bin/python3 -c 'import pcbnew' 2>/dev/null || missing="$$missing kicad"; \
 	[ -z "$$missing" ] || \
 	    { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
 	      { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing >/dev/null; }; } || \

