@@ -9,6 +9,8 @@ ARGS   ?=
 # processes that share the tests: one has the virtual machine, which mostly waits, the others a core each
 JOBS   ?= 3
 
+# the emulator of the firmware that others wrote
+SECOND := tests/firmware/second_emulator
 # a real press, beside the simulated ones
 REAL   := tests/data/real/three_lights
 
@@ -83,8 +85,9 @@ $(BIN)/python:
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/pip install --quiet --upgrade pip
 
-# What the tests need beside Python: two real browsers for the page, a second compiler for the firmware, an emulator for the
-# frame path on aarch64, KiCad for the boards (45 MB and 37 packages beside it: two minutes). Root installs it; anyone else is told how. The virtual machine's kernel and tools are only
+# What the tests need beside Python: two real browsers for the page, a second compiler and a second emulator for the
+# firmware, an emulator for the frame path on aarch64, KiCad for the boards (45 MB and 37 packages beside it: two minutes).
+# Root installs it; anyone else is told how. The virtual machine's kernel and tools are only
 # unpacked, into a cache folder.
 .PHONY: tools
 tools:
@@ -96,11 +99,13 @@ tools:
 	command -v gcc >/dev/null || missing="$$missing gcc"; \
 	command -v qemu-aarch64 >/dev/null || missing="$$missing qemu-user"; \
 	/usr/bin/python3 -c 'import pcbnew' 2>/dev/null || missing="$$missing kicad"; \
+	command -v npm >/dev/null || missing="$$missing nodejs npm"; \
 	[ -z "$$missing" ] || \
 	    { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
 	      { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing >/dev/null; }; } || \
 	    { echo "The tests need: sudo apt-get install --no-install-recommends $$missing"; exit 2; }
 	@$(PYTHON) -m tests.vm.machine.packages
+	@[ -d $(SECOND)/node_modules/rp2040js ] || npm ci --prefix $(SECOND) --ignore-scripts --no-audit --no-fund --silent
 
 clean:
 	rm -rf $(VENV) build dist
