@@ -47,6 +47,7 @@ DOORS = {
         "lab/simulator/one_press.py", "lab/simulator/read_noise.py", "lab/simulator/scene.py",
         "lab/simulator/selfcheck.py", "lab/simulator/selfcheck_bounds.py", "lab/simulator/simulated_camera.py",
         "lab/simulator/stage.py", "lab/simulator/dataset.py", "lab/simulator/demo_presses.py",
+        "lab/simulator/dragging.py", "lab/simulator/printed_dots.py",
         "lab/training/synthetic.py", "lab/design/", "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py",
     ),
     "cv2": (

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gellight.base.field_docs import with_field_docs
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force, FrameMeasures, MapOnRequest
+from gellight.frames.shear import ShearTruth
 from gellight.frames.status import ExposuresStatus
 
 
@@ -39,6 +40,8 @@ class GroundTruth:
     press_depth_mm: float = 0.0
     place_mm: tuple[float, float] = (0.0, 0.0)
     """(x, y) of the object's middle from the image centre"""
+    shear: ShearTruth | None = None
+    """how the gel is moved along itself; None where it has no dots"""
 
     def __repr__(self) -> str:
         """Return size and largest depth in one line."""

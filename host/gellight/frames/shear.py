@@ -1,0 +1,32 @@
+"""What is known of the gel along its surface: where its marker dots are, how it is moved and pulled."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.field_docs import with_field_docs
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@with_field_docs
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ShearTruth:
+    """How a simulated gel is moved along its surface: what only a simulator can know."""
+
+    dots_px: Floats
+    """(N, 2) x, y of the middle of each dot in the picture, px; they may lie beyond it"""
+    dots_mm: Floats
+    """(N, 2) by which the gel under each dot has moved along itself"""
+    field_mm: NDArray[np.float32] = field(repr=False)
+    """(H, W, 2) the same of the gel that lay under each pixel when it was at rest"""
+    force_n: tuple[float, float]
+    """x and y of the force that pulls the gel"""
+    torque_nmm: float
+    """of that force about the centre of the pressure, from x towards y"""
+    sticks: Bools = field(repr=False)
+    """(H, W) where the gel is touched and does not slip, over the gel at rest"""
+    sticking_share: float
+    """of the contact; 0 where nothing touches"""
