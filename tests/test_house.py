@@ -52,7 +52,8 @@ DOORS = {
     ),
     "cv2": (
         "bundle/bundle.py", "lab/optics/lens/pins.py", "dashboard/view.py",
-        "frames/dots.py", "frames/image_files.py", "frames/pixel_grid.py", "frames/video_files.py", "frames/view.py",
+        "frames/dots.py", "frames/dot_places.py",
+        "frames/image_files.py", "frames/pixel_grid.py", "frames/video_files.py", "frames/view.py",
         "reconstruction/at_rest.py", "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
         "reconstruction/linearised.py", "reconstruction/smoothing.py",
         "series/reconstructor.py", "lab/report/pictures.py", "lab/report/video.py",

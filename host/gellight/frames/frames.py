@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gellight.base.field_docs import with_field_docs
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force, FrameMeasures, MapOnRequest
-from gellight.frames.shear import ShearTruth
+from gellight.frames.shear import DotsSeen, ShearTruth
 from gellight.frames.status import ExposuresStatus
 
 
@@ -113,6 +113,8 @@ class CameraFrame:
     """(12, 3) RGB of each LED during the exposure; None where the camera cannot know its light"""
     label: LightLabel | None = None
     """the light group of a sequence that lit it; None where no sequence runs"""
+    dots: DotsSeen | None = None
+    """the marker dots before they were filled; None for a gel without dots whose places its bundle knows"""
     truth: GroundTruth | None = None
     """what was really there; None on real cameras"""
     encoded: EncodedImage | None = None

@@ -1,6 +1,7 @@
 """What is known of the gel along its surface: where its marker dots are, how it is moved and pulled."""
 
 from dataclasses import dataclass, field
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,41 @@ from gellight.base.field_docs import with_field_docs
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+
+
+class Unseen(IntEnum):
+    """Why a marker dot is not seen."""
+
+    SEEN = 0
+    """it is seen"""
+    MISSING = 1
+    """nothing is dark where it should be: hidden, or come off"""
+    BEYOND_VIEW = 2
+    """it has moved out of the picture"""
+    MERGED = 3
+    """it cannot be told from the dot beside it"""
+    DARK = 4
+    """the gel is not lit"""
+
+
+@with_field_docs
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DotsSeen:
+    """The marker dots of one picture, each in the row of its name."""
+
+    rest_px: Floats
+    """(N, 2) x, y of the dots on the untouched gel"""
+    places_px: Floats
+    """(N, 2) x, y of the dots now; a guess from their neighbours where they are not seen"""
+    reasons: NDArray[np.uint8]
+    """(N,) 0 for a dot that is seen, else why it is not: `Unseen`"""
+    problem: str = ""
+    """why the dots tell nothing of the gel, as on another gel; empty where they do"""
+
+    @property
+    def seen(self) -> Bools:
+        """(N,) which dots are seen."""
+        return np.asarray(self.reasons == Unseen.SEEN)
 
 
 @with_field_docs
