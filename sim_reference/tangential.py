@@ -49,7 +49,10 @@ def compliances(k: Array, thickness_mm: float, poisson_ratio: float) -> tuple[Ar
 
 @dataclass(frozen=True)
 class Layer:
-    """A bonded layer on a periodic grid of (rows, columns) points; keep two thicknesses free around what touches."""
+    """A bonded layer on a periodic grid of (rows, columns) points.
+
+    Keep four thicknesses free around what touches: nearly incompressible, it carries shear that far.
+    """
 
     shape: tuple[int, int]
     spacing_mm: float

@@ -101,6 +101,11 @@ class Camera(Protocol):
         return {}
 
     @property
+    def picture_files(self) -> Mapping[str, bytes]:
+        """What a bundle has to hold so that its pictures are prepared, by file name: the dots of a simulated gel."""
+        return {}
+
+    @property
     def timing(self) -> CameraTiming | None:
         """When its rows are exposed, for labels of light; None where it is not known."""
         return None

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gellight.base.field_docs import with_field_docs
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force, FrameMeasures, MapOnRequest
-from gellight.frames.shear import DotsSeen, ShearTruth
+from gellight.frames.shear import DotsSeen, Shear, ShearTruth
 from gellight.frames.status import ExposuresStatus
 
 
@@ -290,6 +290,12 @@ class TactileFrame:
     def force(self) -> Force | None:
         """The normal force, N, and the pressure map; None where the sensor's bundle has no constant for it."""
         return self.measures.force(self.depth_mm) if self.measures else None
+
+    @cached_property
+    def shear(self) -> Shear | None:
+        """How the gel is moved and pulled along itself, by its marker dots; None without dots, or without depth."""
+        dots = self.camera_frame.dots
+        return self.measures.shear(self.depth_mm, dots, self.force) if self.measures and dots else None
 
     @cached_property
     def confidence(self) -> Confidence | None:

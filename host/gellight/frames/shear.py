@@ -1,7 +1,9 @@
 """What is known of the gel along its surface: where its marker dots are, how it is moved and pulled."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +47,40 @@ class DotsSeen:
     def seen(self) -> Bools:
         """(N,) which dots are seen."""
         return np.asarray(self.reasons == Unseen.SEEN)
+
+
+FEW_DOTS = "few_dots"
+"""flag: hardly a dot is in the contact or beside it, so the force is mostly a guess; its error says how much of one"""
+PERSPECTIVE = "perspective"
+"""flag: the bundle does not say how high the camera is, so what perspective moves is still in the displacement"""
+
+
+@with_field_docs
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shear:
+    """How the gel is moved and pulled along its surface, by its marker dots."""
+
+    dots: DotsSeen
+    field_mm: Floats
+    """(N, 2) x, y by which the gel under each dot has moved along itself; NaN where a dot is not seen"""
+    force_n: tuple[float, float] | None = None
+    """x, y of the force that pulls the gel along itself; None where it is unknown"""
+    force_error_n: tuple[float, float] | None = None
+    """one standard deviation of each"""
+    torque_nmm: float | None = None
+    """about the centre of the pressure, from x towards y"""
+    torque_error_nmm: float | None = None
+    flags: tuple[str, ...] = ()
+    """`few_dots`, `perspective`, and `beyond_view` as of the normal force"""
+    unknown: str = ""
+    """why the force is unknown; empty where it is known"""
+    traction_of: Callable[[], NDArray[np.float32]] | None = field(default=None, repr=False)
+    """computes the traction map; None where nothing pulls, or it is unknown"""
+
+    @cached_property
+    def traction_mpa(self) -> NDArray[np.float32] | None:
+        """(H, W, 2) force along the gel on its area, MPa (N / mm2), constant over cells; None where it is unknown."""
+        return self.traction_of() if self.traction_of else None
 
 
 @with_field_docs

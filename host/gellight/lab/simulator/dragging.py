@@ -21,8 +21,8 @@ Motion = tuple[float, float, float]
 """x, y mm from where the object was pressed, and how far it is turned, rad, from x towards y"""
 COARSER = 2
 """points of the press are put together to one, as long a side"""
-MARGIN = 2.0
-"""gel thicknesses around the contact"""
+MARGIN = 4.0
+"""gel thicknesses around the contact: a layer that hardly changes its volume carries shear that far"""
 TOLERANCE = 1e-4
 KEPT = 64
 

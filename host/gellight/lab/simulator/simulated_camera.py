@@ -30,7 +30,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from gellight.base.allowed import query_of
 from gellight.base.errors import BoardError, CameraError, ConfigError, InputError
 from gellight.frames.camera import Camera
+from gellight.frames.dots import find_dots
 from gellight.frames.frames import CameraFrame, GroundTruth
+from gellight.frames.picture import PictureSteps
 from gellight.frames.timing import CameraTiming
 from gellight.lab.emulator.child import SimulatedBoard
 from gellight.lab.simulator.gel_models import GelKind, gel_model
@@ -46,7 +48,7 @@ from gellight.lab.simulator.stage import Stage
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
 from gellight.ring.wire import MOST_LEDS
-from sim_reference.camera import CameraResponse
+from sim_reference.camera import WHITE, CameraResponse
 from sim_reference.geometry import SensorGeometry
 
 logger = logging.getLogger(__name__)
@@ -101,6 +103,15 @@ class SimulatedCamera(Camera):
     def bundle_files(self) -> Mapping[str, bytes]:
         """The force of its gel."""
         return known_force(self._scene.geometry)
+
+    @property
+    def picture_files(self) -> Mapping[str, bytes]:
+        """Where its marker dots are; nothing where it has none."""
+        if self._scene.printed is None:
+            return {}
+        untouched = np.clip(self._scene.show(None)[0], 0, WHITE)
+        steps = PictureSteps.of(self._scene.geometry.image_shape, None, find_dots(untouched))
+        return steps.files() if steps else {}
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> SelfCheck:
         """Return the judge of what is reconstructed from these frames: the simulator that made them."""
