@@ -21,6 +21,7 @@ from gellight.base.field_docs import with_field_docs
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force, FrameMeasures, MapOnRequest
 from gellight.frames.normals import normals
+from gellight.frames.shear import DotsSeen, Shear, ShearTruth
 from gellight.frames.status import ExposuresStatus
 
 
@@ -40,6 +41,8 @@ class GroundTruth:
     press_depth_mm: float = 0.0
     place_mm: tuple[float, float] = (0.0, 0.0)
     """(x, y) of the object's middle from the image centre"""
+    shear: ShearTruth | None = None
+    """how the gel is moved along itself; None where it has no dots"""
 
     def __repr__(self) -> str:
         """Return size and largest depth in one line."""
@@ -111,6 +114,8 @@ class CameraFrame:
     """(12, 3) RGB of each LED during the exposure; None where the camera cannot know its light"""
     label: LightLabel | None = None
     """the light group of a sequence that lit it; None where no sequence runs"""
+    dots: DotsSeen | None = None
+    """the marker dots before they were filled; None for a gel without dots whose places its bundle knows"""
     truth: GroundTruth | None = None
     """what was really there; None on real cameras"""
     encoded: EncodedImage | None = None
@@ -289,6 +294,12 @@ class TactileFrame:
     def force(self) -> Force | None:
         """The normal force, N, and the pressure map; None where the sensor's bundle has no constant for it."""
         return self.measures.force(self.depth_mm) if self.measures else None
+
+    @cached_property
+    def shear(self) -> Shear | None:
+        """How the gel is moved and pulled along itself, by its marker dots; None without dots, or without depth."""
+        dots = self.camera_frame.dots
+        return self.measures.shear(self.depth_mm, dots, self.force) if self.measures and dots else None
 
     @cached_property
     def confidence(self) -> Confidence | None:

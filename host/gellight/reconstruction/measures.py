@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force
+from gellight.frames.shear import DotsSeen, Shear
 from gellight.reconstruction.confidence import Learnt, confidence_of
 from gellight.reconstruction.error_bounds import read_errors
 from gellight.reconstruction.force_file import read_force
-from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
+from gellight.reconstruction.lens.lens_file import has_lens, lens_of, read_record, read_undistortion
+from gellight.reconstruction.lens.model import middle_px
+from gellight.reconstruction.shear.felt import Gel, felt_shear
 
 PRESSES = "presses.npz"
 
@@ -27,11 +30,28 @@ class BundleMeasures:
         record = read_force(bundle)
         self._bundle, self.from_network = bundle, from_network
         self._scale = record.scale if record else None
+        self._side = record.side if record else None
         self._errors = read_errors(bundle) if from_network else None
 
     def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
         """Return the force that makes a (H, W) depth map; None where the bundle has no `force.json`."""
         return self._scale.force(depth_mm, self._bundle.pixel_size_mm) if self._scale else None
+
+    def shear(self, depth_mm: NDArray[np.float32], dots: DotsSeen, force: Force | None) -> Shear:
+        """Return how the dots say that the gel is moved and pulled along itself."""
+        return felt_shear(dots, depth_mm, force, self._gel, self._side)
+
+    @cached_property
+    def _gel(self) -> Gel:
+        """How the gel is seen."""
+        bundle, record = self._bundle, read_force(self._bundle)
+        lens = lens_of(read_record(bundle)) if has_lens(bundle) else None
+        middle, size = middle_px(bundle.image_shape), np.array(bundle.pixel_size_mm)
+        return Gel(
+            pixel_size_mm=bundle.pixel_size_mm,
+            camera_height_mm=record.camera_height_mm if record else None,
+            to_gel=lens.to_gel if lens else lambda places: np.asarray((places - middle) * size),
+        )
 
     def confidence(self, image: NDArray[np.uint8], gradient_map: NDArray[np.float32]) -> Confidence:
         """Judge the pixels of a frame; with a lens, the pixels of the undistorted gel."""
