@@ -85,11 +85,13 @@ class Pictures:
     """Pictures of surfaces that are given on the layer's grid."""
 
     def __init__(self, geometry: SensorGeometry, grid_mm: NDArray[np.float64], *, cast_shadows: bool = True) -> None:
-        """Prepare for depth maps on a square grid with coordinates `grid_mm` (n,), which is to cover the view."""
+        """Prepare for depth maps on a square grid with coordinates `grid_mm` (n,); beyond it the gel is flat."""
         x, y = pixel_grid(geometry)
-        spline = make_interp_spline(grid_mm, np.eye(len(grid_mm)), k=3)
+        spline = make_interp_spline(grid_mm, np.eye(len(grid_mm)), k=3, bc_type="natural")
         self._across, self._d_across, self._down, self._d_down = (
-            np.asarray(spline(at, order), np.float32) for at in (x[0], y[:, 0]) for order in (0, 1)
+            np.asarray(spline(at, order) * (np.abs(at) <= grid_mm[-1])[:, None], np.float32)
+            for at in (x[0], y[:, 0])
+            for order in (0, 1)
         )
         self.tables = Tables(geometry)
         self._shade = Shade.of(geometry) if cast_shadows else None

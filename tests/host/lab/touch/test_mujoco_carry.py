@@ -10,7 +10,7 @@ from gellight.lab.touch.mujoco_carry import Carrying, Held
 from gellight.lab.touch.mujoco_gels import MujocoGels
 from tests.helpers.places import CHECKOUT
 
-GRIPPER = (CHECKOUT / "docs/examples/gripper.xml").read_text()
+GRIPPER = (CHECKOUT / "docs/examples/simulators/gripper.xml").read_text()
 SHAPES = {"ball": 'type="sphere" size=".008"', "box": 'type="box" size=".008 .006 .006"',
           "cylinder": 'type="cylinder" size=".008 .006"'}  # fmt: skip
 UP, LEFT, OBJECT_Z = 0, 1, 5

@@ -127,5 +127,5 @@ def test_what_cannot_be_is_said(sites: list[str], touching: list[str], says: str
 def test_a_step_through_the_gel_is_said() -> None:
     model, data = built(BALL.format(""), "0 0 -.002")
     gel = MujocoGels(model, ["gel"], touching=["ball"], sensor=small)["gel"]
-    with pytest.raises(ValueError, match="lies 5.98 mm deep in a gel that is simulated to 3 mm: make the step"):
+    with pytest.raises(ValueError, match=r"lies 5\.98 mm deep in a gel that is simulated to 3 mm: make the step"):
         gel.feel(data)
