@@ -26,7 +26,8 @@ RUN = (
 LAB = tuple(
     f"lab.{name}"
     for name in (
-        "report", "doctor", "emulator", "simulator", "training", "optics", "design", "boards", "housing", "calibration",
+        "report", "doctor", "emulator", "simulator", "touch", "training", "optics", "design", "boards", "housing",
+        "calibration",
     )
 )  # fmt: skip
 """the half that makes, calibrates, simulates and designs: it uses the running half up to `opening`"""
@@ -49,8 +50,8 @@ DOORS = {
         "lab/simulator/one_press.py", "lab/simulator/read_noise.py", "lab/simulator/scene.py",
         "lab/simulator/selfcheck.py", "lab/simulator/selfcheck_bounds.py", "lab/simulator/simulated_camera.py",
         "lab/simulator/stage.py", "lab/simulator/dataset.py", "lab/simulator/demo_presses.py",
-        "lab/simulator/dragging.py", "lab/simulator/printed_dots.py", "lab/training/synthetic.py", "lab/boards/",
-        "lab/design/", "lab/housing/", "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py",
+        "lab/simulator/dragging.py", "lab/simulator/printed_dots.py", "lab/touch/", "lab/training/synthetic.py",
+        "lab/boards/", "lab/design/", "lab/housing/", "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py",
     ),
     "cv2": (
         "bundle/bundle.py", "lab/optics/lens/pins.py", "dashboard/view.py",
@@ -60,7 +61,7 @@ DOORS = {
         "reconstruction/linearised.py", "reconstruction/smoothing.py",
         "series/reconstructor.py", "lab/report/pictures.py", "lab/report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "lab/simulator/usb/encoding.py",
-        "lab/training/labelling/plate.py", "recording/frame_record.py",
+        "lab/training/labelling/plate.py", "lab/touch/shade.py", "recording/frame_record.py",
     ),
     "onnxruntime": ("reconstruction/network_session.py",),
     "serial": ("ring/transport.py", "ring/firmware/flash.py"),
@@ -75,6 +76,7 @@ DOORS = {
     "ezdxf": ("lab/design/",),
     "OCP": ("lab/housing/solids.py",),
     "rp2040py": ("lab/emulator/",),
+    "mujoco": ("lab/touch/",),
 }  # fmt: skip
 """the only files, or folders, of the host that import a package"""
 OPEN_CALLS = {
