@@ -230,7 +230,7 @@ PASSING: dict[str, Callable[[SensorSession, Unplugged], None]] = {
 NO_LIGHT = "no frame of each light within"
 
 
-class Running:
+class OpenRow:
     """The session of one row, opened again where it ended as documented: the machine was too busy to tell its light."""
 
     def __init__(self, row: str, bundles: dict[str, Bundle]) -> None:
@@ -261,7 +261,7 @@ class Running:
         self._kept.close()
 
 
-def cell_of(running: Running, what: str, bundles: dict[str, Bundle], wrong: list[str]) -> str:
+def cell_of(running: OpenRow, what: str, bundles: dict[str, Bundle], wrong: list[str]) -> str:
     """What comes of putting it in; what must not be is added to `wrong`."""
     try:
         return f"ok {put_in(running.session, running.camera, what, bundles)}"
@@ -280,7 +280,7 @@ def cell_of(running: Running, what: str, bundles: dict[str, Bundle], wrong: list
         return "WRONG"
 
 
-def goes_on(running: Running) -> None:
+def goes_on(running: OpenRow) -> None:
     """What ran before feels what is pressed."""
     try:
         felt(running.session)
@@ -296,7 +296,7 @@ def test_what_runs_takes_what_is_put_in_or_refuses_it_and_feels_on(
 ) -> None:
     cells = table.setdefault(row, {})
     wrong: list[str] = []
-    running = Running(row, bundles)
+    running = OpenRow(row, bundles)
     with closing(running):
         goes_on(running)
         waited_for = ROWS[row][2] == "hold" or os.environ.get("MATRIX") == "whole"
