@@ -105,9 +105,11 @@ def test_group_lights_only_the_leds_that_are_named(board: BenchBoard) -> None:
     ("arguments", "said"),
     [
         (("set", "ff"), "is no colour"),
+        (("set", "red"), "is no colour"),
         (("set", "101010", "--seconds", "-1"), "--seconds -1 is not possible"),
         (("set", "101010", "--seconds", "nan"), "--seconds nan is not possible"),
         (("group", "12"), "names no LEDs"),
+        (("group", "x"), "names no LEDs"),
         (("sequence", "--dwell-ms", "0.5"), "give 2 to 60000 ms"),
         (("sequence", "--dwell-ms", "nan"), "--dwell-ms nan is not possible"),
         (("set", "ffffff", "--seconds", "0.01"), "OVER_CURRENT"),
