@@ -19,7 +19,17 @@ from gellight.lab.housing.parts import assembly, stand_ins
 from gellight.lab.housing.solids import box, cut, stl_bytes
 from sim_reference.geometry import SensorGeometry
 
-LIFT = {"gel pad": -22, "acrylic": -11, "gel": 0, "ring": 16, "camera": 36, "lens": 52, "board": 52, "plug": 36, "lid": 76}
+LIFT = {
+    "gel pad": -22,
+    "acrylic": -11,
+    "gel": 0,
+    "ring": 16,
+    "camera": 36,
+    "lens": 52,
+    "board": 52,
+    "plug": 36,
+    "lid": 76,
+}
 """mm by which each part is lifted out of its place"""
 COLOURS = {"gel pad": (170, 205, 235), "acrylic": (190, 220, 245), "lens": (60, 60, 60), "board": (70, 140, 90)}
 PRINTED = (150, 150, 158)
