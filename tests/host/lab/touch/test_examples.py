@@ -14,7 +14,8 @@ PAGE = (CHECKOUT / "docs/simulators.md").read_text()
 
 
 def test_the_program_of_the_page_draws_a_picture_of_touch() -> None:
-    (block,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    block, environment = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    assert run([sys.executable, "-c", environment], check=True).stdout.startswith("(32, 32) ")
     assert block.strip() in (EXAMPLES / "look.py").read_text()
     assert run([sys.executable, "-c", block], check=True).stdout == "0.49 N, 0.59 mm deep, picture (480, 640, 3)\n"
 

@@ -5,12 +5,11 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.touch import TouchSensor
+from gellight.lab.touch import GRIPPER, TouchSensor
 from gellight.lab.touch.mujoco_carry import Carrying, Held
 from gellight.lab.touch.mujoco_gels import MujocoGels
-from tests.helpers.places import CHECKOUT
 
-GRIPPER = (CHECKOUT / "docs/examples/simulators/gripper.xml").read_text()
+MODEL = GRIPPER.read_text()
 SHAPES = {"ball": 'type="sphere" size=".008"', "box": 'type="box" size=".008 .006 .006"',
           "cylinder": 'type="cylinder" size=".008 .006"'}  # fmt: skip
 UP, LEFT, OBJECT_Z = 0, 1, 5
@@ -18,7 +17,7 @@ UP, LEFT, OBJECT_Z = 0, 1, 5
 
 def gripper(shape: str, mass_kg: float) -> mujoco.MjModel:
     geom = f'{SHAPES[shape]} mass="{mass_kg}"'
-    return mujoco.MjModel.from_xml_string(GRIPPER.replace('type="sphere" size=".008" mass=".02"', geom))
+    return mujoco.MjModel.from_xml_string(MODEL.replace('type="sphere" size=".008" mass=".02"', geom))
 
 
 def carrying(model: mujoco.MjModel, friction: float = 0.8, sites: tuple[str, ...] = ("left", "right")) -> Carrying:
@@ -100,7 +99,7 @@ def test_a_body_that_is_dropped_gains_no_energy(seed: int) -> None:
 
 
 def test_an_integrator_that_cannot_be_halved_is_refused() -> None:
-    model = mujoco.MjModel.from_xml_string(GRIPPER.replace('"implicitfast"', '"RK4"'))
+    model = mujoco.MjModel.from_xml_string(MODEL.replace('"implicitfast"', '"RK4"'))
     with pytest.raises(InputError, match='gels cannot carry under integrator="RK4": use "implicitfast"'):
         carrying(model)
 
