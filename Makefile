@@ -17,7 +17,7 @@ REAL   := tests/data/real/three_lights
 # Tests start hundreds of programs and a machine that emulates its processor: nothing is compiled at each start.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test check lint types pytest bench docs dist clean
+.PHONY: demo test check lint types pytest bench boards housing docs dist clean
 
 demo: $(VENV)/.host
 	@$(BIN)/gellight demo $(ARGS)
@@ -43,6 +43,12 @@ bench: $(VENV)/.dev
 docs: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
+# What is ordered and printed for a sensor, in build/boards and build/housing; ARGS: options of the verb.
+boards: $(VENV)/.host
+housing: $(VENV)/.parts
+boards housing:
+	$(BIN)/gellight optimize $@ --out build/$@ $(ARGS)
+
 # What a package index takes, in dist/.
 dist: $(VENV)/.dev
 	rm -rf dist
@@ -59,11 +65,15 @@ define install
 	    $(BIN)/pip install --quiet $(1); ended=$$?; kill $$beat; exit $$ended; fi
 endef
 
-# A stamp says what is installed: `host` is what a user runs, `docs` adds what makes the site, `dev` PyTorch
-# and the test tools.
+# A stamp says what is installed: `host` is what a user runs, `parts` adds the CAD kernel, `docs` what makes the site,
+# `dev` PyTorch and the test tools.
 $(VENV)/.host: pyproject.toml | $(BIN)/python
 	@echo "Installing GelLight and 41 packages that it needs into $(VENV): 600 MB, one to three minutes, once"
 	$(call install,--editable .,44)
+	@touch $@
+
+$(VENV)/.parts: pyproject.toml | $(VENV)/.host
+	$(call install,--editable ".[parts]",48)
 	@touch $@
 
 $(VENV)/.docs: pyproject.toml | $(VENV)/.host

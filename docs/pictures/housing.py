@@ -20,16 +20,8 @@ from gellight.lab.housing.solids import box, cut, stl_bytes
 from sim_reference.geometry import SensorGeometry
 
 LIFT = {
-    "gel pad": -22,
-    "acrylic": -11,
-    "gel": 0,
-    "ring": 16,
-    "camera": 36,
-    "lens": 52,
-    "board": 52,
-    "plug": 36,
-    "lid": 76,
-}
+    "gel pad": -22, "acrylic": -11, "gel": 0, "ring": 16, "camera": 36, "lens": 52, "board": 52, "plug": 36, "lid": 76,
+}  # fmt: skip
 """mm by which each part is lifted out of its place"""
 COLOURS = {"gel pad": (170, 205, 235), "acrylic": (190, 220, 245), "lens": (60, 60, 60), "board": (70, 140, 90)}
 PRINTED = (150, 150, 158)
@@ -90,7 +82,7 @@ def main() -> None:
         draw(picture, depth, part, COLOURS.get(name, PRINTED))
     for name, part in parts.items():
         row = int(looked_at(part).reshape(-1, 3)[:, 1].mean())
-        row += {"lens": 14, "plug": 34}.get(name, 0)
+        row += {"lens": 14, "plug": -14, "camera": 60}.get(name, 0)
         cv2.putText(picture, name, (SIZE[0] - 108, row), cv2.FONT_HERSHEY_SIMPLEX, 0.62, (40, 40, 40), 1, cv2.LINE_AA)
     path = Path(__file__).with_suffix(".webp")
     cv2.imwrite(str(path), picture[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, 80])

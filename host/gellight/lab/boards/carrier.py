@@ -6,7 +6,6 @@ and 30 us per V), so that 470 uF take 380 mA.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 from math import pi
 
 from gellight.lab.boards import catalogue
@@ -26,7 +25,6 @@ from gellight.lab.boards.routing import Router
 from gellight.lab.boards.strip import TAIL_NETS
 from gellight.ring.boards import Board as Preset
 from gellight.ring.boards import find_board
-from gellight.ring.protocol import NO_PIN, Configuration
 
 RULES = Rules(clearance_mm=0.2, edge_mm=0.3, thickness_mm=1.6)
 FUSED, LEDS = "5V_FUSED", "5V"
@@ -49,14 +47,6 @@ def pin_nets(preset: Preset) -> dict[int, str]:
         STATUS_PIN: "STATUS",
         WARM_PIN: "NTC",
     }
-
-
-def configured(configuration: Configuration, preset: Preset, led_count: int, channel_ua: int) -> Configuration:
-    """Return what the board has to remember to drive this carrier, but for the trigger output, which stays off."""
-    return replace(
-        configuration, data_pin=preset.data_pin, trigger_pin=preset.trigger_pin, status_pin=STATUS_PIN,
-        switch_pin=SWITCH_PIN, output_pin=NO_PIN, led_count=led_count, channel_ua=channel_ua,
-    )  # fmt: skip
 
 
 def carrier_board(name: str) -> Board:

@@ -25,6 +25,24 @@ PLUG_XH = Item("trigger connector, 4 pins", "JST", "B4B-XH-A", mounted=False)
 TAIL = Item("tail of the strip", "", "", mounted=False)
 
 
+OTHERS = (
+    (Item("USB camera, board of 32 x 32 mm, M12 lens", "innomaker", "U20CAM-1080P-S1"), 1, 1.0),
+    (Item("M12 lens, 50 degrees horizontally on that camera", "any", ""), 1, 1.0),
+    (Item("USB hub with a power supply of its own, 4 ports, 2 A", "any", ""), 1, 1.0),
+    (Item("USB cable for the controller", "any", ""), 1, 1.0),
+    (Item("disc of clear cast acrylic, 50 x 3 mm, film on both faces", "any", ""), 1, 1.0),
+    (Item("clear silicone XP-565, g", "Silicones, Inc.", "XP-565"), 30, 15.0),
+    (Item("silicone ink, grey, with activator and diluent, g", "Raw Material Suppliers", "Print-On"), 10, 3.0),
+    (Item("release agent, spray can", "Mann", "Ease Release 200"), 1, 0.1),
+    (Item("black ASA filament, g", "any", ""), 100, 80.0),
+    (Item("cable gland M12 x 1.5", "any", ""), 1, 1.0),
+    (Item("self-tapping screw 2 x 6 mm", "any", ""), 4, 4.0),
+    (Item("pin header 2.54 mm, 20 pins", "any", ""), 2, 2.0),
+    (Item("bearing ball of 4 mm radius", "any", ""), 1, 0.1),
+)
+"""what a sensor needs besides the boards' parts: how much for one, and for each of many"""
+
+
 @dataclass(frozen=True)
 class Lamp:
     """An LED that the strip may carry."""

@@ -10,7 +10,7 @@ from gellight.lab.boards.modules import STATUS_PIN, SWITCH_PIN
 from gellight.lab.boards.picture import wiring_svg
 from gellight.lab.boards.schematic import schematic_file
 from gellight.lab.boards.strip import strip_board
-from gellight.lab.boards.tables import bill_of_materials, placement
+from gellight.lab.boards.tables import bill_of_materials, placement, shopping_list
 from sim_reference.geometry import SensorGeometry
 
 Files = dict[str, bytes | str]
@@ -22,6 +22,7 @@ def board_files(geometry: SensorGeometry, controller: str, package: str) -> File
     return {
         **_files(strip),
         **_files(carrier),
+        "shopping.csv": shopping_list([strip, carrier]),
         "wiring.svg": wiring_svg(strip, carrier),
         "order.txt": _order(geometry, controller, package, strip),
     }

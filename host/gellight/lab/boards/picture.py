@@ -54,7 +54,7 @@ def _drawn(board: Board) -> Iterator[str]:
             f'transform="translate({_at(pad.at)}) rotate({-degrees(pad.turn_rad):.2f})"/>'
         )
     for part in board.parts:
-        if part.item.number:
+        if part.item.number and min(part.footprint.room) > 1.4:
             yield _text(_middle(part), part.reference, "middle")
 
 
@@ -70,9 +70,9 @@ def _labels(carrier: Board) -> Iterator[str]:
 
 def _label(part: Part, at: Point, net: str) -> str:
     if part.reference == "J2":
-        return _text((at[0], at[1] - 3.2), net.removeprefix("TRIGGER_") if "_" in net else net, "middle")
+        return _text((at[0], at[1] - 2.6), net.removeprefix("TRIGGER_"), "middle", 1.1)
     if part.reference == "J1":
-        return _text((at[0] - 1.2, at[1] - 0.6), net, "end")
+        return _text((at[0] - 1.2, at[1] - 0.35), net, "end", 1.0)
     side = 1 if at[0] < part.at[0] else -1
     return _text((at[0] + side * 1.4, at[1] - 0.6), net, "start" if side > 0 else "end")
 

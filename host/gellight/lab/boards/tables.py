@@ -2,9 +2,11 @@
 
 import csv
 import io
-from collections.abc import Iterable
-from math import degrees
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from math import ceil, degrees
 
+from gellight.lab.boards.catalogue import OTHERS
 from gellight.lab.boards.model import Board, Part
 
 BOM_COLUMNS = ("Comment", "Designator", "Footprint", "Quantity", "Manufacturer", "Manufacturer Part Number", "Mounted")
@@ -34,6 +36,15 @@ def placement(board: Board) -> str:
         for part in board.parts if part.item.number and part.item.mounted
     ]  # fmt: skip
     return _csv(PLACEMENT_COLUMNS, rows)
+
+
+def shopping_list(boards: Sequence[Board]) -> str:
+    """Return all that is bought for one sensor and for ten, as CSV: what the boards carry, then the rest."""
+    counted = Counter(part.item for board in boards for part in board.parts if part.item.number)
+    wanted = [(item, count, 10.0 * count) for item, count in counted.items()]
+    wanted += [(item, count, max(count, 10 * each)) for item, count, each in OTHERS]
+    rows = [(item.value, item.maker, item.number, one, ceil(ten)) for item, one, ten in wanted]
+    return _csv(("What", "Maker", "Order number", "For one", "For ten"), rows)
 
 
 def _csv(columns: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:

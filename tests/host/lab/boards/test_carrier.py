@@ -3,7 +3,7 @@
 KiCad 6 checks circuits in its window alone, so the electrical rules are checked here: over the netlist, pin by pin.
 """
 
-from dataclasses import replace
+import re
 from math import cos, pi, radians, sin
 
 import numpy as np
@@ -11,13 +11,14 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.lab.boards.carrier import pin_nets
+from gellight.lab.boards.files import board_files
 from gellight.lab.boards.model import Board
 from gellight.lab.boards.modules import MODULES, STATUS_PIN, SWITCH_PIN
 from gellight.lab.boards.strip import strip_board
-from gellight.ring.boards import BOARDS, check_wiring, wired_as
-from gellight.ring.protocol import NO_PIN, Configuration
+from gellight.ring.boards import BOARDS
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.boards import carrier_of
+from tests.helpers.command_line import invoke
 
 # From the makers' drawings: number of the pin on the module, down the left row and up the right one, by GPIO.
 PINS = {
@@ -63,15 +64,16 @@ def test_the_pins_are_those_of_the_firmware(name: str, board: Board) -> None:
     assert found == expected
 
 
-def test_the_firmware_takes_the_configuration_that_order_txt_names(name: str) -> None:
-    wired = replace(wired_as(Configuration(**DEFAULTS), BOARDS[name], output=True), switch_pin=SWITCH_PIN)
-    check_wiring(replace(wired, status_pin=STATUS_PIN))
-
-
-DEFAULTS = {
-    "host_timeout_ms": 1000, "limit_ma": 450, "quiescent_ua": 1000, "channel_ua": 20000, "latch_us": 300, "policy": 0,
-    "external_supply": 0, "name": bytes(16), "output_pin": NO_PIN,
-}  # fmt: skip
+def test_the_firmware_takes_the_configuration_that_order_txt_names(name: str, board: Board) -> None:
+    order = str(board_files(SensorGeometry(), name, "2020")["order.txt"])
+    done = invoke(*order.splitlines()[-1].split()[1:], "--url", "sim://")
+    assert done.exit_code == 0, done.output
+    said = re.search(
+        r"saved: 12 LEDs .* at GPIO (\d+), trigger at GPIO (\d+), .* LED at GPIO (\d+), .* at GPIO (\d+)", done.output
+    )
+    assert said is not None, done.output
+    for gpio, net in zip(map(int, said.groups()), ("DATA", "TRIGGER", "STATUS", "SWITCH"), strict=True):
+        assert ("U1", str(PINS[name][gpio])) in board.nets()[net]
 
 
 def test_the_holes_take_the_module(name: str, board: Board) -> None:

@@ -14,9 +14,11 @@ from gerbonara.graphic_objects import Flash
 
 from gellight.lab.boards.gerbers import gerber_archive
 from gellight.lab.boards.strip import strip_board
-from gellight.lab.boards.tables import bill_of_materials, placement
+from gellight.lab.boards.tables import bill_of_materials, placement, shopping_list
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.boards import carrier_of, objects, ring_of, rolled_up, spot, table
+
+ROOT = Path(__file__).parents[4]
 
 
 def test_the_gerbers_have_the_leds_where_the_table_has_them(made: Path) -> None:
@@ -56,6 +58,23 @@ def test_bill_and_placement_agree() -> None:
         at = {part.reference: part for part in board.parts}
         assert all(float(row["Mid X"]) == pytest.approx(at[row["Designator"]].at[0], abs=1e-4) for row in placed)
         assert {row["Comment"] for row in bill} >= {row["Val"] for row in placed}
+
+
+def test_the_picture_of_the_documents_is_current(made: Path) -> None:
+    """Renewed by: gellight optimize boards --out DIR; cp DIR/wiring.svg docs/pictures/."""
+    assert (ROOT / "docs/pictures/wiring.svg").read_text() == (made / "wiring.svg").read_text()
+
+
+def test_the_shopping_list_has_all_parts_of_both_boards_for_one_and_for_ten() -> None:
+    boards = [strip_board(SensorGeometry()), carrier_of("pico")]
+    rows = {row["Order number"]: row for row in csv.DictReader(io.StringIO(shopping_list(boards)))}
+    for board in boards:
+        for part in board.parts:
+            assert not part.item.number or part.item.number in rows
+    capacitors = rows["CL10B104KB8NNNC"]
+    assert (capacitors["For one"], capacitors["For ten"]) == ("14", "140"), "one a LED and two on the carrier"
+    assert (rows["Ease Release 200"]["For one"], rows["Ease Release 200"]["For ten"]) == ("1", "1")
+    assert rows["XP-565"]["For ten"] == "150"
 
 
 def within(node: Any, name: str) -> list[Any]:

@@ -13,11 +13,12 @@ import trimesh
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.lab.boards.strip import TAIL_WIDTH_MM
+from gellight.lab.boards.strip import TAIL_WIDTH_MM, strip_board
 from gellight.lab.housing.measures import CLEARANCE_MM, FLEX_MM, housing
 from gellight.lab.housing.parts import assembly, housing_files, stand_ins
 from gellight.lab.housing.solids import box, shared_mm3, stl_bytes, turned_solid, volume_mm3
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions
+from tests.helpers.boards import rolled_up
 from tests.helpers.children import gellight
 
 Array = NDArray[np.float64]
@@ -92,6 +93,19 @@ def test_nothing_collides(sensor: tuple[SensorGeometry, str, dict[str, Any]]) ->
     pairs = [*combinations(there, 2), *((name, other) for name in there for other in inside)]
     every = there | inside
     assert {pair: shared for pair in pairs if (shared := shared_mm3(every[pair[0]], every[pair[1]])) > 1e-3} == {}
+
+
+def test_the_slot_is_where_the_strip_has_its_tail(sensor: tuple[SensorGeometry, str, dict[str, Any]]) -> None:
+    """The thermistor on the tail, rolled up with the strip, lies in the slot; opposite is wall."""
+    geometry, package, parts = sensor
+    board = strip_board(geometry, package)
+    flat = np.array(next(part.at for part in board.parts if part.reference == "TH1"))
+    x, y_down, _ = rolled_up(flat, geometry)
+    at = housing(geometry, package)
+    wall, z = (at.bore_mm + at.outer_mm) / 2, at.seat[0][1] - 1.5
+    for azimuth, free in ((np.arctan2(-y_down, x), True), (np.arctan2(-y_down, x) + pi, False)):
+        inside = shared_mm3(parts["ring"], box((wall * cos(azimuth), wall * sin(azimuth), z), (1, 1, 1)))
+        assert (inside < 1e-6) == free
 
 
 def test_a_collision_would_be_found(sensor: tuple[SensorGeometry, str, dict[str, Any]]) -> None:
