@@ -99,6 +99,36 @@ def test_refined_circles_are_learnt_from_where_presses_held_out_say_so(
     assert all(x.is_integer() for x, _ in moved) is not better
 
 
+def samples(*shape_mm: float) -> list[Samples]:
+    return [Samples(signs=np.zeros((9, 3)), normal_deg=np.ones(9), shape_mm=np.full(9, mm)) for mm in shape_mm]
+
+
+@pytest.mark.parametrize(
+    ("tilted", "level", "better"),
+    [
+        ([0.1] * 4, [0.05] * 4, True),
+        ([0.1] * 4, [0.095] * 4, False),  # too little
+        ([0.1, 0.1, 0.1, 0.5], [0.11, 0.11, 0.11, 0.1], False),  # one press alone
+        ([0.1] * 3, [0.05] * 3, False),  # too few
+        ([], [], False),
+    ],
+)
+def test_the_plane_is_taken_off_where_presses_held_out_are_clearly_better(
+    tilted: list[float], level: list[float], better: bool
+) -> None:
+    one, other = (judged_fit.Found(level_plane=plane) for plane in (False, True))
+    one.samples, other.samples = samples(*tilted), samples(*level)
+    assert other.better_than(one) is better
+
+
+@pytest.mark.parametrize("better", [False, True])
+def test_the_bundle_remembers_the_plane(better: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(judged_fit.Found, "better_than", lambda *_: better)
+    bundle = kept(2, tmp_path)
+    assert bundle.manifest.level_plane is better
+    assert set(bundle.metrics["held_out"]["depth_mm"]) == {"as_integrated", "without_the_plane_at_rest"}
+
+
 def test_several_trainings_are_reported_as_one() -> None:
     told: list[tuple[int, int]] = []
     report = in_parts(lambda epoch, epochs, loss: told.append((epoch, epochs)), 3)
