@@ -203,6 +203,7 @@ class Description(TypedDict, total=False):
     rest_grey: float
     pixel_size_mm: Required[tuple[float, float]]
     follow_light: bool
+    level_plane: bool
     gel_thickness_mm: float
     bulge: float
     led: tuple[LedSetting, ...]

@@ -11,10 +11,11 @@ from gellight.frames.pixel_grid import spread_blocks
 from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
-from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.integration import integrate, rest_level
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.linearised import CellNetwork
+from gellight.reconstruction.rest_plane import RestPlane, tilt
 from gellight.reconstruction.smoothing import Smoother
 from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages, tactile_frame
 
@@ -42,6 +43,7 @@ class NumpyPath:
         self._undistortion, self._shadows = undistortion, shadows
         self._smoother = Smoother(smoothing_px)
         self._masked = masked
+        self._plane = RestPlane() if bundle.manifest.level_plane else None
         self._clock = clock
         self.network_rows = NetworkRows()
         self._flat = FlatMaps(bundle.image_shape, stages=STAGES if undistortion is None else (*STAGES, "lens"))
@@ -66,7 +68,7 @@ class NumpyPath:
         if self._undistortion is not None:
             slopes, touched = self._undistortion.apply(slopes, touched)
             stages.end("lens")
-        depth_mm = self._depth(slopes, touched)
+        depth_mm = self._depth(slopes, touched, camera_frame.time_s)
         stages.end("depth")
         where = touched if self._masked else None
         gradient_map = self._smoother.of_surface(depth_mm, self._bundle.pixel_size_mm, slopes, noise, where=where)
@@ -82,7 +84,13 @@ class NumpyPath:
             return self._network.gradient_map(difference, touched)
         return self._cells.gradient_map(difference, cells)
 
-    def _depth(self, slopes: Floats, touched: Bools) -> Floats:
-        manifest = self._bundle.manifest
-        depth_mm = integrate(slopes, manifest.pixel_size_mm, at_rest=far_from_touch(touched), bulge=manifest.bulge)
+    def _depth(self, slopes: Floats, touched: Bools, time_s: float) -> Floats:
+        """Integrate the measured slopes; where the sensor tilts, take the plane at rest off both."""
+        manifest, at_rest = self._bundle.manifest, far_from_touch(touched)
+        depth_mm = integrate(slopes, manifest.pixel_size_mm, at_rest=at_rest, bulge=manifest.bulge)
+        if self._plane:
+            plane = self._plane.following(depth_mm, touched, time_s)
+            slopes -= np.asarray(plane / manifest.pixel_size_mm, np.float32)
+            depth_mm = depth_mm - tilt(plane, depth_mm.shape)
+            depth_mm -= rest_level(depth_mm, at_rest, manifest.bulge)
         return depth_mm.astype(np.float32, copy=False)

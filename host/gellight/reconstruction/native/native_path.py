@@ -40,6 +40,7 @@ from gellight.reconstruction.native.library import Library, NativePathError
 from gellight.reconstruction.native.native_shadows import NativeShadows
 from gellight.reconstruction.native.network import fastest
 from gellight.reconstruction.native.work import WorkMemory
+from gellight.reconstruction.rest_plane import RestPlane, tilt
 from gellight.reconstruction.smoothing import FilterTaps
 from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages
 
@@ -89,6 +90,7 @@ class NativePath:
         self._reference = np.ascontiguousarray(bundle.reference, np.float32)
         self._limits = np.array(self._network.limits_grey, np.float32)
         self._doubt_limits = np.array([NEAREST_GREY, LIMIT_BEND, LIMIT_MISFIT], np.float32)
+        self._plane = RestPlane() if bundle.manifest.level_plane else None
         self._clock = clock
         self.network_rows = NetworkRows()
         self._flat = FlatMaps(bundle.image_shape, stages=STAGES if undistortion is None else (*STAGES, "lens"))
@@ -112,7 +114,7 @@ class NativePath:
         touched_pixels = self._without_lens()
         if touched_pixels is not None:
             stages.end("lens")
-        depth_mm = self._depth(touched_pixels, far)
+        depth_mm = self._depth(touched_pixels, far, camera_frame.time_s)
         stages.end("depth")
         self._smooth_adaptively(self._m.touched if touched_pixels is None else touched_pixels)
         gradient_map = self._gradient_map(depth_mm)
@@ -206,12 +208,15 @@ class NativePath:
         if self._undistortion is None:
             return None
         m = self._m
-        touched = spread_blocks(m.touched.view(np.bool_), CELL_PX, self._bundle.image_shape)
-        slopes, touched = self._undistortion.apply(np.ascontiguousarray(np.moveaxis(m.measured, 0, 2)), touched)
+        slopes, touched = self._undistortion.apply(np.ascontiguousarray(np.moveaxis(m.measured, 0, 2)), self._pixels())
         m.measured[:] = np.moveaxis(slopes, 2, 0)
         return touched
 
-    def _depth(self, touched_pixels: Bools | None, far: Bools) -> Floats:
+    def _pixels(self) -> Bools:
+        """The pixels that are touched, before the lens is taken out."""
+        return spread_blocks(self._m.touched.view(np.bool_), CELL_PX, self._bundle.image_shape)
+
+    def _depth(self, touched_pixels: Bools | None, far: Bools, time_s: float) -> Floats:
         """Integrate the measured slopes; also differentiate the depth into `surface` of the work memory."""
         m, size, bulge = self._m, self._bundle.pixel_size_mm, self._bundle.manifest.bulge
         depth = self._depths.take()
@@ -219,6 +224,11 @@ class NativePath:
         waves = self._cosines.forwards(depth)
         self._run("solve_columns", waves, m.factors, m.column)
         depth = self._cosines.backwards(waves)
+        if self._plane:
+            touched = self._pixels() if touched_pixels is None else touched_pixels
+            plane = self._plane.following(depth, touched, time_s)
+            m.measured -= np.asarray(plane / size, np.float32)[:, None, None]
+            depth -= tilt(plane, depth.shape)
         if touched_pixels is None:
             level = level_of_sample(depth, self._resting(depth, far), bulge)
         else:
@@ -283,7 +293,7 @@ class NativePath:
             count = self._run("measure_parts", *maps, SMALLEST_PATCH_PX, m.runs, m.parts)
             if count >= 0:
                 return contact, patches_of(m.parts[:count], contact.mask.shape, pixel_size)
-            touched = spread_blocks(m.touched.view(np.bool_), CELL_PX, self._bundle.image_shape)
+            touched = self._pixels()
         contact = without_untouched(contact, touched, depth_mm, pixel_size)
         return contact, measure_patches(contact.mask, depth_mm, gradient_map, pixel_size)
 
