@@ -27,7 +27,6 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.allowed import query_of
 from gellight.base.errors import BoardError, CameraError, ConfigError, InputError
-from gellight.base.priority import give_way
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, GroundTruth
 from gellight.frames.timing import CameraTiming
@@ -168,7 +167,6 @@ class SimulatedCamera(Camera):
         return press
 
     def _prepare_ahead(self, press: Press) -> None:
-        give_way()
         try:
             with self.stage.computing(press):
                 self._scene.prepare_ahead(press)
