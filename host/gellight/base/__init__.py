@@ -11,6 +11,5 @@ logs.py      what a service says: lines for people, or JSON
 parent.py    a process that ends with the one that started it
 turns.py     a lock whose users take turns
 holders.py   who else has a device open
-priority.py  which threads run first
 service_manager.py   what systemd is told of a service
 """

@@ -9,6 +9,7 @@ front_camera.py         what stands in front of the camera, so that frames are t
 switched_camera.py      the camera whose front is exchanged while it runs
 sensor_state.py         how a sensor is set and lit, and how to set it the same again
 frame_threads.py        the threads that capture and reconstruct; the session's camera for a second reader
+realtime.py             camera and reconstruction before all other programs
 statistics.py           rates, ages and losses
 calibration_service.py  a calibration beside the stream, for the wizard
 needs.py                the check list before a calibration

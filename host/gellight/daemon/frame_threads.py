@@ -14,12 +14,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from math import inf
 
 from gellight.base.errors import CameraError
 from gellight.base.fair_lock import FairLock
 from gellight.base.mailbox import Mailbox
-from gellight.base.priority import Priority, give_way, run_first
 from gellight.bundle.bundle import Bundle
+from gellight.daemon.realtime import run_first
 from gellight.daemon.statistics import Statistics
 from gellight.frames.camera import Camera, EndOfStream, ReconnectingError
 from gellight.frames.camera_wrapper import CameraWrapper
@@ -54,7 +55,6 @@ class FrameThreads:
         self._every = every and camera.waits
         self._realtime = realtime
         self._camera, self._reconstruct_frame, self._zeroed = camera, reconstruct, zeroed
-        self.priority = Priority.OTHERS_GIVE_WAY
         self.pause_s = 0.0
         """between two reconstructions"""
         self.captured: Mailbox[CameraFrame] = Mailbox()
@@ -84,7 +84,8 @@ class FrameThreads:
         """Start the threads; InputError where the system does not let them run first."""
         for thread in self._threads:
             thread.start()
-        self.priority = run_first(self._threads[:2], realtime=self._realtime)
+        if self._realtime:
+            run_first(self._threads[:2])
 
     def stop(self) -> None:
         """Stop the threads; who waits for a frame gets a CameraError."""
@@ -110,7 +111,7 @@ class FrameThreads:
             self._asked_after = after_sequence
             self._asked.set()
 
-    def add_periodic(self, look: Callable[[TactileFrame], object], period_s: float, *, share: float = 1.0) -> None:
+    def add_periodic(self, look: Callable[[TactileFrame], object], period_s: float, *, share: float = inf) -> None:
         """Let a thread of its own look at the newest frame every `period_s`; to be called before `start`.
 
         share: of one core that it may use; where a look takes longer, the next one comes later. What `look` raises is a
@@ -224,7 +225,6 @@ class FrameThreads:
             mailbox.close(error)
 
     def _look_now_and_then(self, look: Callable[[TactileFrame], object], period_s: float, share: float) -> None:
-        give_way()
         name, number, used_s = threading.current_thread().name, 0, 0.0
         while not self._ended.wait(max(period_s, used_s / share)):
             begun_s = time.thread_time()

@@ -337,7 +337,7 @@ class SensorSession:
             },
             "watch": used.watch.status() if used.watch else None,
             "recording": self.recording,
-            "priority": self._threads.priority,
+            "priority": "real time" if self._settings.service.realtime else "as other programs",
             "error": self._threads.problem or camera.get("why"),
             "camera": camera,
         }

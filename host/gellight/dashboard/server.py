@@ -14,7 +14,6 @@ from typing import Self
 from aiohttp import web
 
 from gellight.base.errors import ConfigError, ServerError
-from gellight.base.priority import give_way
 from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import is_loopback
@@ -85,7 +84,6 @@ class PageServer:
         self.stop()
 
     def _run(self) -> None:
-        give_way()  # and with it the threads that it starts
         try:
             asyncio.run(self._serve())
         except Exception as error:

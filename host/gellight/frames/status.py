@@ -174,6 +174,6 @@ class SensorStatus(PathStatus, FrameCounts):
     recording: str | None
     """name of the file that is being written; None where nothing is recorded"""
     priority: str
-    """how camera and reconstruction stand before other threads, see `base.priority`"""
+    """of camera and reconstruction: `real time` or `as other programs`"""
     error: str | None
     camera: CameraStatus

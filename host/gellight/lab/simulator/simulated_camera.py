@@ -29,7 +29,6 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.allowed import query_of
 from gellight.base.errors import BoardError, CameraError, ConfigError, InputError
-from gellight.base.priority import give_way
 from gellight.frames.camera import Camera
 from gellight.frames.dots import find_dots
 from gellight.frames.frames import CameraFrame, GroundTruth
@@ -182,7 +181,6 @@ class SimulatedCamera(Camera):
         return press
 
     def _prepare_ahead(self, press: Press) -> None:
-        give_way()
         try:
             with self.stage.computing(press):
                 self._scene.prepare_ahead(press)
