@@ -70,11 +70,13 @@ class Shear:
     torque_nmm: float | None = None
     """about the centre of the pressure, from x towards y"""
     torque_error_nmm: float | None = None
+    centre_mm: tuple[float, float] | None = None
+    """x, y of the centre of the pressure, from the image centre; None where nothing touches, or it is unknown"""
     flags: tuple[str, ...] = ()
     """`few_dots`, `perspective`, and `beyond_view` as of the normal force"""
     unknown: str = ""
     """why the force is unknown; empty where it is known"""
-    traction_of: Callable[[], NDArray[np.float32]] | None = field(default=None, repr=False)
+    traction_of: Callable[[], NDArray[np.float32] | None] | None = field(default=None, repr=False)
     """computes the traction map; None where nothing pulls, or it is unknown"""
 
     @cached_property

@@ -52,6 +52,7 @@ def on_grid(values: NDArray[np.float32]) -> NDArray[np.float32]:
 def _figures(frame: TactileFrame) -> dict[str, Any]:
     """Return the figures of a frame; NaN where nothing touches, or no constant for the force is known."""
     taken, contact, force = frame.camera_frame, frame.contact, frame.force
+    side = frame.shear
     return {
         "sequence": taken.sequence,
         "unix_s": taken.stamp.unix_s if taken.stamp else np.nan,
@@ -60,6 +61,9 @@ def _figures(frame: TactileFrame) -> dict[str, Any]:
         "centroid_mm": contact.centroid_mm or (np.nan, np.nan),
         "force_n": force.normal_n if force else np.nan,
         "force_error_n": force.error_n if force else np.nan,
+        "side_force_n": (side and side.force_n) or (np.nan, np.nan),
+        "side_force_error_n": (side and side.force_error_n) or (np.nan, np.nan),
+        "torque_nmm": side.torque_nmm if side and side.torque_nmm is not None else np.nan,
     }
 
 

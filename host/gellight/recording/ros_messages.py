@@ -10,6 +10,7 @@ _SEPARATOR = "=" * 80
 IMAGE, COMPRESSED_IMAGE, STRING = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "std_msgs/msg/String"
 CAMERA_INFO, POINTS = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/PointCloud2"
 POINT, WRENCH = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped"
+MULTI_ARRAY = "std_msgs/msg/Float64MultiArray"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
 
@@ -49,6 +50,11 @@ DEFINITIONS = {
         _HEADER + "geometry_msgs/Wrench wrench",
         geometry_msgs_Wrench="geometry_msgs/Vector3 force; geometry_msgs/Vector3 torque",
         geometry_msgs_Vector3="float64 x; float64 y; float64 z",
+    ),
+    MULTI_ARRAY: _definition(
+        "std_msgs/MultiArrayLayout layout; float64[] data",
+        std_msgs_MultiArrayLayout="std_msgs/MultiArrayDimension[] dim; uint32 data_offset",
+        std_msgs_MultiArrayDimension="string label; uint32 size; uint32 stride",
     ),
     DIAGNOSTICS: _definition(
         _HEADER + "diagnostic_msgs/DiagnosticStatus[] status",

@@ -20,6 +20,8 @@ from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Patch, Provenance, TactileFrame
 from gellight.frames.measures import Confidence, Force, MapOnRequest
+from gellight.frames.shear import DotsSeen, Shear
+from gellight.frames.shear_figures import DotFigures, ShearFigures
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.measures import BundleMeasures
 
@@ -82,6 +84,8 @@ class Details(StrictModel):
     stage_seconds: dict[str, float]
     exposures: ExposureFigures | None
     force: ForceFigures | None = None
+    dots: DotFigures | None = None
+    shear: ShearFigures | None = None
     contacts: tuple[Patch, ...] = ()
     from_network: bool | None = Field(None, validation_alias=AliasChoices("from_network", "learnt"))
     """`FrameMeasures.from_network`; None for a frame without measures, as one under another light"""
@@ -184,6 +188,8 @@ def _details(frame: TactileFrame) -> bytes:
             stage_seconds=frame.stage_seconds,
             exposures=figures,
             force=_figures(frame.force),
+            dots=DotFigures.of(camera_frame.dots) if camera_frame.dots else None,
+            shear=ShearFigures.of(frame.shear) if frame.shear else None,
             contacts=frame.contacts,
             from_network=frame.measures.from_network if frame.measures else None,
             provenance=replace(provenance, ages_s=published),
@@ -217,9 +223,11 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
     light = None if details.light is None else np.array(details.light, np.uint8).reshape(-1, 3)
     provenance = details.provenance
     ages_s = {**provenance.ages_s, "received": time.time() - unix_s}
+    dots = _dots(details)
     camera_frame = CameraFrame(
-        image=maps["image"], time_s=time_s, sequence=sequence, source=details.source, light=light, label=details.label
-    )
+        image=maps["image"], time_s=time_s, sequence=sequence, source=details.source, light=light, label=details.label,
+        dots=dots,
+    )  # fmt: skip
     contact = Contact(
         mask=maps["contact"].view(np.bool_),
         area_mm2=area_mm2,
@@ -239,6 +247,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
     }
     frame = ReceivedFrame(bundle_of, fields)
     vars(frame)["force"] = _force(details.force, frame, maps)
+    vars(frame)["shear"] = _shear(details.shear, dots, frame)
     if "confidence" in maps and "quality_flags" in maps:
         vars(frame)["confidence"] = Confidence(value=maps["confidence"], quality_flags=maps["quality_flags"])
     return frame
@@ -258,6 +267,25 @@ def _force(figures: ForceFigures | None, frame: ReceivedFrame, maps: Mapping[str
         return force.pressure_mpa
 
     return Force(**figures.model_dump(), pressure_of=pressure_mpa)
+
+
+def _dots(details: Details) -> DotsSeen | None:
+    try:
+        return details.dots.dots() if details.dots else None
+    except ValueError as error:
+        raise _damaged(str(error)) from None
+
+
+def _shear(figures: ShearFigures | None, dots: DotsSeen | None, frame: ReceivedFrame) -> Shear | None:
+    """Return the shear that travelled; its traction map is computed when it is asked for."""
+    if figures is None or dots is None:
+        return None
+
+    def traction_mpa() -> NDArray[np.float32] | None:
+        shear = frame.measures.shear(frame.depth_mm, dots, frame.force) if frame.measures else None
+        return shear.traction_mpa if shear else None
+
+    return replace(figures.shear(dots), traction_of=traction_mpa)
 
 
 def check_version(message: bytes) -> None:

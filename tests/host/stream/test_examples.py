@@ -48,6 +48,16 @@ def test_an_example_runs(name: str, says: str, tmp_path: Path) -> None:
     assert says in done.stdout
 
 
+def test_the_force_along_the_gel_is_told_as_the_document_shows() -> None:
+    """In docs/shear.md a ball is dragged to the right and down: it pulls so, and turns nothing."""
+    (code,) = examples("docs/shear.md")
+    said = run([sys.executable, "-c", code], check=True).stdout
+    x, y, x_error, _, turned = map(float, re.findall(r"-?[0-9.]+[0-9]+(?:e-?[0-9]+)?", said))
+    assert 0.2 < x < 0.4
+    assert y == pytest.approx(x / 3, abs=3 * x_error)
+    assert abs(turned) < 0.1
+
+
 def test_a_gripper_stops_at_one_newton() -> None:
     """Finite elements weighed the same ball, pressed to two depths; between them a power says how deep is how heavy."""
     said = run([sys.executable, EXAMPLES / "grip.py"], check=True).stdout

@@ -49,11 +49,14 @@ export class Pictures {
     document.body.style.setProperty("--aspect", size[0] / size[1]);
   }
 
-  /** Draw over every picture: `line` ([start, end] or null), `point` (or null), `labels` [[text, place], ...]. */
-  mark({ line, point, labels }) {
+  /**
+   * Draw over every picture: `line` ([start, end] or null), `point` (or null), `labels` [[text, place], ...], `arrows`
+   * [[x, y, along x, along y], ...] and, larger, `pull` (one of these, or null).
+   */
+  mark({ line, point, labels, arrows = [], pull = null }) {
     if (!this.#viewMm) return;
     const [width, height] = this.#viewMm;
-    const marked = JSON.stringify([width, height, line, point, labels]);
+    const marked = JSON.stringify([width, height, line, point, labels, arrows, pull]);
     if (marked === this.#marked) return;
     this.#marked = marked;
     for (const layer of this.#marks) {
@@ -61,6 +64,8 @@ export class Pictures {
       svg.setAttribute("viewBox", `${-width / 2} ${-height / 2} ${width} ${height}`);
       svg.setAttribute("preserveAspectRatio", "none");
       if (line) svg.append(...strokes(`M${line[0]}L${line[1]}`), ...line.flatMap((end) => strokes(cross(end, 0.4))));
+      if (arrows.length) svg.append(...strokes(arrows.map((one) => arrow(one, 0.4)).join("")));
+      if (pull) svg.append(...strokes(arrow(pull, 1)).map((made) => (made.classList.add("pull"), made)));
       if (point) svg.append(...strokes(cross(point, 0.8)));
       layer.replaceChildren(svg, ...labels.map(([text, place]) => this.#label(text, place)));
     }
@@ -116,6 +121,15 @@ function strokes(path) {
     made.setAttribute("d", path);
     return made;
   });
+}
+
+/** An arrow with a head of so many mm; none where it would be shorter than it is wide. */
+function arrow([x, y, dx, dy], head) {
+  const length = Math.hypot(dx, dy);
+  if (length < head / 4) return "";
+  const [ux, uy] = [(dx / length) * Math.min(head, length / 2), (dy / length) * Math.min(head, length / 2)];
+  const [tipX, tipY] = [x + dx, y + dy];
+  return `M${x} ${y}L${tipX} ${tipY}M${tipX - ux - uy / 2} ${tipY - uy + ux / 2}L${tipX} ${tipY}L${tipX - ux + uy / 2} ${tipY - uy - ux / 2}`;
 }
 
 function cross([x, y], size) {

@@ -108,6 +108,7 @@ def _pulled(known: Shear, rest: Array, moved: Array, cells: _Cells, scale: Shear
     pull = _solved(places + carried, motions, cells, scale.layer)
     newtons = scale.youngs_modulus_mpa * scale.side_scale
     (x, y, turn), spread = pull.total * newtons, np.sqrt(np.diag(pull.covariance).clip(0)) * newtons
+    centre = np.average(cells.at_mm, axis=0, weights=cells.pressure)
     sizes = np.array([np.hypot(x, y), np.hypot(x, y), turn])
     errors = np.hypot(spread, scale.side_error_share * sizes).tolist()
     few = FEW_DOTS if (near > 0.3).sum() < FEWEST_NEAR else ""
@@ -118,6 +119,7 @@ def _pulled(known: Shear, rest: Array, moved: Array, cells: _Cells, scale: Shear
         force_error_n=(errors[0], errors[1]),
         torque_nmm=float(turn),
         torque_error_nmm=errors[2],
+        centre_mm=(float(centre[0]), float(centre[1])),
         flags=(*known.flags, *filter(None, (few, beyond))),
         traction_of=lambda: _traction_map(pull.traction * newtons, cells),
     )
