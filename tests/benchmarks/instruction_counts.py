@@ -1,4 +1,4 @@
-"""Instructions of a frame in C: `python -m tests.benchmarks.instruction_counts`, in QEMU's emulator of programs (7 or 8).
+"""Instructions of a frame in C: `python -m tests.benchmarks.instruction_counts`, in QEMU's user mode (7 or 8).
 
 The scenes of `frame_times` at 640 x 480, on aarch64 with NEON and on x86-64 without AVX, both with vectors of four
 numbers. Who has a processor of the first kind learns from the ratio what a frame costs there, at as many instructions a

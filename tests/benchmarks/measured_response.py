@@ -79,9 +79,10 @@ class MeasuredResponse:
                 total += share[..., None] * np.einsum("hwck,hwk->hwc", cell, place)
         return total - np.einsum("ck,hwk->hwc", self.table[0, 0], place)
 
-    def photograph(self, surface: Surface | None, random: np.random.Generator) -> NDArray[np.uint8]:
+    def photograph(
+        self, surface: Surface | None, random: np.random.Generator, shape: tuple[int, int] = GEOMETRY.image_shape
+    ) -> NDArray[np.uint8]:
         """Return a picture of the surface, or of the untouched gel, with the noise of a camera."""
-        shape = GEOMETRY.image_shape
         gradient_map = np.zeros((*shape, 2)) if surface is None else surface.gradient_map
         grey = AT_REST_GREY + self.difference(gradient_map) + random.normal(0, NOISE_GREY, (*shape, 3))
         return np.clip(np.round(grey), 0, 255).astype(np.uint8)

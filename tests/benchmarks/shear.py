@@ -16,6 +16,7 @@ import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera
 from gellight.frames.dot_following import DotFollower
 from gellight.frames.dot_places import dots_at_rest
@@ -23,7 +24,6 @@ from gellight.frames.dots import find_dots
 from gellight.frames.picture import PictureSteps, PreparedCamera, steps_in
 from gellight.frames.shear import ShearTruth, Unseen
 from gellight.opening import open_camera
-from gellight.reconstruction.pipeline import Reconstructor
 
 DRAGS, FOLLOWED = 24, 13
 OBJECTS = ("BALL", "CYLINDER", "BALL", "SCROWN")

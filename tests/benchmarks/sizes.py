@@ -2,8 +2,9 @@
 
 Processor time of the frame path, the least of some rounds in turn, on the scenes of `frame_times` from 160 x 120 to
 1920 x 1440 pixels: in ms, and in ns a pixel, which must not grow with the size. The bundle is the shipped one with its
-reference image scaled and without its LEDs, so without cast shadows: good for times alone. Then one to four sensors of 640 x 480 in one process, a thread each, every
-one given the ball 30 times: ms of processor a frame, which must not grow with their number.
+reference image scaled and without its LEDs, so without cast shadows: good for times alone. Then one to four sensors of
+640 x 480 in one process, a thread each, every one given the ball 30 times: ms of processor a frame, which must not grow
+with their number.
 """
 
 import argparse
@@ -14,8 +15,8 @@ import cv2
 import numpy as np
 
 from gellight.bundle.bundle import load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
-from gellight.reconstruction.pipeline import Reconstructor
 from tests.benchmarks.frame_times import over, scenes
 
 SIZES = ((160, 120), (320, 240), (640, 480), (1280, 960), (1920, 1440))

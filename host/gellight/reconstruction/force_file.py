@@ -38,6 +38,8 @@ class ForceRecord(BundleFile):
     """standard deviation of a force along the gel, as a share of it; to which comes what the dots leave open"""
     camera_height_mm: Positive | None = None
     """above the gel at rest; None: nobody knows, and perspective stays in the displacement of dots"""
+    other_objects_share: NotNegative | None = None
+    """error on an object that was left out of the fit, rms; None where one object was weighed"""
     lag_s: Annotated[float, Field(allow_inf_nan=False)] = 0.0
     """by which the record of the load cell came later than the pictures"""
     source: str

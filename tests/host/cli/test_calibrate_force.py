@@ -111,7 +111,7 @@ def test_pictures_without_contact_and_forces_that_do_not_rise_are_refused(folder
 
 def test_a_press_at_the_border_is_refused(folder: Path) -> None:
     write_weighings(folder, [*(weighed(depth) for depth in DEPTHS), weighed(0.5, 3.0, 7.5)])
-    assert "weight6.png: the touch reaches the border" in refused(run(folder))
+    assert "weight6.png: the load goes on beyond the border" in refused(run(folder))
 
 
 def test_a_picture_that_is_missing_or_of_another_size_is_refused(folder: Path) -> None:

@@ -18,7 +18,8 @@ from gellight.lab.training.presses import Ball
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import ObjectParameters
-from sim_reference.surface import press_object
+from sim_reference.surface import press_object, sample
+from tests.benchmarks.measured_response import MeasuredResponse
 from tests.helpers.derivatives import slope
 from tests.helpers.places import REAL_CROPS, real
 
@@ -213,3 +214,19 @@ def test_a_picture_read_from_a_file_has_its_colours_in_order(tmp_path: Path) -> 
     cv2.imwrite(str(tmp_path / "a.png"), photograph((130, 100, 24))[..., ::-1])
     circle = find_circle(read_image(tmp_path / "a.png"), reference(), ball=BALL)
     assert circle.center_x_px == pytest.approx(130, abs=0.3)
+
+
+@pytest.mark.parametrize(("press_mm", "x_mm", "y_mm"), [(0.8, 4.0, 2.0), (1.5, 4.0, 2.0), (2.2, 7.0, -4.0)])
+def test_a_golf_ball_whose_contact_is_cut_off_is_found(press_mm: float, x_mm: float, y_mm: float) -> None:
+    """Radius 21 mm in a view of 16 x 12 mm, by the light of a real sensor; 43 to 67 % of the view are in contact."""
+    geometry = SensorGeometry(image_width_px=320, image_height_px=240, pixel_size_mm=0.05, gel_thickness_mm=4.0)
+    deformed = press_object(
+        "BALL", press_mm, geometry, parameters=ObjectParameters(calibration_ball_radius_mm=21.0)
+    )  # fmt: skip
+    response, random = MeasuredResponse.read("polycalib"), np.random.default_rng(0)
+    surface = sample(deformed, geometry, x_mm, y_mm)
+    image, untouched = (response.photograph(one, random, geometry.image_shape) for one in (surface, None))
+    circle = find_circle(image, untouched, ball=Ball(radius_mm=21.0, pixel_size_mm=0.05), least_view=ARC)
+    apart = np.hypot(circle.center_x_px - x_mm / 0.05 - 159.5, circle.center_y_px - y_mm / 0.05 - 119.5)
+    assert apart < max(2 * circle.center_error_px, 3)
+    assert circle.center_error_px < 0.07 * 420
