@@ -32,6 +32,10 @@ class LightMeasures:
         """Nobody weighed it."""
         return None
 
+    def shear(self, depth_mm: NDArray[np.float32], dots: DotsSeen, force: Force | None) -> Shear | None:
+        """Nobody knows the gel."""
+        return None
+
     def confidence(self, image: NDArray[np.uint8], gradient_map: NDArray[np.float32]) -> Confidence:
         """Judge the pixels by their light."""
         return confidence_of(image, self._untouched, gradient_map, None)
