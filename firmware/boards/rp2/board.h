@@ -1,6 +1,6 @@
-/* The parts of the RP2040 board and what they offer each other. */
-#ifndef GELLIGHT_RP2040_BOARD_H
-#define GELLIGHT_RP2040_BOARD_H
+/* The parts of the board and what they offer each other. */
+#ifndef GELLIGHT_RP2_BOARD_H
+#define GELLIGHT_RP2_BOARD_H
 
 #include "controller.h"
 
@@ -8,6 +8,7 @@ struct image_header {
     uint32_t magic;
     uint32_t count;
     uint32_t crc;
+    uint32_t family;
 };
 extern const struct image_header image_header;
 
@@ -70,7 +71,7 @@ enum usb_event {
 };
 uint32_t usb_events(void);
 
-/* usb_join.c */
+/* usb_join.c; of a chip that joins by itself: nothing */
 void join_interrupt(void);
 
 /* usb_descriptors.c */
