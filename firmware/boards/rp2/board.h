@@ -60,6 +60,7 @@ void usb_start(const uint8_t unique_id[8]);
 bool usb_send(void *context, const uint8_t *bytes, size_t count, size_t spare);
 size_t usb_receive(uint8_t *bytes, size_t room);
 void usb_interrupt(void);
+void usb_frames_missed(void); /* those that began while interrupts were off */
 void usb_watch(bool dark); /* often: notes frames, and resets a controller that hangs; later where the LEDs are dark */
 
 /* What happened on the bus since it was asked last: bits. An opening came after all else. */

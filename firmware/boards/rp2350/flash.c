@@ -53,6 +53,7 @@ static void access_end(const struct access *access)
 {
     access->flush();
     access->enter_xip();
+    usb_frames_missed();
     interrupts_restore(access->interrupts);
     watchdog_feed();
 }
