@@ -21,7 +21,7 @@ with gellight.connect("sim://?programme=0&board=0&dots=9x7&fps=10") as sensor:
         sensor.press("BALL", closed_mm)  # here: your gripper closes to closed_mm
         felt()
         pulled_mm, slips = 0.0, 0
-        while not holds and slips < 2:  # one frame may be noise
+        while not holds and slips < 2 and pulled_mm < 2:  # one frame may be noise
             pulled_mm += STEP_MM
             sensor.drag(pulled_mm, 0.0)  # here: your arm lifts a little
             frame = felt()

@@ -123,6 +123,7 @@ def following(query: str, seed: int, steps: int) -> None:
         there = find_dots(camera.read().image)
         printed = np.hypot(*np.moveaxis(rest[:, None] - np.array(there.places_px)[None], 2, 0)).min(axis=1) < 3
         for case in cases(seed, FOLLOWED, 1.8, 0.3):
+            camera.stage.release()  # type: ignore[union-attr]
             follower = pictures.follower()
             assert follower is not None
             follower.follow(camera.read().image)

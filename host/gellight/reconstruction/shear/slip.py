@@ -17,6 +17,8 @@ from gellight.frames.shear import Slip, SlipState
 Array = NDArray[np.float64]
 SPAN_S = 0.06
 """over which motions are compared"""
+LONGEST_S = 1.0
+"""between two frames that are compared"""
 LEAST_SLIP_MM = 0.02
 """in that time; less is the noise of both places"""
 FULL_SHARE = 0.7
@@ -42,7 +44,6 @@ class SlipFollower:
 
     def __init__(self) -> None:
         """Begin without a contact."""
-        self._number = -1
         self._before: deque[_Seen] = deque()
 
     def follow(self, frame: TactileFrame) -> TactileFrame:
@@ -53,15 +54,15 @@ class SlipFollower:
 
     def _judged(self, frame: TactileFrame) -> Slip:
         patch = frame.contacts[0] if frame.contacts else None
-        if patch is None or patch.number != self._number:
-            self._before.clear()
-        self._number = patch.number if patch else -1
         if patch is None:
+            self._before.clear()
             return Slip(state=SlipState.UNKNOWN, why="nothing touches")
         seen = _seen(frame, patch)
         if isinstance(seen, str):
             self._before.clear()
             return Slip(state=SlipState.UNKNOWN, why=seen)
+        if self._before and not _same(self._before[-1], seen):
+            self._before.clear()
         self._before.append(seen)
         while len(self._before) > 2 and seen.time_s - self._before[1].time_s >= SPAN_S:
             self._before.popleft()
@@ -91,6 +92,12 @@ def _seen(frame: TactileFrame, patch: Patch) -> _Seen | str:
         return "no dot is under the contact"
     gel = weight @ moved[dots.seen] / weight.sum()
     return _Seen(frame.camera_frame.time_s, patch.area_mm2, middle, gel)
+
+
+def _same(before: _Seen, now: _Seen) -> bool:
+    """Whether two frames show one contact."""
+    away = float(np.hypot(*(now.imprint_mm - before.imprint_mm)))
+    return now.time_s - before.time_s < LONGEST_S and away < np.sqrt(now.area_mm2 / np.pi)
 
 
 def _between(first: _Seen, last: _Seen) -> Slip:
