@@ -30,6 +30,7 @@ from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.frames.picture import PictureSteps
 from gellight.frames.status import SensorStatus, TouchStatus
 from gellight.reconstruction.following import ContactFollower
+from gellight.reconstruction.shear.slip import SlipFollower
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
 SELFCHECK_PERIOD_S = 1.0
@@ -72,10 +73,10 @@ class SensorSession:
         prepared = self._camera.prepared(config)
         self._active = pipeline or build_pipeline(config, prepared)
         self._camera.switch(prepared, config.light, None)
-        contacts = ContactFollower()
+        contacts, slips = ContactFollower(), SlipFollower()
         self._threads = FrameThreads(
             self._camera,
-            lambda frame: contacts.follow(self._active.reconstruct(frame)),
+            lambda frame: slips.follow(contacts.follow(self._active.reconstruct(frame))),
             lambda: self.zeroed_bundle,
             every=every,
             realtime=settings.service.realtime,

@@ -20,7 +20,8 @@ The header names each plane with its offset (from the first plane) and its lengt
 The header's `contacts` are the connected parts of the contact patch, the deepest first: see `frames.Patch`. Its `force`
 holds `normal_n`, `error_n` and `flags` (see `measures.Force`), or is null where the bundle has no constant for it. Its
 `shear` is null for a gel without marker dots; else it holds `force_n`, `force_error_n`, `torque_nmm` and `unknown` (see
-`shear.Shear`), and `arrows`: x, y of each dot that is seen, mm from the image centre, and x, y by which it has moved.
+`shear.Shear`), `slip`, the state of `shear.Slip`, and `arrows`: x, y of each dot that is seen, mm from the image
+centre, and x, y by which it has moved.
 
 The page makes the rest itself. The difference image is the image minus the reference image, which the header names
 (`reference`) and the page fetches once, minus the header's `light_drift`. Slopes and normals are those of the depth
@@ -122,6 +123,7 @@ def _shear(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str,
         "torque_nmm": shear.torque_nmm,
         "centre_mm": shear.centre_mm,
         "unknown": shear.unknown,
+        "slip": frame.slip.state if frame.slip else None,
         "arrows": np.round(arrows, 3).tolist(),
     }
 

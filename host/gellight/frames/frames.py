@@ -21,7 +21,7 @@ from gellight.base.field_docs import with_field_docs
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force, FrameMeasures, MapOnRequest
 from gellight.frames.normals import normals
-from gellight.frames.shear import DotsSeen, Shear, ShearTruth
+from gellight.frames.shear import DotsSeen, Shear, ShearTruth, Slip
 from gellight.frames.status import ExposuresStatus
 
 
@@ -276,6 +276,8 @@ class TactileFrame:
     contact: Contact
     contacts: tuple[Patch, ...] = ()
     """the connected parts of the contact, the deepest first; of a sensor that runs, followed from frame to frame"""
+    slip: Slip | None = None
+    """of a sensor that runs: whether what touches slips; None for a gel without dots"""
     exposures: ExposureReport | None = None
     """how the exposures went that it was measured from; None where it was felt in one frame"""
     stage_seconds: dict[str, float] = field(default_factory=dict)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.field_docs import with_field_docs
-from gellight.frames.shear import DotsSeen, Shear
+from gellight.frames.shear import DotsSeen, Floats, Shear
 from gellight.frames.status import ForceFigures
 
 BEYOND_VIEW = "beyond_view"
@@ -109,6 +109,12 @@ class FrameMeasures(Protocol):
 
     def shear(self, depth_mm: NDArray[np.float32], dots: DotsSeen, force: Force | None) -> Shear | None:
         """Return how the gel is moved and pulled along itself, by its dots, (H, W) depth and normal force.
+
+        None for a sensor whose gel nobody knows.
+        """
+
+    def dot_motion(self, depth_mm: NDArray[np.float32], dots: DotsSeen) -> tuple[Floats, Floats] | None:
+        """Return (N, 2) rest places of dots, mm from the image centre, and (N, 2) mm they have moved along the gel.
 
         None for a sensor whose gel nobody knows.
         """

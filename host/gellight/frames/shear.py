@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 from functools import cached_property
 
 import numpy as np
@@ -83,6 +83,32 @@ class Shear:
     def traction_mpa(self) -> NDArray[np.float32] | None:
         """(H, W, 2) force along the gel on its area, MPa (N / mm2), constant over cells; None where it is unknown."""
         return self.traction_of() if self.traction_of else None
+
+
+class SlipState(StrEnum):
+    """What is known of slip under the deepest contact."""
+
+    STICK = "stick"
+    """the gel goes with the object"""
+    PARTIAL = "partial"
+    """the gel goes with it less far"""
+    FULL = "full"
+    """the object slides over the gel"""
+    UNKNOWN = "unknown"
+
+
+@with_field_docs
+@dataclass(frozen=True, kw_only=True)
+class Slip:
+    """Whether what touches the gel slips, over the last 0.06 s."""
+
+    state: SlipState
+    confidence: float = 0.0
+    """from 0.5, as likely as not, to 1; 0 where it is unknown"""
+    velocity_mm_s: tuple[float, float] | None = None
+    """x, y of the object against the gel under it; None unless it slips"""
+    why: str = ""
+    """it is unknown"""
 
 
 @with_field_docs

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force
-from gellight.frames.shear import DotsSeen, Shear
+from gellight.frames.shear import DotsSeen, Floats, Shear
 from gellight.reconstruction.confidence import Learnt, confidence_of
 from gellight.reconstruction.error_bounds import read_errors
 from gellight.reconstruction.force_file import read_force
 from gellight.reconstruction.lens.lens_file import has_lens, lens_of, read_record, read_undistortion
 from gellight.reconstruction.lens.model import middle_px
-from gellight.reconstruction.shear.felt import Gel, felt_shear
+from gellight.reconstruction.shear.felt import Gel, felt_shear, motion
 
 PRESSES = "presses.npz"
 
@@ -33,6 +33,10 @@ class LightMeasures:
         return None
 
     def shear(self, depth_mm: NDArray[np.float32], dots: DotsSeen, force: Force | None) -> Shear | None:
+        """Nobody knows the gel."""
+        return None
+
+    def dot_motion(self, depth_mm: NDArray[np.float32], dots: DotsSeen) -> tuple[Floats, Floats] | None:
         """Nobody knows the gel."""
         return None
 
@@ -72,6 +76,10 @@ class BundleMeasures:
     def shear(self, depth_mm: NDArray[np.float32], dots: DotsSeen, force: Force | None) -> Shear:
         """Return how the dots say that the gel is moved and pulled along itself."""
         return felt_shear(dots, depth_mm, force, self._gel, self._side)
+
+    def dot_motion(self, depth_mm: NDArray[np.float32], dots: DotsSeen) -> tuple[Floats, Floats]:
+        """Return (N, 2) rest places of dots, mm from the image centre, and (N, 2) mm they have moved along the gel."""
+        return motion(dots, depth_mm, self._gel)
 
     @cached_property
     def _gel(self) -> Gel:

@@ -20,7 +20,7 @@ from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Patch, Provenance, TactileFrame
 from gellight.frames.measures import Confidence, Force, MapOnRequest
-from gellight.frames.shear import DotsSeen, Shear
+from gellight.frames.shear import DotsSeen, Shear, Slip
 from gellight.frames.shear_figures import DotFigures, ShearFigures
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.measures import BundleMeasures
@@ -86,6 +86,7 @@ class Details(StrictModel):
     force: ForceFigures | None = None
     dots: DotFigures | None = None
     shear: ShearFigures | None = None
+    slip: Slip | None = None
     contacts: tuple[Patch, ...] = ()
     from_network: bool | None = Field(None, validation_alias=AliasChoices("from_network", "learnt"))
     """`FrameMeasures.from_network`; None for a frame without measures, as one under another light"""
@@ -190,6 +191,7 @@ def _details(frame: TactileFrame) -> bytes:
             force=_figures(frame.force),
             dots=DotFigures.of(camera_frame.dots) if camera_frame.dots else None,
             shear=ShearFigures.of(frame.shear) if frame.shear else None,
+            slip=frame.slip,
             contacts=frame.contacts,
             from_network=frame.measures.from_network if frame.measures else None,
             provenance=replace(provenance, ages_s=published),
@@ -240,6 +242,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
         "depth_mm": maps["depth_mm"],
         "contact": contact,
         "contacts": details.contacts,
+        "slip": details.slip,
         "exposures": _report(details.exposures, maps),
         "stage_seconds": details.stage_seconds,
         "_from_network": details.from_network,

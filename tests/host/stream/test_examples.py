@@ -58,6 +58,16 @@ def test_the_force_along_the_gel_is_told_as_the_document_shows() -> None:
     assert abs(turned) < 0.1
 
 
+def test_a_gripper_closes_until_nothing_slips() -> None:
+    """A ball holds by friction what presses it times 0.6; a lighter grip slips first."""
+    said = run([sys.executable, EXAMPLES / "hold.py"], check=True).stdout
+    *tries, last = said.strip().splitlines()
+    assert [one.rpartition(": ")[2] for one in tries] == ["it slips"] * (len(tries) - 1) + ["it holds"]
+    assert len(tries) > 1
+    pulled, pressed = map(float, re.findall(r"[0-9.]+[0-9]", last))
+    assert 0.4 <= pulled < 1.1 * 0.6 * pressed
+
+
 def test_a_gripper_stops_at_one_newton() -> None:
     """Finite elements weighed the same ball, pressed to two depths; between them a power says how deep is how heavy."""
     said = run([sys.executable, EXAMPLES / "grip.py"], check=True).stdout

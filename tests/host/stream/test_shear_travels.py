@@ -11,7 +11,7 @@ import pytest
 from gellight.base.errors import InputError, StreamError
 from gellight.frames.frames import CaptureStamp, TactileFrame
 from gellight.frames.measures import Force
-from gellight.frames.shear import DotsSeen, Shear, Unseen
+from gellight.frames.shear import DotsSeen, Shear, Slip, SlipState, Unseen
 from gellight.opening import open_camera
 from gellight.recording.recording_file import Recording, RecordingWriter
 from gellight.stream.ros_topics import covariance_of, wrench_of
@@ -54,6 +54,11 @@ def test_dots_and_shear_arrive_as_they_were_sent() -> None:
     assert got.shear.dots is got.camera_frame.dots
 
 
+def test_slip_arrives() -> None:
+    slip = Slip(state=SlipState.FULL, confidence=0.9, velocity_mm_s=(1.5, -0.5))
+    assert decode(encode(replace(frame_of(SHEAR), slip=slip)), no_bundle).slip == slip
+
+
 def test_what_is_unknown_arrives_with_its_reason() -> None:
     got = decode(encode(frame_of(Shear(dots=DOTS, field_mm=SHEAR.field_mm, unknown="another gel"))), no_bundle).shear
     assert got is not None
@@ -62,9 +67,9 @@ def test_what_is_unknown_arrives_with_its_reason() -> None:
 
 def test_a_gel_without_dots_sends_nothing_of_them() -> None:
     message = encode(frame_of(None, None))
-    assert b'"dots":null,"shear":null' in message
+    assert b'"dots":null,"shear":null,"slip":null' in message
     assert decode(message, no_bundle).shear is None
-    older = re.sub(rb'"dots":null,"shear":null,', lambda found: b" " * len(found[0]), message)
+    older = re.sub(rb'"dots":null,"shear":null,"slip":null,', lambda found: b" " * len(found[0]), message)
     assert decode(older, no_bundle).shear is None
 
 

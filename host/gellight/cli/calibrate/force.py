@@ -28,6 +28,9 @@ def command(
         Path | None, typer.Option(help="recording of `gellight record`, of the same time as the load cell's readings")
     ] = None,
     poisson_ratio: Annotated[float, typer.Option(help="of the gel; silicones hardly change their volume")] = 0.49,
+    camera_height_mm: Annotated[
+        float | None, typer.Option(help="from the gel to the camera; takes perspective off the motion of marker dots")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Find what turns depth into newtons, with weights or a load cell.
@@ -36,7 +39,7 @@ def command(
     carry the normal force and a pressure map.
     """
     bundle = load_bundle(calibration)
-    record = measure_force(bundle, forces, recording, Layer(gel_thickness_mm, poisson_ratio))
+    record = measure_force(bundle, forces, recording, Layer(gel_thickness_mm, poisson_ratio), camera_height_mm)
     written = add_force(bundle, record, new.out, overwrite=new.overwrite)
     found = {"calibration": str(new.out), "identity": written.identity, **record.model_dump(mode="json")}
     show(found, as_json, _text(record, new.out))
@@ -49,6 +52,7 @@ def _text(record: ForceRecord, out: Path) -> str:
             f"modulus   {record.youngs_modulus_mpa:.4g} MPa of a layer of {record.gel_thickness_mm:g} mm",
             f"error     {100 * record.error_share:.1f} % of a force, and {record.error_floor_n:.3g} N",
             *_others(record),
+            f"along it  {record.side_scale:.3g} times that of the layer, off by {100 * record.side_error_share:.0f} %",
             f"the load cell came {record.lag_s:g} s after the pictures",
             f"wrote {out}",
         ]

@@ -22,6 +22,7 @@ export function showShear(shear, force) {
   const known = shear.force_n !== null;
   write("shear", known ? shear.force_n.map((newton) => fixed(newton, 2)).join(", ") : "unknown");
   write("shear-error", known ? `±${fixed(Math.max(...shear.force_error_n), 2)}` : "");
+  write("slip", shear.slip && shear.slip !== "unknown" ? shear.slip : "");
   element("shear-row").title = known ? `torque ${fixed(shear.torque_nmm, 2)} N mm` : shear.unknown;
   element("shear-row").classList.toggle("notice", !known);
   if (!element("cone-row").hidden) showCone(Math.hypot(...shear.force_n) / force.normal_n);

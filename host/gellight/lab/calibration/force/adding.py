@@ -10,6 +10,7 @@ from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.lab.calibration.force.fit import chosen_layer, fit_force, left_out_share
 from gellight.lab.calibration.force.indented import Felt, felt_in_images, felt_in_recording
 from gellight.lab.calibration.force.record import ForceReadings
+from gellight.lab.calibration.force.sideways import with_sides
 from gellight.reconstruction.force import Layer
 from gellight.reconstruction.force_file import ForceRecord, force_file
 from gellight.recording.recording_file import Recording
@@ -18,10 +19,13 @@ THICKNESSES = (1.0, 0.7, 0.85, 1.2, 1.4)
 """of the layer as it is given: tried where several objects were weighed, for they tell them apart"""
 
 
-def measure_force(bundle: Bundle, forces: Path, recording: Path | None, layer: Layer) -> ForceRecord:
-    """Fit the constant of the force of a sensor; InputError, with the reason, where that cannot be.
+def measure_force(
+    bundle: Bundle, forces: Path, recording: Path | None, layer: Layer, camera_height_mm: float | None = None
+) -> ForceRecord:
+    """Fit the constants of the forces of a sensor; InputError, with the reason, where that cannot be.
 
-    forces: see `record.ForceReadings`. recording: beside a record with times.
+    forces: see `record.ForceReadings`. recording: beside a record with times. camera_height_mm: above the gel, where
+    it is known.
     """
     readings = ForceReadings.read(forces)
     several = len(set(readings.objects)) > 1
@@ -30,7 +34,8 @@ def measure_force(bundle: Bundle, forces: Path, recording: Path | None, layer: L
     chosen = chosen_layer(felt.force_n, felt.integral_mm2, felt.objects) if several else 0
     others = left_out_share(felt.force_n, felt.integral_mm2, felt.objects) if several else 0.0
     fit = fit_force(felt.force_n, felt.integral_mm2[:, chosen], str(forces), least_share=others)
-    return ForceRecord(
+    record = ForceRecord(
+        camera_height_mm=camera_height_mm,
         gel_thickness_mm=layers[chosen].thickness_mm,
         other_objects_share=others if several else None,
         poisson_ratio=layer.poisson_ratio,
@@ -39,6 +44,7 @@ def measure_force(bundle: Bundle, forces: Path, recording: Path | None, layer: L
         source=forces.name,
         created=datetime.now(UTC).replace(microsecond=0),
     )
+    return with_sides(record, readings, bundle)
 
 
 def _felt(readings: ForceReadings, bundle: Bundle, recording: Path | None, layers: Sequence[Layer]) -> Felt:
