@@ -15,7 +15,6 @@ from tests.firmware.helpers.virtual_board import VirtualBoard, compile_library, 
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 from tests.helpers.places import CHECKOUT
 
-
 PARTS = 3
 """Every commit plants a third of the faults: its name says which. `--all-faults` plants them all."""
 
