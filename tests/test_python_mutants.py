@@ -18,6 +18,7 @@ def judge(value: float, other: "float | None" = None) -> bool:
     """Return 1 of 2 answers."""
     if other:
         self.told = value + 1.5 > LIMIT and "é" in text
+    zip(told, other, strict=True)
     logger.warning("%s is more than %d", value, 9)
     if value < 0:
         raise ValueError(f"{value} is below {0}")
@@ -46,10 +47,11 @@ def test_every_mutant_is_another_program_and_none_is_in_text_for_people(file: Pa
         "9: value + 1.5 -> ((value) - (1.5))",
         "9: 1.5 -> (4.0)",
         "9: \"é\" in text -> (('é') not in (text))",
-        "11: value < 0 -> ((value) >= (0))",
-        "11: 0 -> (1)",
-        "13: return not told -> return None",
-        "13: not told -> (told)",
+        "10: zip(told, other, strict=True) -> pass",
+        "12: value < 0 -> ((value) >= (0))",
+        "12: 0 -> (1)",
+        "14: return not told -> return None",
+        "14: not told -> (told)",
     ]  # fmt: skip
 
 
@@ -62,6 +64,11 @@ def test_a_file_is_judged_by_the_tests_that_import_it_its_own_first() -> None:
     assert tests[0] == "tests/host/base/test_mailbox.py"
     assert "tests/host/daemon/test_calibration_service.py" in tests
     assert judges(CHECKOUT / "host/gellight/cli/ring.py")[0] == "tests/host/cli/test_ring.py", "by the command line"
+    typed = judges(CHECKOUT / "host/gellight/cli/selfcheck.py")
+    assert typed[0] == "tests/host/cli/test_demo.py", "a verb by what types it"
+    assert judges(CHECKOUT / "host/gellight/cli/calibrate/lens.py") == ["tests/host/cli/test_calibrate_lens.py"]
+    of_its_users = judges(CHECKOUT / "host/gellight/recording/ros_messages.py")
+    assert "tests/host/recording/test_recording_file.py" in of_its_users
     through_a_helper = judges(CHECKOUT / "host/gellight/lab/simulator/simulated_controls.py")
     assert "tests/host/daemon/test_installing_failures.py" in through_a_helper
     assert not any(test.startswith("tests/vm/") for test in tests + through_a_helper)

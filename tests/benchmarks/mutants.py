@@ -1,7 +1,8 @@
-"""Judge the tests of the host by faults: `python -m tests.benchmarks.mutants COUNT [SEED] [--jobs 2] [--limit-s 300]`.
+"""Judge the tests of the host by faults: `python -m tests.benchmarks.mutants COUNT [SEED] [--under sensor/v4l2]`.
 
 Draws mutants of host/gellight at random. Each is judged in a copy of the checkout by the tests that import its file,
-those of its own room first, until one fails. A test that fails counts where it passes without the mutant. Prints a
+those of its own room first, until one fails; a verb by those that type it. A test that fails counts where it passes
+without the mutant. Prints a
 line for each mutant: killed, survived (with the number of test files that passed) or undecided (time ran out); then
 the shares. The virtual machine, the browser's installation and whole programs do not judge: they take too long.
 """
@@ -29,6 +30,10 @@ from tests.helpers.python_mutants import Mutant, draw
 
 SOURCES = ("host", "models", "")
 TOO_SLOW = ("tests/vm/", "tests/hardware/", "tests/soak/", "tests/firmware/test_mutants.py", "tests/test_")
+HOST = CHECKOUT / "host/gellight"
+COMMAND_LINE = HOST / "cli"
+VERB_TABLES = ("main.py", "calibrate/verbs.py")
+TYPISTS = {CHECKOUT / "tests/helpers" / name for name in ("command_line.py", "children.py")}
 MOST_S_A_TEST = 60
 
 
@@ -70,24 +75,54 @@ def reached_by(test: Path) -> frozenset[Path]:
     return frozenset(found)
 
 
-def judges(file: Path) -> list[str]:
-    """Return the tests that import a file of the host: its own first, then those of its room, then the others.
+@cache
+def verbs() -> dict[Path, set[str]]:
+    """Return the files of the command line that are imported when a verb is typed, with the words that name it."""
+    found: dict[Path, set[str]] = {}
+    for group in VERB_TABLES:
+        for node in ast.walk(ast.parse((COMMAND_LINE / group).read_text())):
+            for word, value in zip(node.keys, node.values, strict=True) if isinstance(node, ast.Dict) else ():
+                home = ast.literal_eval(value)[0].partition(":")[0]
+                found.setdefault(COMMAND_LINE / f"{home.replace('.', '/')}.py", set()).add(ast.literal_eval(word))
+    return found
 
-    Its own are named after it, and need not import it: a verb is tested through the command line. Where there are
-    none, those that import a file that imports it.
+
+@cache
+def typed_by(test: Path) -> frozenset[str]:
+    """Return the strings in a file of the tests that uses the command line, none in others."""
+    if not imported_by(test) & TYPISTS:
+        return frozenset()
+    nodes = ast.walk(ast.parse(test.read_text()))
+    return frozenset(node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str))
+
+
+def named_after(file: Path) -> Path:
+    """Return where the tests of a file of the host are, if it has its own."""
+    return CHECKOUT / "tests/host" / file.relative_to(HOST).parent / f"test_{file.stem}.py"
+
+
+def judges(file: Path) -> list[str]:
+    """Return the tests that import a file of the host, or type its verb: its own first, then those of its room.
+
+    Its own are named after it; those of the files that import it are the last. Where there are none, those that import
+    a file that imports it.
     """
     tests = [path for path in sorted((CHECKOUT / "tests").rglob("test_*.py"))
              if not str(path.relative_to(CHECKOUT)).startswith(TOO_SLOW)]  # fmt: skip
-    room = file.relative_to(CHECKOUT / "host/gellight").parent
-    own = CHECKOUT / "tests/host" / room
-    named = {own / f"test_{file.stem}.py"}
+    own, named = named_after(file).parent, {named_after(file)}
+    users = {named_after(other) for other in HOST.rglob("*.py") if file in imported_by(other)}
     wanted, seen = {file}, {file}
-    while wanted and not (found := [test for test in tests if wanted & reached_by(test) or test in named]):
-        wanted = {other for other in (CHECKOUT / "host/gellight").rglob("*.py") if wanted & imported_by(other)} - seen
+
+    def reaches(test: Path) -> bool:
+        words = set().union(*(verbs().get(one, ()) for one in wanted))
+        return bool(wanted & reached_by(test) or words & typed_by(test)) or test in named | users
+
+    while wanted and not (found := [test for test in tests if reaches(test)]):
+        wanted = {other for other in HOST.rglob("*.py") if wanted & imported_by(other)} - seen
         seen |= wanted
 
-    def distance(test: Path) -> tuple[bool, bool, int]:
-        return test not in named, own not in test.parents, len(reached_by(test))
+    def distance(test: Path) -> tuple[bool, bool, bool, int]:
+        return test not in named, test in users, own not in test.parents, len(reached_by(test))
 
     return [str(test.relative_to(CHECKOUT)) for test in sorted(found, key=distance)] if wanted else []
 
@@ -180,11 +215,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.mutants", description=__doc__)
     parser.add_argument("count", type=int)
     parser.add_argument("seed", type=int, nargs="?", default=0)
+    parser.add_argument("--under", default="", help="draw from this folder or file of host/gellight alone")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--limit-s", type=float, default=300.0)
     given = parser.parse_args()
     verdicts: list[str] = []
-    mutants = draw(list((CHECKOUT / "host/gellight").rglob("*.py")), given.count, given.seed)
+    place = HOST / given.under
+    mutants = draw([place] if place.is_file() else list(place.rglob("*.py")), given.count, given.seed)
     for mutant, (verdict, why) in judged(mutants, given.jobs, given.limit_s):
         verdicts.append(verdict)
         print(f"{verdict:9} {str(mutant).removeprefix(f'{CHECKOUT}/')}  ({why})", flush=True)

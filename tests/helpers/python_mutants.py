@@ -42,7 +42,7 @@ def draw(files: list[Path], count: int, seed: int) -> list[Mutant]:
 
 
 def mutants_of(file: Path) -> list[Mutant]:
-    """Return every mutant of a file; none is in a docstring, a type hint, a message or a line of log."""
+    """Return every mutant of a file; none is in a docstring, a type hint, a message, a line of log, or in `strict=`."""
     source = file.read_bytes()
     starts = [0]
     for line in source.split(b"\n"):
@@ -71,11 +71,13 @@ def _code(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
 
 
 def _is_talk(node: ast.AST) -> bool:
-    """Whether it is text for people: a docstring, an error, a line of log; or a type, or an import."""
+    """Whether it is text for people: a docstring, an error, a line of log; or a type, an import, or a zip's check."""
     if isinstance(node, ast.Expr):
         called = node.value.func if isinstance(node.value, ast.Call) else None
         logs = isinstance(called, ast.Attribute) and ast.unparse(called.value) == "logger"
         return logs or isinstance(node.value, ast.Constant)
+    if isinstance(node, ast.keyword):
+        return node.arg == "strict"
     checks_types = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
     return checks_types or isinstance(node, ast.Raise | ast.Import | ast.ImportFrom | ast.JoinedStr)
 

@@ -81,7 +81,7 @@ class FilterTaps:
             narrowest=first.astype(np.float32),
             wider=np.concatenate([weights(width)[width:] for width in widths]).astype(np.float32),
             reach=np.array(reach, np.int32),
-            energies=np.array([first[0] ** 2 / 2, *_energies(narrowest)], np.float32),
+            energies=np.array([_left_out(narrowest), *_energies(narrowest)], np.float32),
         )
 
 
@@ -105,7 +105,7 @@ class Smoother:
         taken = self._arrays(slopes.shape, 1)[0]
         cv2.subtract(slopes, smoothed, taken)
         # What the filter leaves of white noise and what it takes add up to all of it.
-        left = weights(self.narrowest)[self.narrowest] ** 2 if self.narrowest > 1 else 0.0
+        left = _left(self.narrowest) if self.narrowest > 1 else 0.0
         return smoothed, _cell_energy(taken, _NOISE_CELLS, taken) / np.float32(1 - left)
 
     def of_surface(
@@ -154,9 +154,8 @@ class Smoother:
         """
         change, work = self._arrays(surface.shape, 2)
         cv2.subtract(surface, measured, change)
-        # Half of what the narrowest filter leaves has a curl, and is what the surface leaves out.
-        energy = weights(self.narrowest)[self.narrowest] ** 2 / 2
-        share = _noise_weight(_cell_energy(change, _cells(self.narrowest), work) / noise, energy)
+        energy = _cell_energy(change, _cells(self.narrowest), work) / noise
+        share = _noise_weight(energy, _left_out(self.narrowest))
         cv2.resize(cv2.merge((share, share)), (surface.shape[1], surface.shape[0]), work)
         cv2.add(measured, cv2.multiply(change, work, change), surface)
         return np.asarray(1 + (1 - share[..., None]) ** 2)
@@ -187,6 +186,16 @@ def _noise_weight(seen: Floats, energy: float) -> Floats:
     """(h, w) share to which noise of this energy explains the difference `seen` (h, w, 2): 1 wholly, 0 not at all."""
     worst = np.maximum(seen[..., 0], seen[..., 1]) / np.float32(energy)
     return np.clip((_DIFFER - worst) / np.float32(_DIFFER - _AGREE), 0, 1)
+
+
+def _left(narrowest: int) -> float:
+    """Variance that the narrowest filter leaves of white noise of variance 1."""
+    return float(weights(narrowest)[narrowest] ** 2)
+
+
+def _left_out(narrowest: int) -> float:
+    """Variance of the half of it that has a curl: what the surface leaves out."""
+    return _left(narrowest) / 2
 
 
 @cache

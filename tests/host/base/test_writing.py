@@ -148,6 +148,21 @@ def test_a_file_system_that_cannot_flush_a_folder_is_no_error(tmp_path: Path, mo
     assert (tmp_path / "a").read_bytes() == b"1"
 
 
+def test_a_folder_that_another_program_makes_at_the_same_time_is_no_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make = Path.mkdir
+
+    def late(path: Path, **how: bool) -> None:
+        if not path.exists():
+            make(path)
+        make(path, **how)
+
+    monkeypatch.setattr(Path, "mkdir", late)
+    make_folder(tmp_path / "one" / "two")
+    assert (tmp_path / "one" / "two").is_dir()
+
+
 def test_a_file_in_the_way_of_a_folder_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(FileExistsError):

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gellight.reconstruction.integration import integrate, surface_gradient
-from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother, fixed, half_widths, weights
+from gellight.reconstruction.smoothing import NARROWEST_PX, FilterTaps, Smoother, fixed, half_widths, weights
 from tests.helpers.analytic_surfaces import Surface, centred_grid, gaussian, plane, sharp_cap
 
 SHAPE = (240, 320)
@@ -78,6 +78,18 @@ def test_of_the_noise_half_fits_no_surface_and_a_tenth_remains_where_the_surface
     assert smoothed == pytest.approx(17 / 35 * NOISE, rel=0.03)
     assert surface == pytest.approx(smoothed * np.sqrt(0.5), rel=0.08)
     assert widened < 0.12 * NOISE
+
+
+def test_what_white_noise_makes_of_the_differences_is_what_the_choice_goes_by() -> None:
+    smoothed, surface, _ = stages(noise(3))
+    last, energies = surface, [((smoothed - surface)[INSIDE] ** 2).mean()]
+    for width in half_widths(NARROWEST_PX):
+        wider = fixed(surface, width)
+        energies.append(((wider - last)[INSIDE] ** 2).mean())
+        last = wider
+    # The finite differences of the surface damp the shortest waves, which only the first wider filter takes away.
+    found = np.array(energies) / NOISE**2 / FilterTaps.of(NARROWEST_PX).energies
+    np.testing.assert_allclose(found, [1, 0.7, 1, 1], atol=0.1)
 
 
 def test_how_much_is_smoothed_does_not_depend_on_the_unit_of_the_noise() -> None:

@@ -20,11 +20,24 @@ NEWEST_AGE_S = 1 / 30 + 0.010 + 1e-6
 
 
 def test_request_numbers_are_those_of_the_kernel_headers() -> None:
-    assert (v.QUERYCAP, v.S_FMT, v.DQBUF) == (0x80685600, 0xC0D05605, 0xC0585611)
-    assert (v.S_PARM, v.S_CTRL, v.QUERYCTRL) == (0xC0CC5616, 0xC008561C, 0xC0445624)
-    assert (v.ENUM_FRAMESIZES, v.ENUM_FRAMEINTERVALS, v.STREAMON) == (0xC02C564A, 0xC034564B, 0x40045612)
+    assert (v.QUERYCAP, v.ENUM_FMT, v.G_FMT, v.S_FMT) == (0x80685600, 0xC0405602, 0xC0D05604, 0xC0D05605)
+    assert (v.REQBUFS, v.QUERYBUF, v.QBUF, v.DQBUF) == (0xC0145608, 0xC0585609, 0xC058560F, 0xC0585611)
+    assert (v.STREAMON, v.STREAMOFF, v.G_PARM, v.S_PARM) == (0x40045612, 0x40045613, 0xC0CC5615, 0xC0CC5616)
+    assert (v.G_CTRL, v.S_CTRL, v.QUERYCTRL) == (0xC008561B, 0xC008561C, 0xC0445624)
+    assert (v.ENUM_FRAMESIZES, v.ENUM_FRAMEINTERVALS) == (0xC02C564A, 0xC034564B)
     assert ctypes.sizeof(v.Buffer) == 88
-    assert (c.EXPOSURE, c.WHITE_BALANCE, c.POWER_LINE) == (0x9A0902, 0x98091A, 0x980918)
+    places = v.StreamParameters.numerator, v.FrameSize.size, v.Format.fmt, v.FrameInterval.values, v.Buffer.m
+    assert [place.offset for place in places] == [12, 12, 8, 20, 64]
+
+
+def test_flags_and_controls_have_the_numbers_of_the_kernel_headers() -> None:
+    assert (v.CAPTURE, v.MMAP, v.FIELD_NONE, v.FRAME_DISCRETE, v.CTRL_DISABLED) == (1, 1, 1, 1, 1)
+    assert (v.CAP_VIDEO_CAPTURE, v.CAP_STREAMING, v.CAP_DEVICE_CAPS) == (0x1, 0x4000000, 0x80000000)
+    assert (v.FLAG_ERROR, v.TIMESTAMP_MASK, v.TIMESTAMP_MONOTONIC) == (0x40, 0xE000, 0x2000)
+    assert (v.SOURCE_MASK, v.SOURCE_SOE) == (0x70000, 0x10000)
+    assert (c.EXPOSURE_AUTO, c.EXPOSURE, c.DYNAMIC_RATE, c.FOCUS_AUTO) == (0x9A0901, 0x9A0902, 0x9A0903, 0x9A090C)
+    assert (c.WHITE_BALANCE_AUTO, c.WHITE_BALANCE) == (0x98090C, 0x98091A)
+    assert (c.GAIN_AUTO, c.GAIN, c.POWER_LINE, c.EXPOSURE_MANUAL) == (0x980912, 0x980913, 0x980918, 1)
 
 
 # ---- the newest picture ----
