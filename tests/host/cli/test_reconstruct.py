@@ -271,6 +271,20 @@ def test_the_colour_bar_runs_from_zero_to_the_scale(scale_um: float) -> None:
     ends = depth_picture(np.array([[0.0, scale_um / 1000]]), scale_um=scale_um)[0]
     assert (bar[229, 5] == ends[0]).all()
     assert (bar[10, 5] == ends[1]).all()
+    inside = bar[10:230, :18]
+    assert (inside == inside[:, :1]).all(), "of one colour from side to side"
+    assert (bar[:10, :18] == bar[0, 0]).all()
+    assert (bar[:10, :18] != inside[0]).any()
+
+
+def test_each_tick_of_the_colour_bar_stands_at_its_colour() -> None:
+    bar = depth_bar(221, 80, scale_um=500)
+    rows = np.flatnonzero((bar[:, 18:24] != bar[0, 0]).any(axis=2).all(axis=1))
+    assert rows.tolist() == [10 + 20 * number for number in range(11)]
+    colours = depth_picture(np.linspace(0.5, 0, 11)[:, None], scale_um=500)[:, 0]
+    assert np.abs(bar[rows, 5].astype(int) - colours).max() <= 2
+    numbers = (bar[:, 28:] != bar[0, 0]).any(axis=(1, 2))
+    assert all(numbers[row - 4 : row + 5].any() for row in rows), "each with its number"
 
 
 def test_the_sheet_shows_the_four_panels_unscaled(tmp_path: Path) -> None:
@@ -281,3 +295,19 @@ def test_the_sheet_shows_the_four_panels_unscaled(tmp_path: Path) -> None:
     assert sheet.dtype == np.uint8
     doubled = frame.camera_frame.image.repeat(2, axis=0).repeat(2, axis=1)
     assert (sheet[54 : 54 + 480, 20 : 20 + 640] == doubled).all()
+
+    def at(top: int, left: int) -> np.ndarray:
+        return sheet[top : top + 480 : 2, left : left + 640 : 2]
+
+    assert (at(54, 680) == difference_picture(frame.difference)).all()
+    assert (at(588, 20) == normal_picture(frame.normal_map)).all()
+    outline = (at(588, 680) != depth_picture(frame.depth_mm)).any(axis=2)
+    mask = frame.contact.mask.astype(np.uint8)
+    assert outline.any()
+    assert not outline[cv2.dilate(mask, np.ones((3, 3))) == cv2.erode(mask, np.ones((3, 3)))].any()
+    paper = (sheet == sheet[0, 0]).all(axis=2)
+    assert not paper[598:1058, 1332:1350].any(), "the colour bar"
+    assert paper[:20].all()
+    assert paper[1068:].all()
+    assert paper[:, :20].all()
+    assert all((~paper[top : top + 34, left : left + 640]).any() for top in (20, 554) for left in (20, 680)), "titles"
