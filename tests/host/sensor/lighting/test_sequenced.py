@@ -42,6 +42,10 @@ def test_free_and_locked_every_frame_of_a_thirty_hertz_camera_is_another_light(m
         locked = follow(sequenced, camera, 40)
         groups = [sequenced.read().label.group for _ in range(8)]
         assert 1 <= sequenced.counters.trims < 10
+        told = sequenced.status()["light_sequence"]
+        assert told["clean"] + told["mixed"] + told["unknown"] == 25 + 40 + 8
+        assert told["clean"] >= 39 + 8
+        assert (told["light_mode"], told["groups"], told["frames_per_light"]) == ("free", 4, 1)
     assert locked["clean", "right"] >= 39
     assert locked["clean", "clean"] == locked["mixed", "clean"] == 0
     assert groups[4:] == groups[:4]
@@ -63,6 +67,26 @@ def test_with_a_strobe_no_frame_is_mixed_at_all(monkeypatch: pytest.MonkeyPatch)
         counts = follow(sequenced, camera, 25)
     assert counts["mixed", "mixed"] == 0
     assert counts["clean", "right"] >= 23
+
+
+def test_with_a_strobe_what_a_light_may_show_is_in_the_middle_of_the_dark_or_as_early_as_can_be(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    camera, asked = virtual_sensor(monkeypatch, strobe=True), {}
+    set_sync = camera.ring.set_sync
+    monkeypatch.setattr(camera.ring, "set_sync", lambda mode, **how: (asked.update(how), set_sync(mode, **how)))
+    for exposure_s, to_end_s in ((0.008, None), (0.008, 0.01), (0.02, None)):
+        timing = CameraTiming(exposure_s=exposure_s, stamp_delay_s=0.003, pulse_period_s=0.0005)
+        how = {"mode": LightMode.EXT, "timing": timing, "frames": 2, "strobe_to_end_s": to_end_s}
+        SequencedCamera(camera, TRIPLES, **how).stop()
+        assert (asked["divider"], asked["timeout_us"]) == (2, round(4 * 2 * timing.period_s * 1e6))
+        first_s, last_s = asked["delay_us"] * 1e-6 - 0.002, asked["delay_us"] * 1e-6 + 0.0005  # sent again; a pulse
+        over_s, dark_s = to_end_s or timing.duration_s + 0.003, timing.period_s - timing.duration_s
+        if dark_s > 0.01:
+            assert (first_s + last_s) / 2 == pytest.approx(over_s + dark_s / 2, abs=1e-6)
+        else:
+            assert first_s == pytest.approx(over_s + timing.stamp_error_s + 0.001), "of both clocks"
+    camera.close()
 
 
 def test_a_strobe_that_falls_silent_leaves_the_ring_dark_and_no_frame_clean(monkeypatch: pytest.MonkeyPatch) -> None:
