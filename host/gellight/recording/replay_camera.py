@@ -66,9 +66,9 @@ class ReplayCamera(Camera):
             raise CameraError(f"{self.url} is closed: open it again")
         record = next(self._records, None)
         if record is None and self._chosen.loop and self._last >= 0:
-            self._offset = self._last + 1 - self._recording.first.info.sequence
             self._begin()
             record = next(self._records, None)
+            self._offset = self._last + 1 - (record.info.sequence if record else 0)
         if record is None:
             raise EndOfStream(f"{self.url} has delivered all of its frames")
         info = record.info

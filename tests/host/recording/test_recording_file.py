@@ -163,6 +163,7 @@ def test_maps_come_back_and_open_in_ros(tmp_path: Path, bundle: Bundle) -> None:
         ((info, image),) = Recording(path).maps(name)
         assert (info.force_n, info.force_error_n) == (1.25, 0.1)
         assert np.array_equal(np.frombuffer(image.data, values.dtype).reshape(SHAPE), values)
+        assert (image.height, image.width, image.step) == (*SHAPE, SHAPE[1] * values.itemsize)
     jazzy = get_typestore(Stores.ROS2_JAZZY)
     with AnyReader([path], default_typestore=jazzy) as reader:
         seen = {
@@ -194,10 +195,12 @@ def test_it_is_played_at_its_own_pace_or_another(record: Record) -> None:
 
 
 def test_it_begins_where_it_is_asked_to_and_begins_again(record: Record) -> None:
-    path = record([plain(number) for number in range(4)])
-    assert [frame.sequence for frame in read_all(f"replay://{path}?speed=0&start=0.05")] == [2, 3]
-    with open_camera(f"replay://{path}?speed=0&loop=1") as camera:
-        assert [camera.read().sequence for _ in range(9)] == [0, 1, 2, 3, 4, 5, 6, 7, 8]
+    path = record([plain(number) for number in range(10, 14)])
+    assert [frame.sequence for frame in read_all(f"replay://{path}?speed=0&start=0.05")] == [12, 13]
+    for start, begins in ((0, 10), (0.05, 12)):
+        with open_camera(f"replay://{path}?speed=0&loop=1&start={start}") as camera:
+            assert [camera.read().sequence for _ in range(9)] == list(range(begins, begins + 9)), "none seems lost"
+            assert (camera.status()["recording"], camera.status()["speed"]) == (str(path), 0)
 
 
 @pytest.mark.parametrize("query", ["speed=-1", "speed=nan", "start=-3", "sped=1", "loop=maybe"])
@@ -210,7 +213,7 @@ def test_a_wrong_parameter_is_refused(record: Record, query: str) -> None:
 
 
 def test_it_opens_as_a_bag_of_ros_2(record: Record) -> None:
-    path = record([plain(1), encoded(2, "MJPG"), encoded(3, "YUYV")], depth=DepthKind.FLOAT32)
+    path = record([plain(1), encoded(2, "MJPG"), encoded(3, "YUYV"), encoded(4, "GREY")], depth=DepthKind.FLOAT32)
     store, seen = get_typestore(Stores.ROS2_HUMBLE), {}
     from rosbags.highlevel import AnyReader
 
@@ -226,9 +229,11 @@ def test_it_opens_as_a_bag_of_ros_2(record: Record) -> None:
     assert image.header.stamp.sec * 10**9 + image.header.stamp.nanosec == stamp
     assert image.header.frame_id == "left finger"
     assert seen["/left_finger/image_raw/compressed"][1][1].format == "jpeg"
-    assert seen["/left_finger/image_raw"][0][1].encoding == "yuv422_yuy2"
+    raw, grey = (image for _, image in seen["/left_finger/image_raw"])
+    assert (raw.encoding, raw.height, raw.width, raw.step) == ("yuv422_yuy2", *SHAPE, 2 * SHAPE[1])
+    assert (grey.encoding, grey.step, len(grey.data)) == ("mono8", 80, 80 * SHAPE[0]), "lines as long as in memory"
     depth = seen["/left_finger/depth"][0][1]
-    assert depth.encoding == "32FC1"
+    assert (depth.encoding, depth.height, depth.width, depth.step) == ("32FC1", *SHAPE, 4 * SHAPE[1])
     assert np.abs(depth.data.view("<f4") * 1e3 - full_frame().depth_mm.ravel()).max() < 1e-6, "metres"
     assert json.loads(seen["/left_finger/frame"][0][1].data)["sequence"] == 1
     assert Reader is not None

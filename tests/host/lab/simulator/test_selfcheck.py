@@ -9,7 +9,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import GroundTruth, TactileFrame
-from gellight.lab.simulator.selfcheck import SelfCheck
+from gellight.lab.simulator.selfcheck import CHECKED_PRESSES, SelfCheck
 from gellight.lab.simulator.selfcheck_bounds import ERRORS, KINDS, MARGIN, SMALLEST, bounds_of
 from gellight.lab.simulator.simulated_camera import SimulatedCamera, open_simulated
 from sim_reference.geometry import SensorGeometry
@@ -28,6 +28,14 @@ def frame(camera: SimulatedCamera) -> TactileFrame:
 @pytest.fixture(scope="module")
 def judge(camera: SimulatedCamera) -> SelfCheck:
     return camera.selfcheck((0.0588, 0.0588))
+
+
+def test_every_press_that_is_checked_lies_in_the_view_and_is_deep_enough_to_be_judged() -> None:
+    half = 0.0588 * 320 - 5, 0.0588 * 240 - 5
+    for name, depth, x, y in CHECKED_PRESSES:
+        assert abs(x) < half[0], name
+        assert abs(y) < half[1], name
+        assert 0.5 <= depth <= 1.0
 
 
 def test_a_good_frame_passes(judge: SelfCheck, frame: TactileFrame) -> None:
