@@ -33,7 +33,8 @@ def test_a_mode_is_chosen_by_size_and_rate_and_the_preferred_format_wins() -> No
         assert str(device.configure(Wanted(width=640, height=480, fps=60))) == "MJPG 640x480 at 60 fps"
         assert str(device.configure(Wanted(letters="YUYV", width=640, height=480))) == "YUYV 640x480 at 30 fps"
         assert str(device.configure(Wanted(width=32, height=24))) == "YUYV 32x24 at 30 fps"
-        assert device.configure(Wanted()).letters == "MJPG"
+        assert str(device.configure(Wanted())) == "MJPG 1280x720 at 30 fps", "the largest"
+        assert str(device.configure(Wanted(letters="YUYV"))) == "YUYV 640x480 at 30 fps"
 
 
 @pytest.mark.parametrize(
@@ -61,7 +62,7 @@ def test_a_range_of_sizes_holds_every_step_of_it() -> None:
         if entry.index:
             raise refuse(errno.EINVAL)
         entry.type = 3
-        entry.size.values[:] = [320, 960, 16, 240, 720, 8]
+        entry.size.values[:] = [320, 960, 16, 248, 720, 8]
 
     kernel._enum_framesizes = range_of_sizes  # type: ignore[method-assign]
     kernel._enum_frameintervals = lambda camera, entry: kernel._index(entry, 0)  # type: ignore[method-assign]
@@ -71,7 +72,38 @@ def test_a_range_of_sizes_holds_every_step_of_it() -> None:
     assert offer.has(336, 248)
     assert not offer.has(641, 480)
     assert not offer.has(1280, 720)
-    assert "320x240 to 960x720" in str(offer)
+    assert "320x248 to 960x720" in str(offer)
+
+
+def test_the_lines_of_a_picture_are_as_long_as_the_driver_says_and_those_of_a_jpeg_have_no_length() -> None:
+    kernel, _ = fake()
+    plain = kernel._s_fmt
+
+    def padded(camera: FakeCamera, argument: v.Format) -> None:
+        plain(camera, argument)
+        argument.fmt.pix.bytesperline = 1344  # some drivers say the same of MJPG
+
+    kernel._s_fmt = padded  # type: ignore[method-assign]
+    with Device(PATH, kernel=kernel) as device:
+        for letters, line_bytes in (("YUYV", 1344), ("MJPG", 0)):
+            assert device.configure(Wanted(letters=letters, width=640, height=480)).line_bytes == line_bytes
+
+
+def test_a_node_is_judged_by_its_own_abilities_and_by_those_of_the_driver_where_it_tells_none() -> None:
+    kernel, _ = fake()
+
+    def answering(capabilities: int, of_the_node: int) -> None:
+        def tell(camera: FakeCamera, answer: v.Capability) -> None:
+            answer.capabilities, answer.device_caps = capabilities, of_the_node
+
+        kernel._querycap = tell  # type: ignore[method-assign]
+
+    able, metadata = v.CAP_VIDEO_CAPTURE | v.CAP_STREAMING, 0x00800000 | v.CAP_STREAMING
+    answering(able, 0)  # an old driver
+    Device(PATH, kernel=kernel).close()
+    answering(able | metadata | v.CAP_DEVICE_CAPS, metadata)  # the second node of a UVC camera
+    with pytest.raises(CameraError, match="delivers no pictures"):
+        Device(PATH, kernel=kernel)
 
 
 def test_a_range_of_rates_holds_every_rate_in_it() -> None:

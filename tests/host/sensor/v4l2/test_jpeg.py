@@ -61,6 +61,24 @@ def test_a_jpeg_with_tables_of_its_own_is_decoded_too(capfd: pytest.CaptureFixtu
     assert not accepted(data[: len(data) // 2] + data[-2:])
 
 
+def test_only_tables_of_its_own_are_unusual() -> None:
+    """A camera may leave the usual ones out; then the decoder takes them by itself."""
+    data = coded_jpeg(scene(shape=SHAPE))
+    own = cv2.imencode(".jpg", scene(shape=SHAPE), [cv2.IMWRITE_JPEG_OPTIMIZE, 1])[1].tobytes()
+    without = data
+    while (at := without.find(b"\xff\xc4")) >= 0:
+        without = without[:at] + without[at + 2 + int.from_bytes(without[at + 2 : at + 4]) :]
+    assert [layout_of(one).usual for one in (data, own, without)] == [True, False, True]
+    assert (decode_jpeg(without, SHAPE) == decode_jpeg(data, SHAPE)).all()
+
+
+@pytest.mark.parametrize(("place", "length"), [(5, 2), (7, 2), (11, 1)], ids=["height", "width", "sampling"])
+def test_a_header_without_a_size_has_no_layout(place: int, length: int) -> None:
+    data = coded_jpeg(scene(shape=SHAPE))
+    at = data.index(b"\xff\xc0") + place
+    assert layout_of(data[:at] + bytes(length) + data[at + length :]) is None
+
+
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 def test_a_whole_jpeg_of_any_width_is_decoded(sampling: str) -> None:
     """Where a width is no multiple of an MCU, the last of each row is cut off."""
