@@ -1,6 +1,7 @@
 """Streams on a kernel made of nothing: the newest picture, everything else counted, cables told apart."""
 
 import ctypes
+import errno
 from collections.abc import Callable
 
 import numpy as np
@@ -11,6 +12,7 @@ from gellight.sensor.v4l2 import structures as v
 from gellight.sensor.v4l2.device import Device
 from gellight.sensor.v4l2.errors import StalledError, UnpluggedError
 from gellight.sensor.v4l2.formats import Wanted
+from gellight.sensor.v4l2.stream import BAD_LIMIT
 from tests.helpers.v4l2_pictures import PATH, fake, streaming
 
 NEWEST_AGE_S = 1 / 30 + 0.010 + 1e-6
@@ -114,6 +116,18 @@ def test_damaged_and_empty_pictures_are_counted_and_not_delivered() -> None:
     stream = streaming(kernel)
     assert [stream.newest(1).sequence % 3 for _ in range(10)] == [0] * 10
     assert stream.counts.damaged == 18
+
+
+def test_a_picture_that_the_driver_itself_gives_up_is_counted_as_damaged() -> None:
+    kernel, camera = fake()
+    stream = streaming(kernel)
+    camera.errors[v.DQBUF] = errno.EIO
+    with pytest.raises(StalledError, match="only damaged pictures"):
+        stream.newest(1)
+    assert stream.counts.damaged == BAD_LIMIT
+    del camera.errors[v.DQBUF]
+    stream.newest(1)
+    assert stream.counts.delivered == 1
 
 
 def test_a_camera_that_sends_only_damaged_pictures_is_stalled_not_waited_for() -> None:
