@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gellight.frames.timing import CameraTiming
+from gellight.ring import protocol
 from gellight.sensor.lighting.clock import Interval
 from gellight.sensor.lighting.lock import FEWEST_FRAMES, PhaseLock, hold_frames, settle_s
 
@@ -57,6 +58,12 @@ def test_after_a_trim_each_frame_is_in_the_middle_of_its_light(frames: int, late
 def test_the_lights_are_made_as_long_as_their_frames_by_the_clock_of_the_board(drift: float) -> None:
     trim = lock_of(2, dwell_us=33_330).trim(Interval(6.0, 6.0), Interval(drift - 1e-5, drift + 1e-5))
     assert 2 * 33_330 * (1 + trim.period) == pytest.approx(2 * PERIOD_S * 1e6 * (1 + drift), abs=1e-3)
+
+
+@pytest.mark.parametrize(("dwell_us", "sign"), [(30_000, 1), (36_000, -1)])
+def test_no_more_is_asked_than_the_board_can_do(dwell_us: int, sign: int) -> None:
+    trim = lock_of(2, dwell_us=dwell_us).trim(Interval(6.0, 6.0), RESTING)
+    assert round(trim.period * 2**32) == sign * protocol.TRIM_MAX
 
 
 def test_a_trim_is_told_once_until_its_light_has_come() -> None:
