@@ -34,6 +34,8 @@ HOST = CHECKOUT / "host/gellight"
 COMMAND_LINE = HOST / "cli"
 VERB_TABLES = ("main.py", "calibrate/verbs.py")
 TYPISTS = {CHECKOUT / "tests/helpers" / name for name in ("command_line.py", "children.py")}
+FEW = 4
+"""files: the verbs of a file that more import say little about it"""
 MOST_S_A_TEST = 60
 
 
@@ -101,21 +103,27 @@ def named_after(file: Path) -> Path:
     return CHECKOUT / "tests/host" / file.relative_to(HOST).parent / f"test_{file.stem}.py"
 
 
+def _typing(files: set[Path], tests: list[Path]) -> set[Path]:
+    """Return the tests that type a verb of these files."""
+    words = {word for file in files for word in verbs().get(file, ())}
+    return {test for test in tests if words & typed_by(test)} if words else set()
+
+
 def judges(file: Path) -> list[str]:
     """Return the tests that import a file of the host, or type its verb: its own first, then those of its room.
 
-    Its own are named after it; those of the files that import it are the last. Where there are none, those that import
-    a file that imports it.
+    Its own are named after it; those of the files that import it, or of few verbs that do, are the last. Where there
+    are none, those that import a file that imports it.
     """
     tests = [path for path in sorted((CHECKOUT / "tests").rglob("test_*.py"))
              if not str(path.relative_to(CHECKOUT)).startswith(TOO_SLOW)]  # fmt: skip
     own, named = named_after(file).parent, {named_after(file)}
-    users = {named_after(other) for other in HOST.rglob("*.py") if file in imported_by(other)}
+    importers = {other for other in HOST.rglob("*.py") if file in imported_by(other)}
+    users = {named_after(other) for other in importers} | _typing(importers if len(importers) <= FEW else set(), tests)
     wanted, seen = {file}, {file}
 
     def reaches(test: Path) -> bool:
-        words = set().union(*(verbs().get(one, ()) for one in wanted))
-        return bool(wanted & reached_by(test) or words & typed_by(test)) or test in named | users
+        return bool(wanted & reached_by(test)) or test in named | users | _typing(wanted, tests)
 
     while wanted and not (found := [test for test in tests if reaches(test)]):
         wanted = {other for other in HOST.rglob("*.py") if wanted & imported_by(other)} - seen

@@ -17,7 +17,7 @@ from gellight.frames.measures import STEEP, MapOnRequest
 from gellight.reconstruction.contact import MOST_PATCHES, measure_patches
 from gellight.reconstruction.integration import normals
 from gellight.reconstruction.measures import BundleMeasures
-from gellight.stream.wire import PLANE, PREFIX, decode, encode
+from gellight.stream.wire import MOST_DETAILS, PLANE, PREFIX, decode, encode
 from tests.helpers.dashboard_source import bump
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.streamed import SHAPE, full_frame
@@ -178,6 +178,28 @@ def test_a_frame_of_a_bundle_without_a_constant_has_no_force() -> None:
 def test_a_frame_without_contact_has_no_centre() -> None:
     sent = replace(bump(0.0, 0, 0, shape=SHAPE), provenance=full_frame().provenance)
     assert decode(encode(sent), no_bundle).contact.centroid_mm is None
+
+
+def test_a_centre_of_which_one_number_is_missing_is_none() -> None:
+    sent = full_frame()
+    for centroid_mm in ((np.nan, 1.0), (1.0, np.nan)):
+        broken = replace(sent, contact=replace(sent.contact, centroid_mm=centroid_mm))
+        assert decode(encode(broken), no_bundle).contact.centroid_mm is None
+
+
+def test_a_message_is_hardly_longer_than_its_maps() -> None:
+    sent = full_frame()
+    maps = 3 + 2 * 4 + 4 + 1 + 1 + 1  # bytes of a pixel: image, gradient, depth, contact, lights, moving
+    assert 0 < len(encode(sent)) - SHAPE[0] * SHAPE[1] * maps < 4096
+
+
+def test_details_longer_than_any_are_refused_unread() -> None:
+    message = encode(full_frame())
+    magic, version, planes, place, length, *rest = PREFIX.unpack_from(message)
+    details = message[place : place + length].ljust(MOST_DETAILS + 1)
+    header = PREFIX.pack(magic, version, planes, len(message), len(details), *rest)
+    with pytest.raises(StreamError, match=f"{MOST_DETAILS + 1} bytes of details"):
+        decode(header + message[PREFIX.size :] + details, no_bundle)
 
 
 def test_a_frame_that_no_daemon_delivered_is_not_sent() -> None:
