@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
@@ -391,6 +392,12 @@ def test_a_recording_brings_its_bundle(record: Record, bundle: Bundle) -> None:
     with open_camera(f"replay://{record([plain(0)])}") as camera:
         assert isinstance(camera, ReplayCamera)
         assert camera.bundle.identity == bundle.identity
+
+
+def test_a_bundle_is_attached_once(record: Record, bundle: Bundle) -> None:
+    with record([plain(number) for number in range(3)]).open("rb") as file:
+        (attached,) = make_reader(file).iter_attachments()
+    assert attached.name == f"calibration-{bundle.identity}.gelcal"
 
 
 @pytest.mark.parametrize("step_s", [-3600.0, 3600.0])
