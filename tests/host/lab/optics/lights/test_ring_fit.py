@@ -1,5 +1,6 @@
 """The ring from its light: place, height, tilt and beam of the LEDs without being told."""
 
+import json
 from dataclasses import replace
 from math import radians
 from pathlib import Path
@@ -15,9 +16,11 @@ from gellight.lab.optics.lights.ball_check import confirm_ring
 from gellight.lab.optics.lights.ring_fit import coarse_points, fit_ring, flat_light
 from gellight.lab.simulator.scene import Press
 from gellight.photometric.light_model import LightGroups, LightModel
+from gellight.photometric.lights_file import read_lights
 from gellight.photometric.ring_geometry import RingGeometry
 from sim_reference.imaging import led_irradiance
 from sim_reference.surface import untouched
+from tests.helpers.command_line import invoke
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.simulated_gel import PIXEL_MM, RING, SMALL, Gel
 
@@ -71,3 +74,15 @@ def test_the_fit_from_the_flat_gel_alone_refuses_itself(tmp_path: Path) -> None:
 def test_the_middle_of_the_ring_moves_all_leds() -> None:
     moved = replace(RING, centre_x_mm=1.5, centre_y_mm=-0.5).positions_mm() - RING.positions_mm()
     np.testing.assert_allclose(moved, np.tile([1.5, -0.5, 0.0], (12, 1)), atol=1e-12)
+
+
+def test_the_verb_finds_the_ring_of_the_simulated_sensor_and_its_bundle_has_the_lights(tmp_path: Path) -> None:
+    url = "sim://?object=BALL&fps=1000"  # what is pressed is lifted off meanwhile
+    done = invoke("calibrate", "lights", "--out", tmp_path / "lit", "--sensor", url, "--frames", "1", "--json")
+    assert done.exit_code == 0, done.output
+    found = json.loads(done.stdout)
+    assert (found["leds"], found["exposure_us"]) == (12, 8000)
+    ring = found["ring_from_light"]
+    assert ring["ring_radius_mm"] == pytest.approx(21.5, abs=0.1)
+    assert ring["height_mm"] == pytest.approx(20, abs=0.1)
+    assert len(read_lights(load_bundle(tmp_path / "lit")).colours) == 12
