@@ -45,7 +45,8 @@ DOORS = {
     "sim_reference": (
         "lab/simulator/gel_models.py", "lab/simulator/known_force.py", "lab/simulator/memory.py",
         "lab/simulator/one_press.py", "lab/simulator/read_noise.py", "lab/simulator/scene.py",
-        "lab/simulator/selfcheck.py", "lab/simulator/selfcheck_bounds.py", "lab/simulator/simulated_camera.py",
+        "lab/simulator/selfcheck.py", "lab/simulator/selfcheck_bounds.py", "lab/simulator/sequence.py",
+        "lab/simulator/simulated_camera.py",
         "lab/simulator/stage.py", "lab/simulator/dataset.py", "lab/simulator/demo_presses.py",
         "lab/training/synthetic.py", "lab/design/", "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py",
     ),

@@ -39,6 +39,8 @@ class GroundTruth:
     press_depth_mm: float = 0.0
     place_mm: tuple[float, float] = (0.0, 0.0)
     """(x, y) of the object's middle from the image centre"""
+    pose: NDArray[np.float64] | None = None
+    """(4, 4) carries points of the object, mm, to x right, y down, z towards the camera; None: nothing is pressed"""
 
     def __repr__(self) -> str:
         """Return size and largest depth in one line."""

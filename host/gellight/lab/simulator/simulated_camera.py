@@ -11,7 +11,8 @@ from the start), `programme=0` (no presses by itself), `board=0` (steady light w
 begins with a strobe on the trigger pin of the board, for `--light-mode ext`); and what makes one sensor differ from
 another: `crosstalk` (share of the other colours in a channel), `led_spread` (standard deviation of
 the LEDs' brightness, as a share), `dim` (all LEDs darker by this share). `gel=fem` computes the gel by finite elements
-with `resolution` mm between vertices: a minute a press, kept on the disk.
+with `resolution` mm between vertices: a minute a press, kept on the disk. `sequence=FILE` moves an object as the file
+says, a step a frame, there and back: see `sequence.py`.
 """
 
 import logging
@@ -20,6 +21,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from math import inf
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +39,7 @@ from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.read_noise import ReadNoise
 from gellight.lab.simulator.scene import Array, Press, Scene
 from gellight.lab.simulator.selfcheck import SelfCheck
+from gellight.lab.simulator.sequence import read_sequence
 from gellight.lab.simulator.shutter import Shutter, row_weights
 from gellight.lab.simulator.simulated_controls import SimulatedControls
 from gellight.lab.simulator.stage import Stage
@@ -223,6 +226,7 @@ class SimulatedCamera(Camera):
                 object_name=press.object_name if press else "",
                 press_depth_mm=press.depth_mm if press else 0.0,
                 place_mm=(press.x_mm, press.y_mm) if press else (0.0, 0.0),
+                pose=press.pose if press else None,
             )
             self._shown = press, key, grey, truth
         return self._shown[2], self._shown[3]
@@ -248,6 +252,7 @@ class SimulatedUrl(BaseModel):
     dim: float = Field(0.0, ge=0, le=0.9)
     gel: GelKind = "layer"
     resolution: float = Field(0.3, ge=0.1, le=2.5)
+    sequence: str = ""
 
     def response(self) -> CameraResponse:
         """Return the camera: the colours pass its filters in the proportions of the plain camera's crosstalk."""
@@ -274,6 +279,8 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
     stage = Stage(sensor, programme=wanted.programme)
     if wanted.model_fields_set & {"object_name", "depth", "x", "y"}:
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
+    if wanted.sequence:
+        stage.play(read_sequence(Path(wanted.sequence), sensor).presses)
     if wanted.gel == "fem":
         check_memory(wanted.resolution, sensor)
     model = gel_model(wanted.gel, wanted.resolution)

@@ -2,7 +2,7 @@
 
 import itertools
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from math import hypot
@@ -63,6 +63,8 @@ class Stage:
         self._lock = threading.Lock()
         self._wanted: Press | None = None
         self._programme = programme_of_presses() if programme else None
+        self._sequence: Iterator[Press | None] | None = None
+        """what is shown a frame each; a visitor takes it over"""
         self._frames_until_programme = 0
         self._preparing: list[str] = []
         """objects whose press is being computed"""
@@ -121,6 +123,11 @@ class Stage:
         self.press(object_name, depth_mm, x_mm, y_mm)
         self._programme = None
 
+    def play(self, presses: Sequence[Press | None]) -> None:
+        """Show a sequence of presses, a frame each, forwards and back for ever; no programme plays afterwards."""
+        there_and_back = [*presses, *presses[-2:0:-1]]
+        self._sequence, self._programme = itertools.cycle(there_and_back), None
+
     def release(self) -> None:
         """Lift the object off the gel."""
         self._want(None)
@@ -128,7 +135,7 @@ class Stage:
     def take_over(self) -> None:
         """Lift the object; no programme plays afterwards."""
         self._want(None)
-        self._programme = None
+        self._programme = self._sequence = None
 
     def status(self) -> PressStatus:
         """Return what is pressed now."""
@@ -145,6 +152,8 @@ class Stage:
         with self._lock:
             if self._frames_until_programme > 0:
                 self._frames_until_programme -= self._wanted is None
+            elif self._sequence is not None:
+                self._wanted = next(self._sequence)
             elif self._programme is not None:
                 self._wanted = next(self._programme)
             return self._wanted
