@@ -17,9 +17,9 @@ from sim_reference.objects import OBJECTS, PROBES, object_height
 from sim_reference.solids import highest
 
 Array = NDArray[np.float64]
-MESH_MM = 0.1
+MESH_MM = 0.05
 """between the vertices of a body"""
-LEFT_OUT_MM = 6.0
+LEFT_OUT_MM = 3.5
 """what lies deeper below the highest point never meets the gel"""
 WAVES = 14
 """plane waves whose mean is the relief of a bead"""

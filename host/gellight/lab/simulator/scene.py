@@ -51,24 +51,30 @@ class Press:
     def pose(self) -> Array:
         """(4, 4) carries points of the object, mm, to x right, y down, z towards the camera from the image centre."""
         rotation = Rotation.from_rotvec(self.turn_rad).as_matrix()
-        top_mm = _upper_side(self)[1] if self.is_body else 0.0
+        top_mm = self.upper_side[1] if self.is_body else 0.0
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = rotation, (self.x_mm, self.y_mm, self.depth_mm - top_mm)
         return pose
 
+    @property
+    def upper_side(self) -> tuple[Array, float]:
+        """What of the body meets the gel, on a grid of its own, and its top: see `Body.upper_side`."""
+        return _upper_side(self.object_name, self.within_mm, self.turn_rad)
 
-def _upper_side(press: Press) -> tuple[Array, float]:
+
+@lru_cache(maxsize=2)
+def _upper_side(name: str, within_mm: float, turn_rad: tuple[float, float, float]) -> tuple[Array, float]:
     """Return the height of a turned body on a grid of its own, and its top: see `Body.upper_side`."""
-    turned = body(press.object_name, press.within_mm)
+    turned = body(name, within_mm)
     most = round(min(GRID_SIZE, 2 * (turned.reach_mm + MARGIN_MM) / SPACING_MM))
     size = min(GRID_SIZE, scipy.fft.next_fast_len(most, real=True))
-    return turned.upper_side(Rotation.from_rotvec(press.turn_rad).as_matrix(), size, SPACING_MM)
+    return turned.upper_side(Rotation.from_rotvec(turn_rad).as_matrix(), size, SPACING_MM)
 
 
 @lru_cache(maxsize=64)
 def deformed_by_body(press: Press, geometry: SensorGeometry, model: GelModel) -> Deformation:
     """Press a body, wherever that happens: `press` lies in the middle."""
-    return model(_upper_side(press)[0], SPACING_MM, press.depth_mm, geometry)
+    return model(press.upper_side[0], SPACING_MM, press.depth_mm, geometry)
 
 
 Lit = tuple[Press | None, Surface, NDArray[np.float32]]
