@@ -19,8 +19,8 @@ PACKAGES = {
     "sim_reference": ROOT / "sim_reference",
 }
 RUN = (
-    "base", "ring", "bundle", "frames", "photometric", "reconstruction", "series", "sensor", "recording", "watch",
-    "opening", "daemon", "stream", "dashboard",
+    "base", "ring", "bundle", "frames", "photometric", "reconstruction", "tracking", "series", "sensor", "recording",
+    "watch", "opening", "daemon", "stream", "dashboard",
 )  # fmt: skip
 """the half that a robot needs, lowest first: a room imports from itself and from rooms before it"""
 LAB = tuple(
@@ -54,7 +54,7 @@ DOORS = {
         "bundle/bundle.py", "lab/optics/lens/pins.py", "dashboard/view.py",
         "frames/dots.py", "frames/image_files.py", "frames/pixel_grid.py", "frames/video_files.py", "frames/view.py",
         "reconstruction/at_rest.py", "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
-        "reconstruction/linearised.py", "reconstruction/smoothing.py",
+        "reconstruction/linearised.py", "reconstruction/smoothing.py", "tracking/starts.py", "tracking/view.py",
         "series/reconstructor.py", "lab/report/pictures.py", "lab/report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "lab/simulator/usb/encoding.py",
         "lab/training/labelling/plate.py", "recording/frame_record.py",

@@ -19,6 +19,8 @@ The header names each plane with its offset (from the first plane) and its lengt
 
 The header's `contacts` are the connected parts of the contact patch, the deepest first: see `frames.Patch`. Its `force`
 holds `normal_n`, `error_n` and `flags` (see `measures.Force`), or is null where the bundle has no constant for it.
+Its `pose` has the object's `number`, whether it is `lost`, a `text`, and x and y of the axes that move with it and of
+the `place_mm` where they begin; null where nothing is tracked.
 
 The page makes the rest itself. The difference image is the image minus the reference image, which the header names
 (`reference`) and the page fetches once, minus the header's `light_drift`. Slopes and normals are those of the depth
@@ -39,6 +41,7 @@ import numpy as np
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.view import deflate, jpeg, pack_depth, reduce, view_shape
 from gellight.frames.frames import TactileFrame
+from gellight.frames.pose import ObjectPose
 from gellight.reconstruction.errors import depth_errors
 
 MAGIC = b"GELF"
@@ -98,12 +101,24 @@ def _header(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str
             "centroid_mm": None if contact.centroid_mm is None else [float(c) for c in contact.centroid_mm],
         },
         "force": frame.force.as_json() if frame.force else None,
+        "pose": _pose(frame.pose) if frame.pose else None,
         "contacts": [vars(patch) for patch in frame.contacts[:MOST_CONTACTS]],
         "light": None if camera_frame.light is None else camera_frame.light.tolist(),
         "stage_ms": {stage: seconds * 1e3 for stage, seconds in frame.stage_seconds.items()},
         "truth": _truth_figures(frame),
     }
     return header
+
+
+def _pose(pose: ObjectPose) -> dict[str, object]:
+    """Return the axes that move with the object, seen from the camera, and where they begin."""
+    return {
+        "number": pose.number,
+        "lost": pose.lost,
+        "text": pose.in_words(),
+        "place_mm": pose.place_mm[:2].tolist(),
+        "axes": pose.motion[:2, :3].T.tolist(),
+    }
 
 
 def _truth_figures(frame: TactileFrame) -> dict[str, float] | None:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gellight.base.field_docs import with_field_docs
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force, FrameMeasures, MapOnRequest
+from gellight.frames.pose import ObjectPose
 from gellight.frames.status import ExposuresStatus
 
 
@@ -274,6 +275,8 @@ class TactileFrame:
     contact: Contact
     contacts: tuple[Patch, ...] = ()
     """the connected parts of the contact, the deepest first; of a sensor that runs, followed from frame to frame"""
+    pose: ObjectPose | None = None
+    """where the object has gone since it was first touched; None where nothing touches or nobody asked for tracking"""
     exposures: ExposureReport | None = None
     """how the exposures went that it was measured from; None where it was felt in one frame"""
     stage_seconds: dict[str, float] = field(default_factory=dict)

@@ -37,6 +37,7 @@ from gellight.base.errors import BundleError, InputError, first_line
 from gellight.bundle.bundle import Bundle, packed_bundle, unpack_bundle
 from gellight.frames.frames import CameraFrame, CaptureStamp, Patch, Provenance, TactileFrame
 from gellight.frames.measures import MapOnRequest
+from gellight.frames.pose import PoseFigures
 from gellight.recording.frame_record import FrameInfo, FrameRecord, packed_picture
 from gellight.recording.ros_messages import (
     COMPRESSED_IMAGE,
@@ -86,6 +87,8 @@ class ContactInfo(StrictModel):
     """normal force; None where the bundle has no constant for it"""
     force_error_n: float | None = None
     contacts: tuple[Patch, ...] = ()
+    pose: PoseFigures | None = None
+    """where the object has gone; None where nobody tracked it, or nothing touched"""
 
 
 class RecordingWriter:
@@ -213,6 +216,7 @@ def _contact_info(frame: TactileFrame, provenance: Provenance) -> ContactInfo:
         force_n=frame.force.normal_n if frame.force else None,
         force_error_n=frame.force.error_n if frame.force else None,
         contacts=frame.contacts,
+        pose=frame.pose.figures() if frame.pose else None,
     )
 
 

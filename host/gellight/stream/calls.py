@@ -50,6 +50,13 @@ class Zero(StrictModel):
     type: Literal["zero"] = "zero"
 
 
+class Track(StrictModel):
+    """Give frames the pose of the object that touches, or no more."""
+
+    type: Literal["track"] = "track"
+    on: bool
+
+
 class Press(StrictModel):
     """Press an object into a simulated gel."""
 
@@ -66,7 +73,7 @@ class Release(StrictModel):
     type: Literal["release"] = "release"
 
 
-Call = Status | Calibration | Light | Mode | Zero | Press | Release
+Call = Status | Calibration | Light | Mode | Zero | Track | Press | Release
 _CALLS: TypeAdapter[Call] = TypeAdapter(Annotated[Call, Field(discriminator="type")])
 
 
@@ -92,6 +99,8 @@ def answer(daemon: SensorSession, call: Call) -> bytes:
             daemon.change_mode(call.mode)
         case Zero():
             daemon.rezero()
+        case Track():
+            daemon.track(call.on)
         case Press() | Release():
             move(daemon, call)
     return b"{}"

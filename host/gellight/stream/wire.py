@@ -20,6 +20,7 @@ from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Patch, Provenance, TactileFrame
 from gellight.frames.measures import Confidence, Force, MapOnRequest
+from gellight.frames.pose import ObjectPose, PoseFigures
 from gellight.reconstruction.integration import normals
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.measures import BundleMeasures
@@ -84,6 +85,7 @@ class Details(StrictModel):
     exposures: ExposureFigures | None
     force: ForceFigures | None = None
     contacts: tuple[Patch, ...] = ()
+    pose: PoseFigures | None = None
     from_network: bool | None = Field(None, validation_alias=AliasChoices("from_network", "learnt"))
     """`FrameMeasures.from_network`; None for a frame without measures, as one under another light"""
     provenance: Provenance
@@ -191,6 +193,7 @@ def _details(frame: TactileFrame) -> bytes:
             exposures=figures,
             force=_figures(frame.force),
             contacts=frame.contacts,
+            pose=frame.pose.figures() if frame.pose else None,
             from_network=frame.measures.from_network if frame.measures else None,
             provenance=replace(provenance, ages_s=published),
         )
@@ -238,6 +241,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
         "depth_mm": maps["depth_mm"],
         "contact": contact,
         "contacts": details.contacts,
+        "pose": _pose(details.pose),
         "exposures": _report(details.exposures, maps),
         "stage_seconds": details.stage_seconds,
         "_from_network": details.from_network,
@@ -264,6 +268,13 @@ def _force(figures: ForceFigures | None, frame: ReceivedFrame, maps: Mapping[str
         return force.pressure_mpa
 
     return Force(**figures.model_dump(), pressure_of=pressure_mpa)
+
+
+def _pose(figures: PoseFigures | None) -> ObjectPose | None:
+    try:
+        return ObjectPose.of(figures) if figures else None
+    except ValueError as error:
+        raise _damaged(f"pose: {error}") from None
 
 
 def check_version(message: bytes) -> None:

@@ -20,6 +20,7 @@ import { Ring } from "./ring.js";
 import { saveNpz, savePly, savePng } from "./saving.js";
 import { judge, tellBanners } from "./state.js";
 import { listenToKeys, offerFullScreen } from "./toolbar.js";
+import { Tracking } from "./tracking.js";
 import { Truth } from "./truth.js";
 import { WatchNotice } from "./watch.js";
 
@@ -31,7 +32,7 @@ const element = (id) => document.getElementById(id);
 /** What the page knows, for scripts and tests. */
 const stats = {
   state: "connecting", sequence: -1, drawn: 0, drawn_fps: 0, fps: null, age_ms: null, level: "",
-  indentation_mm: null, area_mm2: null, centroid_mm: null, contacts: [], section: null, error: null, kept: 0, surface: "waiting",
+  indentation_mm: null, area_mm2: null, centroid_mm: null, contacts: [], pose: null, section: null, error: null, kept: 0, surface: "waiting",
 };
 window.gellight = stats;
 
@@ -51,6 +52,7 @@ let surface = null; // drawn in 3D; its library is most of the page's bytes, so 
 let detail = new Detail(RELIEF, RELIEF);
 const history = new History(element("history"), { choose: (timeS) => revisit(recent.nearest(timeS)), step: (count) => revisit(recent.step(shown?.header.time_s, count)) });
 
+let moving = null; // the axes of the tracked object and its way
 let waiting = null; // the newest view not yet drawn
 let shown = null; // the view on the screen
 let status = null; // what the server said last
@@ -75,6 +77,7 @@ const connection = new Connection({
   answer: (answer) => press.answer(answer),
 });
 const press = new PressPanel((command) => connection.send(command));
+const tracking = new Tracking(element("track"), (command) => connection.send(command));
 const tool = () => (measuring() ? measure : press);
 const pictures = new Pictures([...planes.canvases, element("truth")], {
   point: (place) => measure.pointAt(place),
@@ -166,6 +169,8 @@ function draw(view) {
   truth.draw(view, planes.colours);
   surface?.update(view, planes.normalPixels);
   measure.show(view);
+  moving = tracking.follow(view.header.pose);
+  stats.pose = view.header.pose;
   stats.contacts = view.header.contacts.toSorted((one, other) => one.number - other.number);
   drawSurface();
   overlay();
@@ -195,7 +200,7 @@ function mark() {
 /** Draw what lies over the pictures: the line, the place pointed at, the numbers of the contacts. */
 function overlay() {
   const several = stats.contacts.length > 1 ? stats.contacts : [];
-  pictures.mark({ line: measure.line, point: measure.point, labels: several.map(({ number, centroid_mm: place }) => [String(number), place]) });
+  pictures.mark({ line: measure.line, point: measure.point, moving, labels: several.map(({ number, centroid_mm: place }) => [String(number), place]) });
   stats.section = measure.section;
 }
 
@@ -213,6 +218,7 @@ function takeStatus(said) {
   stats.error = said.error ?? null;
   showStatus(said);
   press.show(said.stage);
+  tracking.show(said);
   watch.show(said.watch);
 }
 

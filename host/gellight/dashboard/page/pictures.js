@@ -49,11 +49,11 @@ export class Pictures {
     document.body.style.setProperty("--aspect", size[0] / size[1]);
   }
 
-  /** Draw over every picture: `line` ([start, end] or null), `point` (or null), `labels` [[text, place], ...]. */
-  mark({ line, point, labels }) {
+  /** Draw over every picture: `line` ([start, end] or null), `point` (or null), `moving` (an object's `axes` and `path`, or null), `labels`. */
+  mark({ line, point, moving, labels }) {
     if (!this.#viewMm) return;
     const [width, height] = this.#viewMm;
-    const marked = JSON.stringify([width, height, line, point, labels]);
+    const marked = JSON.stringify([width, height, line, point, moving, labels]);
     if (marked === this.#marked) return;
     this.#marked = marked;
     for (const layer of this.#marks) {
@@ -61,6 +61,10 @@ export class Pictures {
       svg.setAttribute("viewBox", `${-width / 2} ${-height / 2} ${width} ${height}`);
       svg.setAttribute("preserveAspectRatio", "none");
       if (line) svg.append(...strokes(`M${line[0]}L${line[1]}`), ...line.flatMap((end) => strokes(cross(end, 0.4))));
+      if (moving) {
+        svg.append(...strokes(`M${moving.path.join("L")}`));
+        moving.axes.forEach(([from, to], axis) => svg.append(...strokes(`M${from}L${to}`, `axis-${"xyz"[axis]}`)));
+      }
       if (point) svg.append(...strokes(cross(point, 0.8)));
       layer.replaceChildren(svg, ...labels.map(([text, place]) => this.#label(text, place)));
     }
@@ -109,8 +113,8 @@ export class Pictures {
   }
 }
 
-function strokes(path) {
-  return ["under", "over"].map((className) => {
+function strokes(path, also = "") {
+  return ["under", `over ${also}`].map((className) => {
     const made = document.createElementNS(SVG, "path");
     made.setAttribute("class", className);
     made.setAttribute("d", path);

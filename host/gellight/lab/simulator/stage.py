@@ -29,6 +29,18 @@ PROGRAMME = (
 )
 
 
+def moving_peg(steps: int = 20) -> tuple[Press, ...]:
+    """Return a peg that slides, turns and tilts, there and back."""
+    s = np.linspace(0, 1, steps)
+    ways = 1.5 * np.sin(2 * np.pi * s), 1.5 * s, np.radians(2 * np.sin(2 * np.pi * s)), np.radians(12 * s)
+    there = [Press("PEG", 0.8, x, y, (tilt, 0.0, turn)) for x, y, tilt, turn in np.stack(ways, axis=1).tolist()]
+    return (*there, *there[-2:0:-1])
+
+
+MOVING = moving_peg()
+"""what moves by itself while a page tracks"""
+
+
 def programme_of_presses() -> Iterator[Press | None]:
     """Yield what a virtual hand does in each frame, for ever: press in, hold, release, pause."""
     for press in itertools.cycle(PROGRAMME):
@@ -127,6 +139,12 @@ class Stage:
         """Show a sequence of presses, a frame each, forwards and back for ever; no programme plays afterwards."""
         there_and_back = [*presses, *presses[-2:0:-1]]
         self._sequence, self._programme = itertools.cycle(there_and_back), None
+
+    def drive(self, *, on: bool) -> None:
+        """Let a peg slide, turn and tilt by itself, there and back; or lift it. A visitor's press ends it too."""
+        self._sequence = itertools.cycle(MOVING) if on else None
+        self._want(None)
+        self._frames_until_programme = 0 if on else RETURN_FRAMES
 
     def release(self) -> None:
         """Lift the object off the gel."""
