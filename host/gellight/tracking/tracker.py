@@ -73,14 +73,14 @@ class Found:
 
 
 def right(a: Agreement) -> bool:
-    """Say whether two views that agree so show one object in the same place."""
+    """Say whether two views that agree so show one object in the same place.
+
+    Where one is pressed deeper than the other the slopes differ, and the curvatures still agree.
+    """
     smooth = a.texture <= 3 * max(a.residual, 0.7)
-    return (
-        a.overlap >= LEAST_OVERLAP
-        and a.slope >= 0.8
-        and (a.unlike <= 0.25 or a.residual <= 1.5)
-        and (a.curvature >= 0.4 or smooth)
-    )
+    slopes = a.slope >= 0.8 and (a.unlike <= 0.25 or a.residual <= 1.5)
+    alike = (slopes and (a.curvature >= 0.4 or smooth)) or (a.curvature >= 0.6 and a.unlike <= 0.5)
+    return a.overlap >= LEAST_OVERLAP and alike
 
 
 def sure(a: Agreement, own: float) -> bool:
