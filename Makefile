@@ -9,13 +9,15 @@ ARGS   ?=
 # processes that share the tests: one has the virtual machine, which mostly waits, the others a core each
 JOBS   ?= 3
 
+# the emulator of the firmware that others wrote
+SECOND := tests/firmware/second_emulator
 # a real press, beside the simulated ones
 REAL   := tests/data/real/three_lights
 
 # Tests start hundreds of programs and a machine that emulates its processor: nothing is compiled at each start.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test check lint types pytest bench docs dist clean
+.PHONY: demo test check lint types pytest bench boards housing docs dist clean
 
 demo: $(VENV)/.host
 	@$(BIN)/gellight demo $(ARGS)
@@ -41,6 +43,12 @@ bench: $(VENV)/.dev
 docs: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
+# What is ordered and printed for a sensor, in build/boards and build/housing; ARGS: options of the verb.
+boards: $(VENV)/.host
+housing: $(VENV)/.parts
+boards housing:
+	$(BIN)/gellight optimize $@ --out build/$@ $(ARGS)
+
 # What a package index takes, in dist/.
 dist: $(VENV)/.dev
 	rm -rf dist
@@ -57,11 +65,15 @@ define install
 	    $(BIN)/pip install --quiet $(1); ended=$$?; kill $$beat; exit $$ended; fi
 endef
 
-# A stamp says what is installed: `host` is what a user runs, `docs` adds what makes the site, `dev` PyTorch
-# and the test tools.
+# A stamp says what is installed: `host` is what a user runs, `parts` adds the CAD kernel, `docs` what makes the site,
+# `dev` PyTorch and the test tools.
 $(VENV)/.host: pyproject.toml | $(BIN)/python
 	@echo "Installing GelLight and 41 packages that it needs into $(VENV): 600 MB, one to three minutes, once"
 	$(call install,--editable .,44)
+	@touch $@
+
+$(VENV)/.parts: pyproject.toml | $(VENV)/.host
+	$(call install,--editable ".[parts]",48)
 	@touch $@
 
 $(VENV)/.docs: pyproject.toml | $(VENV)/.host
@@ -83,8 +95,9 @@ $(BIN)/python:
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/pip install --quiet --upgrade pip
 
-# What the tests need beside Python: two real browsers for the page, a second compiler for the firmware, an emulator for the
-# frame path on aarch64. Root installs it; anyone else is told how. The virtual machine's kernel and tools are only
+# What the tests need beside Python: two real browsers for the page, a second compiler and a second emulator for the
+# firmware, an emulator for the frame path on aarch64, KiCad for the boards (45 MB and 37 packages beside it: two minutes).
+# Root installs it; anyone else is told how. The virtual machine's kernel and tools are only
 # unpacked, into a cache folder.
 .PHONY: tools
 tools:
@@ -95,11 +108,14 @@ tools:
 	command -v arm-none-eabi-gcc >/dev/null || missing="$$missing gcc-arm-none-eabi"; \
 	command -v gcc >/dev/null || missing="$$missing gcc"; \
 	command -v qemu-aarch64 >/dev/null || missing="$$missing qemu-user"; \
+	/usr/bin/python3 -c 'import pcbnew' 2>/dev/null || missing="$$missing kicad"; \
+	command -v npm >/dev/null || missing="$$missing nodejs npm"; \
 	[ -z "$$missing" ] || \
 	    { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
 	      { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing >/dev/null; }; } || \
 	    { echo "The tests need: sudo apt-get install --no-install-recommends $$missing"; exit 2; }
 	@$(PYTHON) -m tests.vm.machine.packages
+	@[ -d $(SECOND)/node_modules/rp2040js ] || npm ci --prefix $(SECOND) --ignore-scripts --no-audit --no-fund --silent
 
 clean:
 	rm -rf $(VENV) build dist

@@ -10,6 +10,8 @@ the conjugate gradient method of Polonsky and Keer (Wear 231, 1999). Depth does 
 pressures are in units of mu. This is a small-strain model: it knows neither large deformation nor friction.
 """
 
+from typing import Any
+
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
@@ -18,6 +20,8 @@ from sim_reference.deformation import Deformation, NotConverged
 from sim_reference.geometry import SensorGeometry
 
 Array = NDArray[np.float64]
+Real = NDArray[np.floating[Any]]
+"""of single or double precision; what comes out has that of what went in"""
 
 
 def wave_number(size: int, spacing_mm: float) -> Array:
@@ -57,7 +61,7 @@ def press(
 
     `object_height_mm` (n, n) is the object's surface towards the gel, 0 at its highest point, `NO_OBJECT` beside it;
     keep a margin of two gel thicknesses, for the grid is periodic. `press_depth_mm` is how far the highest point goes
-    beyond first touch. The iteration ends when the pressure changes by less than `tolerance` of its sum. Raises
+    beyond first touch. Raises
     ValueError for a press that is negative, deeper than 60 % of the gel or not a number, and for an object that is no
     square of numbers, NotConverged otherwise.
     """
@@ -69,31 +73,41 @@ def press(
         )
     response = compliance(size, spacing_mm, geometry.gel_thickness_mm, geometry.poisson_ratio)
     rest_gap = -(object_height_mm + press_depth_mm)
-    pressure = _contact_pressure(rest_gap, response, geometry.gel_thickness_mm, tolerance, max_iterations)
+    pressure = contact_pressure(rest_gap, response, geometry.gel_thickness_mm, tolerance, max_iterations)
     smoothing = coating(size, spacing_mm, geometry.coating_smoothing_mm)
     return Deformation(deflection(pressure, response * smoothing), pressure, spacing_mm)
 
 
-def deflection(pressure: Array, response: Array) -> Array:
+def deflection(pressure: Real, response: Real) -> Any:
     """Return the depth (n, n) in mm under `pressure` (n, n): the product with G in Fourier space."""
     return np.asarray(scipy.fft.irfft2(scipy.fft.rfft2(pressure) * response, s=pressure.shape))
 
 
-def _contact_pressure(rest_gap: Array, response: Array, thickness: float, tolerance: float, limit: int) -> Array:
-    """Find p >= 0 with gap = G p + rest_gap >= 0 and p gap = 0 (Polonsky and Keer, steps as numbered there)."""
-    pressure = np.maximum(-rest_gap, 0.0) / thickness
+def contact_pressure(
+    rest_gap: Real, response: Real, thickness_mm: float, tolerance: float = 1e-4, max_iterations: int = 500
+) -> Any:
+    """Find p >= 0 with gap = G p + rest_gap >= 0 and p gap = 0 (Polonsky and Keer, steps as numbered there).
+
+    rest_gap: (n, n) mm between the gel at rest and the object, negative where it penetrates. response: `compliance`.
+    The iteration ends when the pressure changes by less than `tolerance` of its sum. Returns (n, n), in units of the
+    shear modulus and in the precision of what is given. Raises NotConverged.
+    """
+    pressure = np.maximum(-rest_gap, 0) / rest_gap.dtype.type(thickness_mm)
     if not pressure.any():
         return pressure
     direction = np.zeros_like(pressure)
-    previous_norm, conjugate = 1.0, 0.0
-    for _ in range(limit):
+    previous_norm, conjugate, step = 1.0, 0.0, 0.0
+    for _ in range(max_iterations):
         gap = deflection(pressure, response) + rest_gap
         contact = pressure > 0
         norm = float((gap[contact] ** 2).sum())
+        if norm == 0 and gap.min() >= 0:  # a contact of one point is solved exactly
+            return pressure
         direction = np.where(contact, gap + conjugate * norm / previous_norm * direction, 0.0)
-        previous_norm = norm
+        previous_norm = norm or 1.0
         change = deflection(direction, response)
-        step = float((gap * direction)[contact].sum() / (change * direction)[contact].sum())
+        if norm > 0:
+            step = float((gap * direction)[contact].sum() / (change * direction)[contact].sum())
         updated = np.maximum(pressure - step * direction, 0.0)
         penetrating = (updated == 0) & (gap < 0) & ~contact
         updated = np.where(penetrating, -step * gap, updated)
@@ -103,6 +117,6 @@ def _contact_pressure(rest_gap: Array, response: Array, thickness: float, tolera
         if moved < tolerance:
             return pressure
     raise NotConverged(
-        f"the contact changed by {moved:.1e} in iteration {limit}, wanted {tolerance:.1e}: use a coarser grid, a "
-        "larger margin around the object, or a smaller Poisson's ratio"
+        f"the contact changed by {moved:.1e} in iteration {max_iterations}, wanted {tolerance:.1e}: use a coarser "
+        "grid, a larger margin around the object, or a smaller Poisson's ratio"
     )

@@ -19,8 +19,8 @@ from sim_reference.geometry import SensorGeometry, led_axes, led_positions, pixe
 from sim_reference.surface import Surface
 
 Array = NDArray[np.float64]
-Window = tuple[slice, slice]
-WHOLE: Window = (slice(None), slice(None))
+Box = tuple[slice, slice]
+WHOLE: Box = (slice(None), slice(None))
 SHADOW_PITCH_PX = 2.0
 """of the polar grid on which cast shadows are found; their edges are sharp to this much"""
 SHADOW_TOLERANCE_MM = 1e-3
@@ -43,32 +43,32 @@ def directional_image(gradient_map: Array, direction: Array, albedo: float = 1.0
     return np.asarray(albedo * np.maximum(normals(gradient_map) @ direction, 0.0))
 
 
-def ring_irradiance(surface: Surface, geometry: SensorGeometry, light: Array, window: Window = WHOLE) -> Array:
-    """Equation 3 summed over the ring: (h, w, 3) light in each colour on the pixels of `window`.
+def ring_irradiance(surface: Surface, geometry: SensorGeometry, light: Array, box: Box = WHOLE) -> Array:
+    """Equation 3 summed over the ring: (h, w, 3) light in each colour on the pixels of `box`.
 
     `light` (N, 3) is the brightness of each LED in R, G, B, 0 to 1; dark LEDs cost nothing.
     """
     lit = [led for led in range(len(light)) if light[led].any()]
-    total = np.zeros((3, *surface.depth_mm[window].shape), surface.depth_mm.dtype)
+    total = np.zeros((3, *surface.depth_mm[box].shape), surface.depth_mm.dtype)
     for led in lit:
-        irradiance = led_irradiance(surface, geometry, led, window)
+        irradiance = led_irradiance(surface, geometry, led, box)
         for channel in np.flatnonzero(light[led]):
             total[channel] += irradiance * float(light[led, channel])
     return np.ascontiguousarray(np.moveaxis(total, 0, 2))
 
 
-def led_irradiance(surface: Surface, geometry: SensorGeometry, led: int, window: Window = WHOLE) -> Array:
-    """Equation 3 for one LED: (h, w) irradiance on the pixels of `window`, shadows included."""
-    depth, slope = surface.depth_mm[window], surface.gradient_map[window]
+def led_irradiance(surface: Surface, geometry: SensorGeometry, led: int, box: Box = WHOLE) -> Array:
+    """Equation 3 for one LED: (h, w) irradiance on the pixels of `box`, shadows included."""
+    depth, slope = surface.depth_mm[box], surface.gradient_map[box]
     x, y = (axis.astype(depth.dtype) for axis in pixel_grid(geometry))
     position = led_positions(geometry)[led]
     led_x, led_y, led_z = position.tolist()
     axis_x, axis_y, axis_z = led_axes(geometry)[led].tolist()
-    to_x, to_y, to_z = led_x - x[:, window[1]], led_y - y[window[0]], led_z - depth
+    to_x, to_y, to_z = led_x - x[:, box[1]], led_y - y[box[0]], led_z - depth
     squared = to_x**2 + to_y**2 + to_z**2
     facing = to_z - slope[..., 0] * to_x - slope[..., 1] * to_y
     leaving = np.maximum(-(to_x * axis_x + to_y * axis_y + to_z * axis_z), 0)
-    irradiance = led_z**2 * surface.upright[window] * np.maximum(facing, 0)
+    irradiance = led_z**2 * surface.upright[box] * np.maximum(facing, 0)
     if isclose(geometry.emission_exponent, 1):
         irradiance *= leaving / squared**2
     else:
@@ -77,12 +77,12 @@ def led_irradiance(surface: Surface, geometry: SensorGeometry, led: int, window:
     if facing.min() < 0:
         reach = (depth.max() - depth.min()) * np.sqrt(squared.max()) / led_z
         rows, columns = _around(facing < 0, int(np.ceil(reach / geometry.pixel_size_mm)))
-        axes = x[0, window[1]][columns], y[window[0], 0][rows]
+        axes = x[0, box[1]][columns], y[box[0], 0][rows]
         irradiance[rows, columns] *= visibility(depth[rows, columns], axes, position)
     return np.asarray(irradiance)
 
 
-def _around(marked: NDArray[np.bool_], margin: int) -> Window:
+def _around(marked: NDArray[np.bool_], margin: int) -> Box:
     """Rows and columns that hold all marked pixels and a margin around them."""
     spans = (np.flatnonzero(marked.any(axis=axis)) for axis in (1, 0))
     rows, columns = (slice(max(int(span[0]) - margin, 0), int(span[-1]) + 1 + margin) for span in spans)
@@ -113,7 +113,7 @@ def visibility(depth_mm: Array, axes: tuple[Array, Array], led_mm: Array) -> Arr
 
 
 def _polar_grid(x: Array, y: Array, led_mm: Array, pitch: float) -> tuple[Array, Array]:
-    """Radii and angles about the light's foot point that cover the window, `pitch` mm apart."""
+    """Radii and angles about the light's foot point that cover the box, `pitch` mm apart."""
     corners_x = np.array([x[0], x[-1], x[-1], x[0]]) - led_mm[0]
     corners_y = np.array([y[0], y[0], y[-1], y[-1]]) - led_mm[1]
     far = np.hypot(corners_x, corners_y).max()

@@ -107,8 +107,13 @@ def sine_wave_on_sphere(x: Array, y: Array, p: ObjectParameters) -> Array:
     """Return BSWAVE: the same waves on a sphere that falls by `relief` to the edge of the region."""
     half = p.region_diameter_mm / 2
     radius = (half**2 + p.relief_mm**2) / (2 * p.relief_mm)
-    sphere = np.maximum(1 + _cap(np.hypot(x, y), radius) / p.relief_mm, 0)
-    return _on_plate(sphere + 0.5 + 0.5 * np.sin(2 * np.pi * x / p.wavelength_mm), x, y, p)
+
+    def relief(r: Array, x: Array) -> Array:
+        sphere = np.maximum(1 + _cap(r, radius) / p.relief_mm, 0)
+        return np.asarray(sphere + 0.5 + 0.5 * np.sin(2 * np.pi * x / p.wavelength_mm))
+
+    first_crest = np.linspace(0, p.wavelength_mm / 2, 20_001)
+    return _on_plate(relief(np.hypot(x, y), x), x, y, p, highest=relief(first_crest, first_crest).max())
 
 
 def convex_polygons(x: Array, y: Array, p: ObjectParameters) -> Array:
@@ -193,10 +198,10 @@ def _cap(r: Array, radius: float) -> Array:
     return np.where(r < radius, np.sqrt(np.maximum(radius**2 - r**2, 0)) - radius, NO_OBJECT)
 
 
-def _on_plate(relief: Array, x: Array, y: Array, p: ObjectParameters) -> Array:
-    """Scale a relief of 0..1 (more on a curved ground) to mm, highest point 0, on a round plate."""
+def _on_plate(relief: Array, x: Array, y: Array, p: ObjectParameters, highest: float = 1.0) -> Array:
+    """Scale a relief of 0..`highest` to mm, its highest point 0, on a round plate."""
     on_plate = np.hypot(x, y) < p.region_diameter_mm / 2
-    return np.asarray(np.where(on_plate, p.relief_mm * (relief - relief[on_plate].max()), NO_OBJECT))
+    return np.asarray(np.where(on_plate, p.relief_mm * (relief - highest), NO_OBJECT))
 
 
 def _plateau(inside_mm: Array, bevel_mm: float) -> Array:

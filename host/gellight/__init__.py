@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from gellight.base.errors import GellightError, StreamError
     from gellight.bundle.bundle import Bundle, load_bundle
     from gellight.daemon.session import SensorSession
+    from gellight.frame_path.pipeline import Reconstructor
     from gellight.frames.camera import EndOfStream
     from gellight.frames.frames import CameraFrame, Contact, Patch, Provenance, TactileFrame
     from gellight.opening import open_camera
     from gellight.reconstruction.contact import find_contact
     from gellight.reconstruction.integration import integrate, normals
-    from gellight.reconstruction.pipeline import Reconstructor
     from gellight.stream.sensor import Sensor, connect
     from gellight.stream.source import NoFrameError
     from gellight.stream.subscription import Subscription, subscribe
@@ -38,7 +38,7 @@ _HOME = {
     "Patch": "frames.frames",
     "Provenance": "frames.frames",
     "TactileFrame": "frames.frames",
-    "Reconstructor": "reconstruction.pipeline",
+    "Reconstructor": "frame_path.pipeline",
     "integrate": "reconstruction.integration",
     "normals": "reconstruction.integration",
     "NoFrameError": "stream.source",

@@ -19,7 +19,8 @@ class Recipe:
     batch: int
     epochs: int
     least_visits: int
-    """a small table is seen more often than `epochs`, until this many rows have been seen"""
+    """a small table is seen more often than `epochs`, until this many rows have been seen, or, of few presses,
+    `PRESS_VISITS` a press: these are learnt by heart by then"""
     dropout: float
     largest_table: int
     """more rows than that are thinned out at random"""
@@ -68,6 +69,13 @@ RECIPES = {
     ),
 }
 DEFAULT_WIDTH = 32
+PRESS_VISITS, FEWEST_VISITS = 200_000, 400_000
+"""rows a press; rows of the fewest presses"""
+
+
+def visits(recipe: Recipe, presses: int) -> int:
+    """Return how many rows of a table are seen at least."""
+    return min(recipe.least_visits, max(FEWEST_VISITS, PRESS_VISITS * presses))
 
 
 def learning_rates(recipe: Recipe, *, steps: int) -> Iterator[float]:

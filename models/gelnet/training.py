@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gelnet.export import export
 from gelnet.parameters import PLACE, Floats, Parameters
-from gelnet.recipes import Recipe, learning_rates
+from gelnet.recipes import Recipe, learning_rates, visits
 from gelnet.table import Table
 
 
@@ -73,7 +73,7 @@ def train(
         table = table.chosen(trainer.order(len(table.rows))[: recipe.largest_table])
     pixels, gradient = table.pixels, table.gradient
     trainer.begin(pixels, gradient, width=width, recipe=recipe)
-    epochs = max(recipe.epochs, math.ceil(recipe.least_visits / len(pixels)))
+    epochs = max(recipe.epochs, math.ceil(visits(recipe, len(np.unique(table.image))) / len(pixels)))
     batch = min(recipe.batch, len(pixels))
     rates = learning_rates(recipe, steps=epochs * math.ceil(len(pixels) / batch))
     losses: list[float] = []

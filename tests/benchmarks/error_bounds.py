@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 import gellight
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import TactileFrame
 from gellight.lab.training.judged_fit import Samples, fit_judged, samples_of
 from gellight.lab.training.labelling.refinement import refine
@@ -23,7 +24,6 @@ from gellight.lab.training.training import Learning, TrainingOptions
 from gellight.lab.training.validation import frame_of
 from gellight.reconstruction.error_bounds import DEG_FLOOR, MM_FLOOR, ErrorRecord, quadratic, read_errors
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.pipeline import Reconstructor
 from tests.benchmarks.real_presses import GIVEN, REFINED, folds_of
 from tests.benchmarks.real_sets import SETS, RealSet
 

@@ -1,7 +1,7 @@
 """Figures of the firmware, from the committed image in the emulator: `python -m tests.benchmarks.firmware`.
 
 All times are virtual: the board's own, exact to its clock, whatever the machine does. `--fuzz SECONDS` fuzzes the core
-for so long, on wall time.
+for that time, on wall time.
 """
 
 import argparse

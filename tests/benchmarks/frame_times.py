@@ -20,12 +20,12 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.frame_path.pipeline import Form, Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.photometric.lights_file import FILE_NAME as LIGHTS
 from gellight.reconstruction.gelnet import BLOCK_ROWS
 from gellight.reconstruction.lens.lens_file import has_lens
-from gellight.reconstruction.pipeline import Form, Reconstructor
 from tests.helpers.analytic_surfaces import Surface, smooth_cap
 
 _GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])

@@ -38,7 +38,7 @@ def noting(name: str, found: dict[str, bytes]) -> Callable[[bytes, Exception], N
 
 
 def fuzz(parser: Parser, inputs: int, seed: int) -> None:
-    """Run rounds until the parser had so many inputs; print how many it had after each."""
+    """Run rounds until the parser had that many inputs; print how many it had after each."""
     note, done, failures, begun_s = noting(parser.name, {}), 0, 0, time.process_time()
     while done < inputs:
         count = min(ROUND, inputs - done)

@@ -271,7 +271,7 @@ def main() -> None:
     parser.add_argument("--depth-mm", type=float, default=0.9)
     parser.add_argument("--resolution-mm", type=float, default=0.3, help="of objects and record")
     parser.add_argument("--resolutions-mm", type=float, nargs="+", default=[0.6, 0.3, 0.2, 0.15], help="of scaling")
-    parser.add_argument("--steps", type=int, default=0, help="scaling: stop each press after so many; default: its end")
+    parser.add_argument("--steps", type=int, default=0, help="scaling: stop each press after them; default: its end")
     parser.add_argument("--dense-radius-mm", type=float, default=17.5, help="smaller: fewer vertices, for the ball")
     parser.add_argument("--objects", nargs="+", default=list(OBJECT_NAMES), choices=OBJECT_NAMES, metavar="NAME")
     parser.add_argument("--keep", type=Path, default=platformdirs.user_cache_path("gellight") / "benchmarks")

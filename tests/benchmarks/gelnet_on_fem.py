@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.lab.simulator.gel_models import KeptPresses
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.synthetic import ball_presses
 from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
-from gellight.reconstruction.pipeline import Reconstructor
 from gelnet.recipes import DEFAULT_WIDTH
 from gelnet.synthetic import SEEDS as TABLE_SEEDS
 from gelnet.synthetic import Options, simulated_sensor, table_of_presses

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.lab.optics.lens.lens_fit import fit_lens, read_pins, spacing_px
 from gellight.lab.optics.lens.measuring import add_lens, felt_depth_mm, figures, measure_lens
@@ -26,7 +27,6 @@ from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.training import fit, read_reference
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.lens.lens_file import FILE_NAME, read_record
-from gellight.reconstruction.pipeline import Reconstructor
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import Surface

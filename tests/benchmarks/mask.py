@@ -1,7 +1,7 @@
 """What the mask of the frame path costs in contacts: `python -m tests.benchmarks.mask [noises]`.
 
-Objects are pressed ever deeper into the simulated gel, off its middle, and photographed so many times with a noise of 1
-grey level. For each press it prints how deep the gel went, and in which share of the pictures
+Objects are pressed ever deeper into the simulated gel, off its middle, and photographed that many times with a noise of
+1 grey level. For each press it prints how deep the gel went, and in which share of the pictures
 
     mask     marks a cell
     all      the depth map, made from every pixel through the network, shows the press: its mean over a square of some
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from gellight.bundle.bundle import load_bundle
-from gellight.reconstruction.pipeline import Reconstructor
+from gellight.frame_path.pipeline import Reconstructor
 from tests.helpers.light_touches import NOISE_GREY, LightTouches, ball, flat_punch
 
 Floats = NDArray[np.float32]
@@ -68,7 +68,7 @@ class Bench:
         self.alarm_um = np.max([one.heights_um for one in rest], axis=0)
 
     def pictures(self, grey: Floats, count: int) -> Iterator[Seen]:
-        """Yield what is seen in so many pictures."""
+        """Yield what is seen in that many pictures."""
         random = np.random.default_rng(1)
         for _ in range(count):
             frame = self.touches.picture(grey, random)

@@ -1,8 +1,9 @@
 """Calibrate on the measured light of three real sensors: `python -m tests.benchmarks.measured_response`.
 
-The tables (Taxim; beside the checkout) say which colour a real sensor showed at each slope and place. Simulated
-surfaces are rendered through them, so neither our light model nor our camera model has a part in it. Balls are pressed
-at random, found by themselves, refined and learnt from; the error is measured on other objects, pressed elsewhere.
+The tables (Taxim; one comes along, in half precision) say which colour a real sensor showed at each slope and place.
+Simulated surfaces are rendered through them, so neither our light model nor our camera model has a part in it. Balls
+are pressed at random, found by themselves, refined and learnt from; the error is measured on other objects, pressed
+elsewhere.
 """
 
 import csv
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.report.pictures import write_png
 from gellight.lab.training.label_file import read_presses
@@ -20,14 +22,13 @@ from gellight.lab.training.labelling import PressCircle, detect, write_presses
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.training import Learning, TrainingOptions, fit, read_reference
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.pipeline import Reconstructor
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import ObjectParameters
 from sim_reference.surface import Surface, press_object, sample
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import REAL_CROPS, real
 
 Array = NDArray[np.float64]
-RESPONSES = REAL_IMAGES / "taxim_response"
+RESPONSES = REAL_CROPS / "taxim_response", real("taxim_response")
 NAMES = ("polycalib", "digit_polycalib", "gelsight_r1.5_polycalib")
 BALL = Ball(radius_mm=4.0, pixel_size_mm=0.09)
 GEOMETRY = SensorGeometry(image_width_px=320, image_height_px=240, pixel_size_mm=BALL.pixel_size_mm)
@@ -54,7 +55,7 @@ class MeasuredResponse:
     @classmethod
     def read(cls, name: str) -> "MeasuredResponse":
         """Read one of the tables."""
-        with np.load(RESPONSES / f"{name}.npz") as file:
+        with np.load(next(p for place in RESPONSES if (p := place / f"{name}.npz").exists())) as file:
             table = np.stack([file[f"grad_{colour}"] for colour in "rgb"], axis=2)
         # A flat gel has no direction: what the directions disagree about there is scatter.
         table[0] = table[0].mean(axis=0)
@@ -78,9 +79,10 @@ class MeasuredResponse:
                 total += share[..., None] * np.einsum("hwck,hwk->hwc", cell, place)
         return total - np.einsum("ck,hwk->hwc", self.table[0, 0], place)
 
-    def photograph(self, surface: Surface | None, random: np.random.Generator) -> NDArray[np.uint8]:
+    def photograph(
+        self, surface: Surface | None, random: np.random.Generator, shape: tuple[int, int] = GEOMETRY.image_shape
+    ) -> NDArray[np.uint8]:
         """Return a picture of the surface, or of the untouched gel, with the noise of a camera."""
-        shape = GEOMETRY.image_shape
         gradient_map = np.zeros((*shape, 2)) if surface is None else surface.gradient_map
         grey = AT_REST_GREY + self.difference(gradient_map) + random.normal(0, NOISE_GREY, (*shape, 3))
         return np.clip(np.round(grey), 0, 255).astype(np.uint8)

@@ -145,7 +145,7 @@ def with_its_children(started: subprocess.Popen[str]) -> None:
 
 @contextmanager
 def copies(count: int) -> Iterator[SimpleQueue[Path]]:
-    """Copy what git knows of the checkout, so many times."""
+    """Copy what git knows of the checkout, that many times."""
     known = subprocess.run(["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], cwd=CHECKOUT,
                            check=True, capture_output=True, text=True).stdout.split("\0")  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:

@@ -13,10 +13,10 @@ import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera
 from gellight.opening import open_camera
 from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
-from gellight.reconstruction.pipeline import Reconstructor
 
 BALL = "BALL"
 _SETTLE_FRAMES = 3

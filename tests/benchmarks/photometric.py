@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.daemon.front_camera import bright_exposure_of
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, ExposureSeries
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.synthetic import NOISE_GREY, ball_presses
 from gellight.photometric.light_model import LightGroups
 from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.series.reconstructor import PhotometricReconstructor
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry

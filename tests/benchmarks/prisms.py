@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import write_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press as GelPress
@@ -25,7 +26,6 @@ from gellight.lab.training.prisms import PrismPress, with_prisms
 from gellight.lab.training.table import PressTable, TableOptions, build_table
 from gellight.lab.training.training import TrainingOptions, train
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.pipeline import Reconstructor
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.deformation import Deformation, grid

@@ -1,6 +1,6 @@
 """What real pictures say of several balls, several lights and marker dots: `python -m tests.benchmarks.real_images`.
 
-The pictures lie in ../shared/data beside the checkout; docs/your-images.md has the figures.
+`tests.helpers.places` says where the pictures may lie; docs/your-images.md has the figures.
 """
 
 import tempfile
@@ -27,12 +27,12 @@ from gellight.lab.training.labelling.refinement import refine
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.training import TrainingOptions, train
 from gellight.series.channel_network import ChannelNetwork
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import real
 
 
 def six_lights() -> None:
     """Half of 28 balls teach the lights and the networks of their channels, the others judge."""
-    folder = REAL_IMAGES / "oem_six_lights"
+    folder = real("oem_six_lights")
     ball = Ball(radius_mm=0.2465, pixel_size_mm=0.0068069)
     centres = np.loadtxt(folder / "balls.csv", delimiter=",", skiprows=1)
     presses = [
@@ -56,7 +56,7 @@ def six_lights() -> None:
 
 def plate() -> None:
     """All balls of one picture, without a picture of the untouched gel."""
-    folder = REAL_IMAGES / "ball_plate"
+    folder = real("ball_plate")
     image, ball = read_image(folder / "scan001.png"), Ball(radius_mm=1.5875, pixel_size_mm=0.02953)
     begun_s = time.perf_counter()
     found = [
@@ -73,7 +73,7 @@ def plate() -> None:
 
 def plate_centres() -> None:
     """How far the centres lie from a smooth grid, as found and refined by the light: half of the resolution."""
-    path, ball = REAL_IMAGES / "ball_plate/scan001.png", Ball(radius_mm=1.5875, pixel_size_mm=0.05906)
+    path, ball = real("ball_plate") / "scan001.png", Ball(radius_mm=1.5875, pixel_size_mm=0.05906)
     full = read_image(path)
     image = cv2.resize(full, (full.shape[1] // 2, full.shape[0] // 2), interpolation=cv2.INTER_AREA)
     untouched = untouched_between(image, ball)
@@ -109,7 +109,7 @@ def off_smooth_grid(presses: Sequence[Press], pitch_px: float) -> float:
 
 def dots() -> None:
     """Twelve presses of a dotted gel, with and without its dots."""
-    folder = REAL_IMAGES / "dots"
+    folder = real("dots")
     view = View.of_corners([(33, 58), (208, 61), (185, 244), (56, 250)], (320, 240), (320, 240))
     untouched = view.of(read_image(folder / "bg-0.jpg"), "bg-0.jpg")
     marks = find_dots(untouched)

@@ -1,169 +1,183 @@
-"""Errors on real presses, beside gs_sdk's method in the same run: `python -m tests.benchmarks.real_presses [SET ...]`.
+"""Errors on real presses, beside gs_sdk's method: `python -m tests.benchmarks.real_presses [--only TEXT ...]`.
 
-Presses are divided by image; whatever is judged was not trained on. GelLight takes the training circles as given, and
-refined among themselves, as `fit --refine` does; gs_sdk's method (`peer_network`) takes them as given. Two judges: the
-circles as given, and circles refined with the response of the light to the training presses. Inside a circle the ball
-says how the gel is shaped:
+A row is a set, what was held out, how many presses were trained on, whose circles, and the way:
 
-normals   mean angle between felt and true normal, deg, within the circle and within 0.8 of its radius, where the ball
-          touches for sure
-depth     mean absolute error within the circle, mm, without its mean, because a circle does not say how deep its rim is
-scale     felt depth over the ball's within 0.8 of the radius, by least squares; it does not depend on the radius
+folds       the images are divided, and whatever is judged was not trained on; few presses are drawn at random in each
+            fold; `first fold` is one of them, which `make test` repeats
+unit NAME   all presses of that other unit are trained on; this unit gives its untouched picture and its pixels
+hand, own   circles that a person drew, and those that `detect` finds; those by hand judge where there are some
+refined     the training circles are refined among themselves first, as `fit --refine` does
+
+`real_judging` says what the figures mean. Each row that was measured is kept at once in tests/data/real_presses.json,
+a seed at a time, so a run can be ended and begun again; what is there is not measured again. Without arguments the
+table is printed as it is recorded.
 """
 
 import argparse
+import statistics
 import tempfile
-import time
-from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import astuple, dataclass, replace
-from functools import partial
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
+from gellight.lab.training.training import TrainingOptions
+from tests.benchmarks.real_judging import (
+    GIVEN,
+    LEAST_REFINED,
+    PLAIN,
+    REFINED,
+    REFINING,
+    WAYS,
+    Errors,
+    Fold,
+    Judges,
+    adopted,
+    felt_by,
+    fitted,
+    folds_of,
+    judged,
+    learnt,
+    means,
+)
+from tests.benchmarks.real_record import Measured, Record
+from tests.benchmarks.real_sets import HAND, OWN, SETS, RealSet
+from tests.helpers.places import is_here
 
-from gellight.frames.frames import CameraFrame
-from gellight.lab.training.labelling.refinement import FirstFits, refine, refine_others
-from gellight.lab.training.presses import Press, cap_depth_mm, distance_px, sphere_gradient
-from gellight.lab.training.table import images_of
-from gellight.lab.training.training import Learning, TrainingOptions, fit
-from gellight.lab.training.validation import frame_of
-from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.pipeline import Reconstructor
-from tests.benchmarks.peer_network import PeerNetwork
-from tests.benchmarks.real_sets import SETS, RealSet
-
-Floats = NDArray[np.float32]
-FOLD_SEED = 1
-SURE = 0.8
-"""of a contact radius: so far the ball touches the gel, whoever drew the circle"""
-GIVEN, REFINED = "as given", "refined"
-PLAIN, REFINING, PEER = "GelLight", "GelLight, --refine", "gs_sdk"
-WAYS = (PLAIN, REFINING, PEER)
+COUNTS = (None, 2, 5, 1, 10, 20)
+"""presses trained on; None: all"""
+FOLDS, FIRST, UNIT = "folds", "first fold", "unit "
+ALIKE = (("gelslam", "gripper"), ("gripper", "gelslam"))
+"""units of one make whose pictures have one size: judged, and trained on"""
+DRAWN = {"mini": (HAND, OWN), "gripper": (HAND, OWN), "gelslam": (OWN,), "digit": (OWN,), "dots": (OWN,),
+         "three_lights": (HAND,), "three_lights_crop": (HAND,)}  # fmt: skip
+"""whose circles there are"""
+LEAST_TRAINED = {"three_lights": 21, "three_lights_crop": 9, "dots": 9, "digit": 27, "mini": 26, "gelslam": 35,
+                 "gripper": 40}  # fmt: skip
+"""presses that a fold has to train on"""
+GATE = (("three_lights_crop", HAND, PLAIN), ("mini", HAND, PLAIN))
+"""sets, circles and ways of the rows that `make test` repeats"""
 
 
 @dataclass(frozen=True)
-class Errors:
-    """Of one press, by one judge."""
+class Row:
+    """One line of the table."""
 
-    normals_deg: float
-    sure_deg: float
-    depth_mm: float
-    scale: float
+    set: str
+    held_out: str
+    presses: int | None
+    circles: str
+    way: str
 
+    def __str__(self) -> str:
+        """Return its name in the record."""
+        return " | ".join((self.set, self.held_out, str(self.presses or "all"), self.circles, self.way))
 
-Felt = Callable[[CameraFrame], tuple[Floats, NDArray[np.floating]]]
-"""gradient map and depth, mm"""
-Found = dict[tuple[str, str], list[Errors]]
-"""by way and judge"""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Fold:
-    """What is trained on, and what judges."""
-
-    training: Sequence[Press]
-    refined: Sequence[Press]
-    """the same, refined among themselves"""
-    judges: dict[str, Sequence[Press]]
-    """the presses held out, by judge"""
+    @property
+    def judges(self) -> tuple[str, ...]:
+        """Who judges: circles of the light too, but where one picture shows all, or only `make test` asks."""
+        plate = self.set.startswith("three_lights")
+        return (GIVEN,) if plate or self.held_out == FIRST else (GIVEN, REFINED)
 
 
-def folds_of(images: RealSet, most: int | None = None) -> Iterator[Fold]:
-    """Divide a set by image; most: how many presses of a fold, drawn at random, are trained on."""
-    numbers, ball, reference = images_of(images.presses), images.ball, images.reference.image
-    order = np.random.default_rng(FOLD_SEED).permutation(int(numbers.max()) + 1)
-    first = FirstFits(reference, ball)
-    for fold in range(images.folds):
-        held = np.isin(numbers, order[fold :: images.folds])
-        training, others = ([p for p, out in zip(images.presses, held, strict=True) if out == kind] for kind in (0, 1))
-        refined = refine(training, reference, ball, first=first)
-        again = refine_others(refined, others, reference, ball, first=first)
-        drawn = np.random.default_rng(fold).permutation(len(training))[:most]
-        given, light = ([labels[number] for number in sorted(drawn)] for labels in (training, refined.presses))
-        yield Fold(training=given, refined=light, judges={GIVEN: others, REFINED: again})
+def rows() -> list[Row]:
+    """Return all rows: those that `make test` repeats first, then by number of presses."""
+    found = [Row(name, FIRST, None, circles, way) for name, circles, way in GATE]
+    for count in COUNTS:
+        for name in SETS:
+            found += [
+                Row(name, FOLDS, count, circles, way)
+                for circles in DRAWN[name]
+                for way in WAYS
+                if count is None or (count < LEAST_TRAINED[name] and (way != REFINING or count >= LEAST_REFINED))
+            ]
+    return found + [Row(name, UNIT + other, None, OWN, PLAIN) for name, other in ALIKE]
 
 
-def errors_of(press: Press, images: RealSet, gradient_map: Floats, depth_mm: NDArray[np.floating]) -> Errors:
-    """Compare slopes and depth with the ball inside a circle."""
-    shape = images.reference.image_shape
-    radii = distance_px(press, shape) / press.contact_radius_px
-    inside, sure = radii < 1, radii < SURE
-    right = normals(sphere_gradient(press, images.ball, shape))
-    cap = cap_depth_mm(press, images.ball, shape)
-    left = depth_mm[inside] - cap[inside]
-    true, felt = cap[sure] - cap[sure].mean(), depth_mm[sure]
-    return Errors(
-        normals_deg=float(angle_deg(normals(gradient_map)[inside], right[inside]).mean()),
-        sure_deg=float(angle_deg(normals(gradient_map)[sure], right[sure]).mean()),
-        depth_mm=float(np.abs(left - left.mean()).mean()),
-        scale=float((true * felt).sum() / (true**2).sum()),
-    )
+@cache
+def _images(name: str) -> RealSet:
+    return SETS[name](Path(tempfile.mkdtemp(prefix="gellight-real-")))
 
 
-def judge(images: RealSet, options: TrainingOptions, ways: Sequence[str], seeds: int, most: int | None = None) -> Found:
-    """Train every way on each fold, with each seed, and judge it on the presses held out."""
-    found: Found = defaultdict(list)
-    for fold in folds_of(images, most):
-        for way, felt in trained(fold, images, options, ways, seeds):
-            for number, press in enumerate(fold.judges[GIVEN]):
-                maps = felt(frame_of(press))
-                for by, labels in fold.judges.items():
-                    found[way, by].append(errors_of(labels[number], images, *maps))
-    return found
+def measure(row: Row, seed: int) -> tuple[Measured, int]:
+    """Train and judge one row with one seed; returns mean errors by judge, and how many presses judged."""
+    images, options = _images(row.set), TrainingOptions(recipe="thorough", seed=seed)
+    found: dict[str, list[Errors]] = {by: [] for by in row.judges}
+    if row.held_out.startswith(UNIT):
+        other = _images(row.held_out.removeprefix(UNIT))
+        felt = felt_by(adopted(fitted(other.presses, other, options), images))
+        found = judged(felt, images, {GIVEN: images.presses})
+    for fold in _folds(row, images):
+        felt = learnt(fold.refined if row.way == REFINING else fold.training, images, row.way, options)
+        for by, errors in judged(felt, images, _judges(row, fold)).items():
+            found[by] += errors
+    return {by: means(errors) for by, errors in found.items()}, len(found[GIVEN])
 
 
-def trained(
-    fold: Fold, images: RealSet, options: TrainingOptions, ways: Sequence[str], seeds: int
-) -> Iterator[tuple[str, Felt]]:
-    """Yield the name of each way, and what a network of it feels, once for each seed."""
-    for way, presses in ((PLAIN, fold.training), (REFINING, fold.refined)):
-        for seed in range(seeds if way in ways else 0):
-            with tempfile.TemporaryDirectory() as folder:
-                bundle = fit(
-                    presses, images.reference, images.ball, Path(folder) / "b", sensor="real",
-                    how=Learning(options=replace(options, seed=seed)),
-                )  # fmt: skip
-            yield way, partial(_felt, Reconstructor(bundle))
-    if PEER in ways:
-        peer = PeerNetwork(fold.training, images.reference.image, images.ball)
-        yield PEER, lambda frame: peer.felt(frame.image, images.ball.pixel_size_mm)
+def _folds(row: Row, images: RealSet) -> Iterator[Fold]:
+    if row.held_out == FIRST:
+        yield next(folds_of(images, row.presses, row.circles))
+    if row.held_out == FOLDS:
+        yield from folds_of(images, row.presses, row.circles)
 
 
-def _felt(path: Reconstructor, frame: CameraFrame) -> tuple[Floats, NDArray[np.floating]]:
-    found = path.reconstruct(frame)
-    return found.gradient_map, found.depth_mm.astype(np.float64)
+def _judges(row: Row, fold: Fold) -> Judges:
+    return fold.judges if REFINED in row.judges else {GIVEN: fold.held_out}
 
 
-def show(name: str, images: RealSet, found: Found, seconds: float) -> None:
-    """Print the means over the presses held out."""
-    print(f"\n{name}: {len(images.presses)} presses, {images.folds} folds, {seconds:.0f} s")
-    print(f"{'trained':26}{'judged by':11}{'normals':>9}{'< 0.8 r':>9}{'depth mm':>10}{'scale':>15}")
-    for (way, by), figures in found.items():
-        table = np.array([astuple(one) for one in figures])
-        deg, sure, depth, scale = table.mean(axis=0).tolist()
-        spread = f"{scale:.3f} +- {table[:, 3].std():.3f}"
-        print(f"{way:26}{by:11}{deg:9.2f}{sure:9.2f}{depth:10.4f}{spread:>15}", flush=True)
+def show(chosen: Sequence[Row], record: Record) -> None:
+    """Print the rows as they are recorded: means over presses and seeds, the seeds' spread of the first figure."""
+    width = max(len(str(row)) for row in chosen)
+    heads = f"{'normals':>9}{'spread':>8}{'< 0.8 r':>9}{'depth mm':>10}{'scale':>8}{'seeds':>7}"
+    print(f"{'':{width}} {'judged by':10}{heads}")
+    for row in chosen:
+        known = record.rows.get(str(row))
+        if known is None:
+            print(f"{row!s:{width}} {'not run' if is_here_all(row) else 'not run, and its pictures are not here'}")
+            continue
+        for by in row.judges if known.figures(REFINED, "scale") else (GIVEN,):
+            deg, sure, depth, scale = (known.figures(by, what) for what in Errors.__dataclass_fields__)
+            spread = f"{statistics.stdev(deg):.2f}" if len(deg) > 1 else ""
+            print(
+                f"{row!s:{width}} {by:10}{statistics.mean(deg):9.2f}{spread:>8}{statistics.mean(sure):9.2f}"
+                f"{statistics.mean(depth):10.4f}{statistics.mean(scale):8.3f}{len(deg):7}"
+            )
+
+
+PICTURES = {
+    "mini": "gelsight_mini_ball", "gelslam": "gelslam_ball", "gripper": "gripper_ball", "digit": "digit_ball",
+    "dots": "dots", "three_lights": "oem_six_lights",
+}  # fmt: skip
+"""folder of each set; the crop comes along"""
+
+
+def is_here_all(row: Row) -> bool:
+    """Say whether the pictures of a row are on this computer."""
+    names = [row.set, *([row.held_out.removeprefix(UNIT)] if row.held_out.startswith(UNIT) else [])]
+    return all(is_here(PICTURES[name]) for name in names if name in PICTURES)
 
 
 def main() -> None:
-    """Print the figures of each set."""
+    """Measure what is not recorded, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("sets", nargs="*", choices=[*SETS, []], metavar="SET", help="all where none is named")
-    parser.add_argument("--recipe", default="thorough")
-    parser.add_argument("--ways", nargs="+", choices=WAYS, default=WAYS)
-    parser.add_argument("--seeds", type=int, default=1, help="networks of each fold and way")
-    parser.add_argument("--presses", type=int, help="trained on in each fold, drawn at random; all where not given")
+    parser.add_argument("--only", nargs="+", metavar="TEXT", help="rows whose name holds all of these; measures them")
+    parser.add_argument("--all", action="store_true", help="measure all rows: some hours")
+    parser.add_argument("--seeds", type=int, default=1, help="networks of each row")
+    parser.add_argument("--again", action="store_true", help="measure also what is recorded, and replace it")
     given = parser.parse_args()
-    if given.presses is not None and given.presses < 2:
-        parser.error(f"--presses {given.presses}: give at least 2")
-    for name in given.sets or SETS:
-        begun_s = time.perf_counter()
-        with tempfile.TemporaryDirectory() as place:
-            images = SETS[name](Path(place))
-            found = judge(images, TrainingOptions(recipe=given.recipe), given.ways, given.seeds, given.presses)
-        show(name, images, found, time.perf_counter() - begun_s)
+    record, texts = Record(), given.only or []
+    chosen = [row for row in rows() if all(text in str(row) for text in texts)]
+    if not chosen:
+        parser.error(f"no row has {' and '.join(texts)} in its name: call it without arguments to see all")
+    for row in chosen if given.only or given.all else []:
+        if given.again:
+            record.forget(str(row))
+        for seed in range(given.seeds):
+            if is_here_all(row) and not record.has(str(row), seed):
+                measured, presses = measure(row, seed)
+                record.add(str(row), seed, measured, presses)
+                print(f"{row}, seed {seed}: {measured[GIVEN]}", flush=True)
+    show(chosen, record)
 
 
 if __name__ == "__main__":

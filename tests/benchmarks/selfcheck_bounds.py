@@ -9,8 +9,8 @@ import json
 import sys
 
 from gellight.bundle.bundle import load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.lab.simulator.simulated_camera import open_simulated
-from gellight.reconstruction.pipeline import Reconstructor
 
 DEPTHS_MM = (0.4, 0.8, 1.2, 1.6, 2.0)
 PLACES_MM = ((0.0, 0.0), (-10.0, 6.0), (10.0, -6.0))

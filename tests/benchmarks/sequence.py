@@ -21,6 +21,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import load_bundle
+from gellight.frame_path.pipeline import FramePath, Reconstructor
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, ExposureSeries, TactileFrame
 from gellight.frames.timing import CameraTiming
@@ -28,7 +29,6 @@ from gellight.lab.simulator.scene import Press, Scene
 from gellight.photometric.light_model import LightGroups
 from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.pipeline import FramePath, Reconstructor
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from gellight.sensor.series_cameras import SeriesCamera
 from gellight.sensor.window_camera import WindowCamera

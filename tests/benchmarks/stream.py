@@ -160,7 +160,7 @@ def over_socket() -> Iterator[tuple[str, Callable[[TactileFrame], None]]]:
 
 
 def measure(name: str, way: Callable[[], object], readers: int, seconds: float) -> None:
-    """Give frames in one way to so many readers; print a line of figures."""
+    """Give frames in one way to that many readers; print a line of figures."""
     base = bump(0.8, 1.0, 0.0)
     with way() as (where, give):  # type: ignore[attr-defined]
         command = [sys.executable, "-m", "tests.benchmarks.stream", *where.split(), str(seconds + 1.5)]

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.reconstruction.stages import STAGES
 from tests.benchmarks import frame_times as timing
 from tests.benchmarks.frame_times import (

@@ -12,9 +12,9 @@ from typing import TypeVar
 import numpy as np
 
 from gellight.bundle.bundle import load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.cells import spread
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 from sim_reference.camera import CameraResponse
@@ -59,7 +59,7 @@ def timed(act: Callable[[Item], object], item: Item) -> float:
 
 
 def counts(scene: Scene, runs: int) -> None:
-    """How many of so many faulty and sound sensors were told rightly."""
+    """How many of that many faulty and sound sensors were told rightly."""
     random = np.random.default_rng(3000)
     looks = false = 0
     for run in range(runs):
@@ -116,7 +116,7 @@ def estimates(scene: Scene) -> None:
     """Expected errors beside those that four balls, pressed 1 mm deep, then show."""
     print(f"{'fault':22}{'zero, degrees':>18}{'zero, mm':>18}{'contact, degrees':>20}   (expected, measured)")
     bundle = load_bundle("synthetic")
-    own = in_contact(sound(scene, 5000), Reconstructor(bundle))
+    own = sound(scene, 5000).contact_error_deg(Reconstructor(bundle))
     for name, leds, gain in (
         ("all light 97 %", {}, 0.97),
         ("all light 90 %", {}, 0.90),
@@ -133,24 +133,13 @@ def estimates(scene: Scene) -> None:
         flat = normals(np.zeros_like(untouched.gradient_map))
         change = sensor.watch._judgement.fitted  # type: ignore[union-attr]
         zeroed = bundle.with_reference(np.clip(bundle.reference + spread(change, SHAPE), 0, 255), frames=100)
-        contact = in_contact(sensor, Reconstructor(zeroed)) - own
+        contact = sensor.contact_error_deg(Reconstructor(zeroed)) - own
         pairs = (
             (expected["zero_deg"], angle_deg(untouched.normal_map, flat).mean()),
             (expected["zero_mm"], np.abs(untouched.depth_mm).mean()),
             (expected["gain_deg"], contact),
         )
         print(f"{name:22}" + "".join(f"{a:12.3f} {b:7.3f}" for a, b in pairs))
-
-
-def in_contact(sensor: WatchedSensor, reconstructor: Reconstructor) -> float:
-    """Mean normal error in contact of balls at four places, degrees."""
-    errors = []
-    for place in ((0.0, 0.0), (-9.0, 4.0), (8.0, -6.0), (10.0, 5.0)):
-        press = Press("BALL", 1.0, *place)
-        felt = reconstructor.reconstruct(sensor.frame(press).camera_frame)
-        surface = sensor.scene.show(press)[1]
-        errors.append(angle_deg(felt.normal_map, normals(surface.gradient_map))[surface.contact].mean())
-    return float(np.mean(errors))
 
 
 if __name__ == "__main__":

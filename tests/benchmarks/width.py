@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.simulator.gel_models import KeptPresses
 from gellight.lab.simulator.scene import Press, Scene
@@ -30,7 +31,6 @@ from gellight.lab.training.table import images_of
 from gellight.lab.training.training import Learning, TrainingOptions, fit, read_reference
 from gellight.lab.training.validation import press_errors
 from gellight.reconstruction.errors import TrueSurface, mean_errors, surface_errors
-from gellight.reconstruction.pipeline import Reconstructor
 from gelnet.export import to_onnx
 from gelnet.recipes import RECIPES
 from gelnet.synthetic import SEEDS as TABLE_SEEDS
@@ -42,13 +42,13 @@ from sim_reference.camera import CameraResponse, digitise
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry
 from tests.benchmarks.frame_times import scenes
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import real
 
 WIDTHS = (16, 24, 32, 48, 64)
 SEEDS = (0, 1)
 FOLDS, ROUNDS = 3, 15
 NOISE_GREY = 1.0
-REAL = REAL_IMAGES / "gelsight_mini_ball"
+REAL = real("gelsight_mini_ball")
 REAL_BALL = Ball(radius_mm=2.35, pixel_size_mm=0.05107)
 PLACES_MM = ((0.0, 0.0), (6.5, -3.0), (-8.0, 5.0))
 PRESSES = {

@@ -134,7 +134,7 @@ def status(core: VirtualBoard) -> p.StatusReply:
 
 
 def lit_for(core: VirtualBoard, seconds: float, colours: bytes) -> p.StatusReply:
-    """Show a light for so long, and return what the board says then."""
+    """Show a light for a time, and return what the board says then."""
     core.ok("SET_LEDS", p.SetLeds(colours))
     for _ in range(round(seconds * 2)):
         core.advance(500_000)

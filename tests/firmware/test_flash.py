@@ -146,7 +146,7 @@ def test_flash_that_does_not_take_its_bytes_is_noticed(image: bytes) -> None:
 
 
 class Unplugged(BootRom):
-    """Loses its cable after so many bytes were written."""
+    """Loses its cable after that many bytes were written."""
 
     left = 0
 

@@ -211,7 +211,6 @@ def test_the_configuration_survives_without_power(board: BenchBoard, ring: Light
 
 def test_a_power_cut_while_saving_keeps_the_configuration_before(board: BenchBoard, ring: LightRing) -> None:
     board.run(2_000)
-    ring.timeout_s, ring.attempts = 0.02, 1
     first = dataclasses.replace(ring.configuration(), name=b"first".ljust(16, b"\0"))
     ring.configure(first, save=True)
     for cut in (0, 1, 40, 200, 255):

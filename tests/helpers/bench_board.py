@@ -7,9 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from gellight.base.errors import BoardError
-from gellight.lab.emulator.bootrom import Function
 from gellight.lab.emulator.chip import (
-    FLASH_BYTES,
     ROOM_C,
     TEMPERATURE_CHANNEL,
     USB,
@@ -78,9 +76,10 @@ class BenchBoard(EmulatedBoard):
         self.powered = True
         self.temperature_c = ROOM_C
         self.cut_after: int | None = None
-        """power fails after so many bytes of flash were erased or programmed"""
+        """power fails after that many bytes of flash were erased or programmed"""
         self._cut = False
         super().__init__(image, **options)
+        self.flash_chip.until_cut = self._until_cut
 
     def _start(self, scratch: list[int] | None = None, reason: int = 0, crystal: Crystal | None = None) -> None:
         super()._start(scratch, reason, crystal)
@@ -95,7 +94,6 @@ class BenchBoard(EmulatedBoard):
         """Take the power away from chip and LEDs; the flash keeps what it has."""
         self._past_ns += self._chip_ns
         self._chip_ns = 0.0
-        self.flash = bytearray(self.chip.flash[:FLASH_BYTES])
         self.powered = False
         self.waveform.settle(self._past_ns)
         self.waveform._frame, self.waveform._high = [], False
@@ -124,15 +122,15 @@ class BenchBoard(EmulatedBoard):
         """Wake the bus; a program that has the port open notices nothing."""
         self.chip.peripherals[USB].resume()
 
-    def _change_flash(self, number: int) -> None:
+    def _until_cut(self, count: int) -> int:
         """Erase or program; where the power fails before the end, only the bytes before that."""
-        registers, length = self.chip.core.registers, 1 if number == Function.RE else 2
-        if self.cut_after is not None:
-            if self.cut_after < registers[length]:
-                self._cut = self._halted = True
-                registers[length] = self.cut_after
-            self.cut_after -= registers[length]
-        super()._change_flash(number)
+        if self.cut_after is None:
+            return count
+        if self.cut_after < count:
+            self._cut = self._halted = True
+            count = self.cut_after
+        self.cut_after -= count
+        return count
 
     def _run_slice(self, most_ns: float, steps: int = 32) -> None:
         if not self.powered:

@@ -10,7 +10,13 @@
 #include <stdint.h>
 
 enum { INTEGER, REAL, ARRAY };
+#if defined(__aarch64__)
 enum { READ = 63, WRITE = 64, EXIT = 93, MMAP = 222 };
+enum { RELATIVE = R_AARCH64_RELATIVE, GLOBAL = R_AARCH64_GLOB_DAT, SLOT = R_AARCH64_JUMP_SLOT, WORD = R_AARCH64_ABS64 };
+#else
+enum { READ = 0, WRITE = 1, EXIT = 60, MMAP = 9 };
+enum { RELATIVE = R_X86_64_RELATIVE, GLOBAL = R_X86_64_GLOB_DAT, SLOT = R_X86_64_JUMP_SLOT, WORD = R_X86_64_64 };
+#endif
 enum { MOST = 24, PAGE = 4096 };
 /* Whole numbers and addresses travel in other registers than floats, so one type fits all functions of the frame path. */
 typedef int32_t (*Function)(int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t,
@@ -22,10 +28,17 @@ static const char *names;
 static size_t symbol_count;
 
 static int64_t system_call(int64_t number, int64_t a, int64_t b, int64_t c, int64_t d, int64_t e) {
+#if defined(__aarch64__)
     register int64_t x8 __asm__("x8") = number, x0 __asm__("x0") = a, x1 __asm__("x1") = b, x2 __asm__("x2") = c,
                          x3 __asm__("x3") = d, x4 __asm__("x4") = e, x5 __asm__("x5") = 0;
     __asm__ volatile("svc 0" : "+r"(x0) : "r"(x8), "r"(x1), "r"(x2), "r"(x3), "r"(x4), "r"(x5) : "memory");
     return x0;
+#else
+    register int64_t r10 __asm__("r10") = d, r8 __asm__("r8") = e, r9 __asm__("r9") = 0;
+    int64_t result = number;
+    __asm__ volatile("syscall" : "+a"(result) : "D"(a), "S"(b), "d"(c), "r"(r10), "r"(r8), "r"(r9) : "rcx", "r11", "memory");
+    return result;
+#endif
 }
 
 __attribute__((noreturn)) static void finish(int64_t status) {
@@ -82,9 +95,9 @@ static void relocate(const Elf64_Rela *table, size_t size) {
     for (size_t i = 0; i < size / sizeof *table; i++) {
         uint64_t *where = (uint64_t *)(base + table[i].r_offset);
         const uint64_t kind = ELF64_R_TYPE(table[i].r_info), added = (uint64_t)table[i].r_addend;
-        if (kind == R_AARCH64_RELATIVE)
+        if (kind == RELATIVE)
             *where = (uint64_t)base + added;
-        else if (kind == R_AARCH64_GLOB_DAT || kind == R_AARCH64_JUMP_SLOT || kind == R_AARCH64_ABS64)
+        else if (kind == GLOBAL || kind == SLOT || kind == WORD)
             *where = address_of(symbols + ELF64_R_SYM(table[i].r_info)) + added;
         else
             finish(7);
@@ -160,6 +173,9 @@ static void serve(char *heap) {
         if (arrays[i]) answer(arrays[i], (size_t)sizes[i]);
 }
 
+#if defined(__x86_64__)
+__attribute__((force_align_arg_pointer))
+#endif
 __attribute__((noreturn)) void _start(void) {
     int64_t size;
     receive(&size, sizeof size);

@@ -30,8 +30,6 @@ def bump(depth_mm: float, x_mm: float, y_mm: float, *, shape: tuple[int, int] = 
     y = ((np.arange(height) - (height - 1) / 2) * pixel - y_mm)[:, None]
     depth = depth_mm * np.exp(-(x**2 + y**2) / (2 * SIGMA_MM**2))
     gradient = np.stack([-depth * x / SIGMA_MM**2, -depth * y / SIGMA_MM**2], axis=-1)
-    normal = np.concatenate([-gradient, np.ones((height, width, 1))], axis=-1)
-    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     difference = shade(gradient)
     touched = contact(depth, pixel)
     return TactileFrame(
@@ -44,7 +42,6 @@ def bump(depth_mm: float, x_mm: float, y_mm: float, *, shape: tuple[int, int] = 
         ),
         difference=difference.astype(np.float32),
         gradient_map=gradient.astype(np.float32),
-        normal_map=normal.astype(np.float32),
         depth_mm=depth.astype(np.float32),
         contact=touched,
         contacts=numbered(measure_patches(touched.mask, depth, gradient, pixel)),

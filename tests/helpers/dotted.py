@@ -28,3 +28,17 @@ def from_the_side(image: np.ndarray) -> np.ndarray:
     ends = np.array([(0, 0), (width, 0), (width, height), (0, height)], np.float32) - 0.5
     matrix = cv2.getPerspectiveTransform(ends, np.array(CORNERS, np.float32))
     return np.asarray(cv2.warpPerspective(image, matrix, (TAKEN[1], TAKEN[0])), np.uint8)
+
+
+def centres_of(grey: np.ndarray, near_px: np.ndarray, diameter_px: float) -> np.ndarray:
+    """Return (N, 2) x, y px of the darkest spots near (N, 2) places of a (H, W, 3) picture: centroids of darkness."""
+    reach, sum_ = int(np.ceil(0.8 * diameter_px)), grey.astype(float).sum(axis=2)
+    offsets = np.arange(-reach, reach + 1)
+    found = []
+    for column, row in np.rint(near_px).astype(int):
+        part = sum_[row - reach : row + reach + 1, column - reach : column + reach + 1]
+        around = np.median(np.concatenate([part[[0, -1]].ravel(), part[:, [0, -1]].ravel()]))
+        dark = np.maximum(1 - part / around, 0)
+        dark = np.maximum(dark - 0.3 * dark.max(), 0)
+        found.append((column + dark.sum(axis=0) @ offsets / dark.sum(), row + dark.sum(axis=1) @ offsets / dark.sum()))
+    return np.array(found)

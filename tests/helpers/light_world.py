@@ -76,7 +76,7 @@ class World:
         self.drift = rng.uniform(-150e-6, 150e-6)
         self.stall_at_s = self.begin_s + rng.uniform(0, 2)
         self.stall_s = 0.0 if self.typical or rng.random() < 0.9 else rng.uniform(0.02, 0.08)
-        """the board's time stands still for so long, as an emulated one does on a busy machine"""
+        """the board's time stands still for this time, as an emulated one does on a busy machine"""
         self.jitter_s = rng.choice([1e-4, 1e-3, 5e-3]) if not self.typical else 5e-4
 
     def board_us(self, host_s: float) -> float:
@@ -202,7 +202,7 @@ NO_STATUS = protocol.StatusReply(0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
 
 
 def compare(worlds: int, seed: int, *, typical: bool = False) -> dict[tuple[str, str], int]:
-    """Count frames by (truth, label) over so many worlds; a clean label with the wrong group is "wrong group"."""
+    """Count frames by (truth, label) over that many worlds; a clean label with the wrong group is "wrong group"."""
     counts: dict[tuple[str, str], int] = {}
     for number in range(worlds):
         world = World(np.random.default_rng([seed, number]), typical=typical)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from gellight.bundle.bundle import Bundle
+from gellight.frame_path.pipeline import Form, Reconstructor
 from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.contact import find_contact
 from gellight.reconstruction.integration import angle_deg
-from gellight.reconstruction.pipeline import Form, Reconstructor
 
 
 def both(bundle: Bundle, **options: object) -> tuple[Reconstructor, Reconstructor]:

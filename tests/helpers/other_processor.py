@@ -3,6 +3,7 @@
 import struct
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -13,14 +14,24 @@ from numpy.typing import NDArray
 from gellight.reconstruction.native.library import Library
 
 SERVER = Path(__file__).with_name("call_server.c")
-EMULATOR = "qemu-aarch64"
+EMULATORS = {"aarch64": ["qemu-aarch64"], "x86_64": ["qemu-x86_64", "-cpu", "max"]}
 _INTEGER, _REAL, _ARRAY = range(3)
 
 
-def build_server(folder: Path) -> Path:
+def build_server(folder: Path, processor: str = "aarch64") -> Path:
     """Compile the program that calls the library's functions there."""
     out = folder / "call_server"
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", "aarch64-linux-musl", "-static", "-nostdlib", "-O1"]
+    command = [
+        sys.executable,
+        "-m",
+        "ziglang",
+        "cc",
+        "-target",
+        f"{processor}-linux-musl",
+        "-static",
+        "-nostdlib",
+        "-O1",
+    ]
     # Without a C library zig leaves its headers out too, and one of them says what a library's file looks like.
     headers = Path(ziglang.__file__).parent / "lib/libc/musl/include"
     plain = ["-ffreestanding", "-fno-builtin", "-fno-sanitize=all", "-fno-stack-protector", "-idirafter", headers]
@@ -31,9 +42,12 @@ def build_server(folder: Path) -> Path:
 class OtherProcessor(Library):
     """Calls go to a child process, with all that the arrays hold, and come back the same way."""
 
-    def __init__(self, path: Path, server: Path) -> None:
+    def __init__(self, path: Path, server: Path, processor: str = "aarch64", options: Sequence[str] = ()) -> None:
+        """Load a library; options: of the emulator."""
         self.called: set[str] = set()
-        self._child = subprocess.Popen([EMULATOR, server], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._child = subprocess.Popen(
+            [*EMULATORS[processor], *options, server], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
         content = path.read_bytes()
         self._send(struct.pack("<q", len(content)), content)
 

@@ -13,7 +13,7 @@ from tests.helpers.view_messages import decode
 FRAME_S = 5.0
 """more than any frame needs, even on a loaded machine"""
 SILENCE_S = 0.6
-"""so long without a frame means that none comes"""
+"""without a frame for this time, none comes"""
 
 
 class Page:

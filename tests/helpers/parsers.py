@@ -231,7 +231,7 @@ def mutated(sound: bytes, draw: random.Random) -> bytes:
 
 
 def run(parser: Parser, executions: int, seed: int, failed: Callable[[bytes, Exception], Any]) -> int:
-    """Feed a parser so many inputs; `failed` gets each input that it neither takes nor refuses. Return the failures."""
+    """Feed a parser inputs; `failed` gets each one that it neither takes nor refuses. Return the failures."""
     draw, failures = random.Random(seed), 0
     for _ in range(executions):
         content = mutated(draw.choice(parser.sound), draw)

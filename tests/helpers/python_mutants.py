@@ -36,7 +36,7 @@ class Mutant(NamedTuple):
 
 
 def draw(files: list[Path], count: int, seed: int) -> list[Mutant]:
-    """Draw so many different mutants; every place of every file is as likely."""
+    """Draw that many different mutants; every place of every file is as likely."""
     places = [mutant for file in sorted(files) for mutant in mutants_of(file)]
     return random.Random(seed).sample(places, min(count, len(places)))
 

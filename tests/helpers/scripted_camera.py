@@ -129,7 +129,6 @@ class CountingReconstructor:
             camera_frame=frame,
             difference=np.zeros((2, 2, 3), np.float32),
             gradient_map=np.zeros((2, 2, 2), np.float32),
-            normal_map=np.zeros((2, 2, 3), np.float32),
             depth_mm=flat,
             contact=Contact(mask=flat > 0, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
         )

@@ -6,8 +6,8 @@ from gellight.base.settings import ServiceSettings, Settings, WatchSettings
 from gellight.daemon.active_pipeline import ActivePipeline
 from gellight.daemon.configuration import STILL, ModeConfig, PathKind
 from gellight.daemon.session import SensorSession
+from gellight.frame_path.pipeline import FramePath
 from gellight.frames.camera import Camera
-from gellight.reconstruction.pipeline import FramePath
 
 
 def session_of(

@@ -1,9 +1,11 @@
 """Pictures of a small simulated gel under light groups, without a camera's clock or a board."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.frames import CameraFrame, ExposureSeries
 from gellight.lab.optics.lights.reference_light import ReferencePictures, light_model
 from gellight.lab.simulator.scene import Press, Scene
@@ -12,6 +14,7 @@ from gellight.photometric.ring_geometry import RingGeometry
 from gellight.ring.light_groups import colour_triples, single_leds
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
+from tests.helpers.linear_sensor import linear_network
 
 RING = RingGeometry()
 PIXEL_MM = (0.1176, 0.1176)
@@ -42,6 +45,13 @@ class Gel:
     def expose(self, factor: float) -> None:
         """So many times as long as at first."""
         self.scene.response = replace(self.base, exposure=self.base.exposure * factor)
+
+    def bundle(self, folder: Path) -> Bundle:
+        """Write a bundle whose network is linear."""
+        return write_bundle(
+            folder, sensor="simulated", reference=self.mean(RING.colours, 8), reference_frames=8, noise_grey=1.0,
+            pixel_size_mm=PIXEL_MM, network=linear_network(), metrics={},
+        )  # fmt: skip
 
     def references(self, frames: int = 4) -> ReferencePictures:
         dark = np.median([self.picture(None, np.zeros((12, 3))) for _ in range(5)], axis=0)

@@ -6,26 +6,39 @@ Every pixel is the mean of 4 x 4 of its: the same gel under the same light, with
 import json
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import onnx
 from numpy.polynomial import chebyshev
-from onnx import TensorProto, helper, numpy_helper
+from onnx import numpy_helper
 
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frames.dots import Dots
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
+from gellight.lab.simulator.scene import Press, Scene
 from gellight.photometric.directions import LightDirections, lights_of, view_places
 from gellight.photometric.light_model import LightGroups
 from gellight.photometric.lights_file import read_lights
 from gellight.photometric.solver import flat_gel, light_rows
+from gellight.series.channel_network import change_percent
+from gelnet.export import export
+from gelnet.numpy_trainer import NumpyTrainer
+from gelnet.recipes import RECIPES
+from gelnet.table import Table
+from gelnet.training import train
+from sim_reference.camera import CameraResponse
+from sim_reference.geometry import SensorGeometry
 
 BLOCK = 4
 SHAPE = (120, 160)
 PIXEL_MM = 0.0588 * BLOCK
 BOX = (16, 12, 128, 96)
 """x, y, width and height of the view, px"""
+MIDDLE_MM = 6.0
+"""from the middle of the gel: lights are linear in the place there, and balls are pressed"""
 
 
 def ordinary() -> Bundle:
@@ -111,40 +124,53 @@ def with_dots(bundle: Bundle) -> Bundle:
 
 
 def with_directions(bundle: Bundle) -> Bundle:
-    """Return it for four groups of three lights, shown in turn: the rows of its light model, linear in the place."""
+    """Return it for four groups of three lights, shown in turn, with a network that was trained on balls under them.
+
+    The vectors are those of its light model, linear in the place within `MIDDLE_MM`, where the balls are pressed.
+    """
     model = read_lights(bundle)
     groups = model.groups(LightGroups.TRIPLES)
     references = model.references(LightGroups.TRIPLES).reshape(12, -1)
     alone = light_rows(flat_gel(SHAPE, (PIXEL_MM, PIXEL_MM)), references, model.ring)  # (12, 3, N), LED by LED
     places = view_places(SHAPE, np.arange(SHAPE[0] * SHAPE[1]))
+    middle = np.hypot(*(places[1:] * (np.array([SHAPE[1], SHAPE[0]])[:, None] - 1) / 2)) * PIXEL_MM < MIDDLE_MM
     channels = np.array(model.ring.channels)
     vectors, untouched = [], []
     for group, colour in lights_of(groups):
         lit = np.flatnonzero(groups[group].any(axis=1))
         rows = np.einsum("l,lin->in", model.crosstalk[colour, channels[lit]], alone[lit])
-        vectors.append(np.linalg.lstsq(places.T, (rows / rows[2]).T, rcond=None)[0].T)
+        vectors.append(np.linalg.lstsq(places[:, middle].T, (rows / rows[2])[:, middle].T, rcond=None)[0].T)
         untouched.append(rows[2].reshape(SHAPE))
     lights = LightDirections(vectors=np.stack(vectors), untouched=np.stack(untouched).astype(np.float32),
                              noise_grey=bundle.manifest.noise_grey, pixel_size_mm=PIXEL_MM, groups=groups)  # fmt: skip
-    files = {bundle.manifest.network.replace(".", "__"): ratio_network(lights.vectors[:, :, 0])}
+    files = {bundle.manifest.network.replace(".", "__"): trained_on_balls(lights)}
     return with_files(bundle, "directions", directions__npz=lights.content(), **files)
 
 
-def ratio_network(vectors: np.ndarray) -> bytes:
-    """Return the least squares of distant lights (K, 3) as a network on changes in percent and the place."""
-    inverse = np.linalg.pinv(vectors)  # (3, K), of the levels as shares of the untouched gel's
-    weights = np.zeros((len(vectors) + 2, 3), np.float32)
-    weights[:-2] = inverse.T / 100
-    whole = inverse.sum(axis=1).astype(np.float32)
-    sides = [(-weights[:, :2], -whole[:2], "across"), (weights[:, 2:], whole[2:], "up")]
-    tensors, nodes = [], []
-    for weight, bias, name in sides:
-        tensors += [numpy_helper.from_array(np.ascontiguousarray(weight), f"w_{name}"),
-                    numpy_helper.from_array(np.ascontiguousarray(bias), f"b_{name}")]  # fmt: skip
-        nodes.append(helper.make_node("Gemm", ["pixels", f"w_{name}", f"b_{name}"], [name]))
-    nodes.append(helper.make_node("Div", ["across", "up"], ["gradient"]))
-    given = helper.make_tensor_value_info("pixels", TensorProto.FLOAT, ["N", len(weights)])
-    told = helper.make_tensor_value_info("gradient", TensorProto.FLOAT, ["N", 2])
-    graph = helper.make_graph(nodes, "ratio", [given], [told], tensors)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    return bytes(model.SerializeToString())
+def trained_on_balls(lights: LightDirections, presses: int = 15) -> bytes:
+    """Return GelNet trained on balls somewhere near the middle, under the lights; 3 s of processor time."""
+    sensor = SensorGeometry(image_width_px=SHAPE[1], image_height_px=SHAPE[0], pixel_size_mm=PIXEL_MM)
+    scene, random = Scene(sensor, CameraResponse()), np.random.default_rng(0)
+    parts = [ball_rows(scene, lights, random) for _ in range(presses)]
+    image = np.repeat(np.arange(presses, dtype=np.int32), list(map(len, parts)))
+    table = Table(rows=np.concatenate(parts), image=image, image_size=(SHAPE[1], SHAPE[0]))
+    recipe = replace(RECIPES["thorough"], epochs=60, least_visits=0)
+    learnt = train(table, recipe, NumpyTrainer(seed=0), width=24).network
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "network.onnx"
+        export(learnt.parameters(), path, rows=table.pixels[:500], answer=learnt.answer)
+        return path.read_bytes()
+
+
+def ball_rows(scene: Scene, lights: LightDirections, random: np.random.Generator) -> np.ndarray:
+    """Return (N, K + 4) rows of a table: the pixels that a ball tilts, and a third as many others."""
+    press = Press("BALL", random.uniform(0.4, 1.3), *random.uniform(-0.8, 0.8, 2) * MIDDLE_MM)
+    shown = [scene.show(press, group / 255) for group in lights.groups]
+    levels = np.stack([shown[group][0][..., colour] for group, colour in lights_of(lights.groups)])
+    noisy = (levels + random.normal(0, scene.response.noise_grey, levels.shape)).astype(np.float32)
+    slope = shown[0][1].gradient_map.reshape(-1, 2)
+    tilted = np.hypot(*slope.T) > 0.02
+    kept = [np.flatnonzero(tilted), random.choice(np.flatnonzero(~tilted), tilted.sum() // 3)]
+    y, x = np.indices(SHAPE).reshape(2, -1)
+    rows = np.column_stack([change_percent(noisy, lights.untouched), x, y, slope])
+    return rows[np.concatenate(kept)].astype(np.float32)

@@ -1,5 +1,6 @@
 """Daemons whose frames are made of formulas, for the tests of the stream."""
 
+import socket
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -46,7 +47,7 @@ def bump_daemon(
     measures: FrameMeasures | None = None,
     bundle: Bundle | None = None,
 ) -> tuple[SensorSession, BumpReconstructor]:
-    """Return a daemon (not started) that gives so many frames, and what computes them."""
+    """Return a daemon (not started) that gives that many frames, and what computes them."""
     reconstructor = BumpReconstructor(bundle, measures)
     camera: Any = ScriptedCamera(count=frames, period_s=period_s)
     camera.image_shape = SHAPE
@@ -71,3 +72,9 @@ def full_frame() -> TactileFrame:
             ages_s={"taken": 0.01, "reconstructed": 0.03}, findings=("drift",), dropped=2,
         ),
     )  # fmt: skip
+
+
+def free_port() -> int:
+    """Return a port that nothing listens at."""
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return int(probe.getsockname()[1])

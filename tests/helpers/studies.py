@@ -12,9 +12,9 @@ from sim_reference.geometry import SensorGeometry
 FEW = ("TSTEP", "SCROWN", "SINWAVE", "BSWAVE")
 
 
-def setup(size: int = 64, names: tuple[str, ...] = FEW) -> studies.Setup:
+def setup(size: int = 64, names: tuple[str, ...] = FEW) -> studies.StudySetup:
     """Return the studies' input for `size` x `size` pixels and the objects `names`."""
-    return replace(studies.setup_of(SensorGeometry(), 0.9, 1.0, size), names=names)
+    return replace(studies.study_setup(SensorGeometry(), 0.9, 1.0, size), names=names)
 
 
 @pytest.fixture

@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.lab.simulator.scene import Press, Scene
+from gellight.reconstruction.integration import angle_deg, normals
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
 NOISE_GREY = 1.0
@@ -71,7 +73,6 @@ class WatchedSensor:
             camera_frame=CameraFrame(image=image, time_s=self.time_s, sequence=round(self.time_s / PERIOD_S)),
             difference=np.zeros((2, 2, 3), np.float32),
             gradient_map=np.zeros((2, 2, 2), np.float32),
-            normal_map=np.zeros((2, 2, 3), np.float32),
             depth_mm=flat,
             contact=Contact(mask=flat > 0, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
         )
@@ -94,6 +95,16 @@ class WatchedSensor:
     def figures(self, kind: str) -> dict[str, object]:
         """What is told of a finding."""
         return next(finding.figures for finding in self.watch.findings() if finding.kind == kind)
+
+    def contact_error_deg(self, reconstructor: Reconstructor) -> float:
+        """Mean normal error in contact of balls at four places."""
+        errors = []
+        for place in ((0.0, 0.0), (-9.0, 4.0), (8.0, -6.0), (10.0, 5.0)):
+            press = Press("BALL", 1.0, *place)
+            felt = reconstructor.reconstruct(self.frame(press).camera_frame)
+            surface = self.scene.show(press)[1]
+            errors.append(angle_deg(felt.normal_map, normals(surface.gradient_map))[surface.contact].mean())
+        return float(np.mean(errors))
 
 
 def torn(image_shape: tuple[int, int], x_px: int, y_px: int, *, radius_px: float = 18.0, light: float = 0.3,

@@ -6,7 +6,7 @@ from typing import Any
 from gellight.lab.design import designs, output, parts, studies
 from gellight.lab.design.designs import DesignResult, Gain
 from gellight.lab.design.output import BallResult
-from gellight.lab.design.studies import BeyondResult, Setup
+from gellight.lab.design.studies import BeyondResult, StudySetup
 from gellight.lab.simulator.sweep import Study, SweepOptions, run_all, run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer import design, fine
@@ -30,7 +30,7 @@ BALL_PRESS_SHARE = 0.4
 class AllResults:
     """Everything the page shows."""
 
-    setup: Setup
+    setup: StudySetup
     coarse: CoarseResult
     readings: dict[str, CoarseResult]
     """the coarse study under each reading of the paper's text"""
@@ -74,7 +74,7 @@ class AllResults:
 
 
 def run_all_studies(
-    setup: Setup, options: SweepOptions, *, timed: bool, gels: bool, numbers: tuple[int, ...] = NUMBERS
+    setup: StudySetup, options: SweepOptions, *, timed: bool, gels: bool, numbers: tuple[int, ...] = NUMBERS
 ) -> AllResults:
     """Run all studies in one sweep; `timed` adds the timing of the coarse sweep, `gels` the finite elements.
 
@@ -100,7 +100,7 @@ def run_all_studies(
     return AllResults(setup=setup, ball=ball, times=times, **found)
 
 
-def _design_studies(setup: Setup, numbers: tuple[int, ...]) -> dict[str, Study[Any]]:
+def _design_studies(setup: StudySetup, numbers: tuple[int, ...]) -> dict[str, Study[Any]]:
     """Return the studies of the given ring and of the best ones, by the field of `AllResults` that they fill."""
     geometry, noise = setup.geometry, setup.noise_grey
     own = setup.led_count // 3 * 3

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gellight.base.errors import InputError
-from gellight.lab.design.studies import Setup
+from gellight.lab.design.studies import StudySetup
 from gellight.lab.report.html import box, section, table
 from gellight.lab.simulator.gel_models import gel_model
 from gellight.lab.simulator.sweep import Study, Task
@@ -40,12 +40,12 @@ class GelRow:
     normals_in_contact_deg: float = float("nan")
 
 
-def resolution_of(setup: Setup) -> float:
+def resolution_of(setup: StudySetup) -> float:
     """Return the resolution of the table in mm: that of the studies if they use finite elements, else a coarse one."""
     return setup.resolution_mm if setup.gel == "fem" else COARSE_MM
 
 
-def gel_study(setup: Setup) -> Study[list[GelRow]]:
+def gel_study(setup: StudySetup) -> Study[list[GelRow]]:
     """Return the study of the layer against finite elements: one task an object."""
     return Study(
         [Task(f"{name} (gel)", compare_gels, (name, setup)) for name in setup.names],
@@ -53,7 +53,7 @@ def gel_study(setup: Setup) -> Study[list[GelRow]]:
     )
 
 
-def compare_gels(name: str, setup: Setup) -> dict[str, Any]:
+def compare_gels(name: str, setup: StudySetup) -> dict[str, Any]:
     """Return the fields of `GelRow` for one object, for JSON."""
     resolution = resolution_of(setup)
     try:
@@ -87,18 +87,18 @@ def gel_json(row: GelRow) -> dict[str, Any]:
     return {name: value for name, value in asdict(row).items() if not (isinstance(value, float) and isnan(value))}
 
 
-def _pressed(name: str, setup: Setup, resolution_mm: float | None) -> Deformation:
+def _pressed(name: str, setup: StudySetup, resolution_mm: float | None) -> Deformation:
     """Press into finite elements of this resolution, or (None) into the layer."""
     model = gel.press if resolution_mm is None else gel_model("fem", resolution_mm)
     return deformed(name, setup.sampling, setup.geometry, setup.parameters, model)
 
 
-def _force_n(pressed: Deformation, setup: Setup) -> float:
+def _force_n(pressed: Deformation, setup: StudySetup) -> float:
     modulus = FemGel().shear_modulus_mpa(setup.geometry)
     return float(pressed.pressure.sum()) * pressed.spacing_mm**2 * modulus
 
 
-def gel_section(rows: list[GelRow], setup: Setup) -> str:
+def gel_section(rows: list[GelRow], setup: StudySetup) -> str:
     """Return the section of the report."""
     head = ["object", "force", "layer's over it", "height: region", "in contact", "normals: region", "in contact"]
     return section(

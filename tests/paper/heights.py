@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.lab.design.output import Files, numbers
-from gellight.lab.design.studies import Setup
+from gellight.lab.design.studies import StudySetup
 from gellight.lab.report.charts import Axes, Series, line_chart
 from gellight.lab.simulator.sweep import Study, Task
 from sim_reference.geometry import SensorGeometry
@@ -29,10 +29,10 @@ METHODS = {
 EQUAL_LIGHT = "one exposure, least possible error"
 """of an unbiased estimate, lamps and exposure those of the given sensor at every height"""
 FINE_THINNING = 6
-"""one in so many pixels is evaluated"""
+"""one in that many pixels is evaluated"""
 
 
-def fine_errors(name: str, setup: Setup, heights_mm: tuple[float, ...], medium: Medium) -> Any:
+def fine_errors(name: str, setup: StudySetup, heights_mm: tuple[float, ...], medium: Medium) -> Any:
     """Return MAE and Top1 in rad by method, `EQUAL_LIGHT` last, and height: (methods + 1, heights, 2) as lists.
 
     They are NaN at a height where the LEDs would be inside the window.
@@ -83,7 +83,7 @@ class FineResult:
         return np.asarray(np.degrees(self.errors_rad[medium][[*METHODS, EQUAL_LIGHT].index(method)]))
 
 
-def fine_study(setup: Setup, heights_mm: tuple[float, ...]) -> Study[FineResult]:
+def fine_study(setup: StudySetup, heights_mm: tuple[float, ...]) -> Study[FineResult]:
     """Return the fine study: one task an object and medium."""
     media = {"air": VACUUM, "window": window_of(setup.geometry)}
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.lab.design.studies import Setup
+from gellight.lab.design.studies import StudySetup
 from gellight.lab.report.charts import picture
 from sim_reference.camera import CameraResponse, digitise, exposure_for, linear_grey
 from sim_reference.geometry import SensorGeometry
@@ -22,7 +22,7 @@ WIDTH_PX = 115
 """ten in a row"""
 
 
-def benchmark_depths(setup: Setup) -> str:
+def benchmark_depths(setup: StudySetup) -> str:
     """Return the depth of every pressed object, light where it is deep."""
     figures, small = [], replace(SMALL, press_depth_mm=setup.sampling.press_depth_mm)
     for name in setup.names:
@@ -34,7 +34,7 @@ def benchmark_depths(setup: Setup) -> str:
     return "".join(figures)
 
 
-def benchmark_pictures(setup: Setup) -> str:
+def benchmark_pictures(setup: StudySetup) -> str:
     """Return figure 4d: every object under the coloured ring."""
     square = SMALL.on(setup.geometry)
     exposed, figures = _exposed(square), []
@@ -44,7 +44,7 @@ def benchmark_pictures(setup: Setup) -> str:
     return "".join(figures)
 
 
-def plane_pictures(setup: Setup, heights_mm: tuple[float, ...]) -> str:
+def plane_pictures(setup: StudySetup, heights_mm: tuple[float, ...]) -> str:
     """Return the upper row of figure 4e: the plane at each height, exposed as at the first."""
     square = SMALL.on(setup.geometry)
     exposed, first = _exposed(fine.at_height(square, heights_mm[0])), square.camera_height_mm - heights_mm[0]
@@ -58,7 +58,7 @@ def plane_pictures(setup: Setup, heights_mm: tuple[float, ...]) -> str:
     return "".join(figures)
 
 
-def channel_pictures(setup: Setup) -> str:
+def channel_pictures(setup: StudySetup) -> str:
     """Return figure 4c: each channel of the plane with contour lines."""
     square = SMALL.on(setup.geometry)
     light = ring_irradiance(untouched(square), square, ring_light(square))

@@ -11,7 +11,7 @@ import numpy as np
 from gellight.lab.design import designs, drawings, output, parts, studies
 from gellight.lab.design.geometry import ring_colours
 from gellight.lab.design.output import BallResult, write_all
-from gellight.lab.design.studies import BeyondResult, Setup
+from gellight.lab.design.studies import BeyondResult, StudySetup
 from gellight.lab.report import html
 from gellight.lab.report.charts import Axes, Series, line_chart
 from gellight.lab.report.html import box, section, table
@@ -143,7 +143,7 @@ def _under(row: Judgement) -> str:
     )
 
 
-def _benchmark(setup: Setup) -> str:
+def _benchmark(setup: StudySetup) -> str:
     return section(
         "The benchmark",
         f"<p>Ten objects in four groups, relief {setup.parameters.relief_mm:g} mm, pressed "
@@ -309,8 +309,20 @@ def _part(title: str, geometry: SensorGeometry) -> str:
         f'<div class="card part"><h3>{title}: {flat.count} LEDs, {_deg(geometry.incident_angle_rad, 1)}, '
         f"{geometry.mounting_height_mm:g} mm</h3>{drawings.strip_svg(flat, geometry.led_colours)}"
         f"{drawings.ring_svg(geometry)}<p><code>gellight ring set {ring_colours(geometry)}</code></p>"
-        f"{table([], [[name, f'{value:.3f} {unit}'] for name, value, unit in parts.strip_facts(flat)])}</div>"
+        f"{table([], [[name, f'{value:.3f} {unit}'] for name, value, unit in _strip_facts(flat)])}</div>"
     )
+
+
+def _strip_facts(flat: parts.Strip) -> list[tuple[str, float, str]]:
+    """Return the measures of the strip: name, value, unit."""
+    return [
+        ("sector", degrees(flat.sector_rad), "degrees"),
+        ("inner radius", flat.inner_radius_mm, "mm"),
+        ("middle radius", flat.middle_radius_mm, "mm"),
+        ("outer radius", flat.outer_radius_mm, "mm"),
+        ("pitch of the LEDs", degrees(flat.pitch_rad), "degrees"),
+        ("height of the cone", flat.rise_mm, "mm"),
+    ]
 
 
 def _deg(angle_rad: float, decimals: int) -> str:

@@ -5,25 +5,25 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from gellight.lab.simulator.sweep import SweepOptions, run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer import fine
+from tests.helpers.command_line import invoke
 from tests.helpers.studies import setup
 from tests.paper.__main__ import app
 from tests.paper.heights import fine_json, fine_study
 
 
-def invoke(*arguments: str) -> Any:
-    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+def study(*arguments: str) -> Any:
+    result = invoke(*arguments, app=app, catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return json.loads(result.stdout)
 
 
 def test_the_report_takes_shards_too(tmp_path: Path) -> None:
     # The 200th task is of the last study; it is computed although those of the other studies are missing.
-    answer = invoke(
+    answer = study(
         "report", "--shard", "200/300", "--workers", "1", "--size", "32", "--out", str(tmp_path / "out"), "--json"
     )
     assert answer["complete"] is False
@@ -32,7 +32,7 @@ def test_the_report_takes_shards_too(tmp_path: Path) -> None:
 
 
 def test_the_fine_study_prints_json() -> None:
-    answer = invoke("fine", "--size", "48", "--step", "12", "--workers", "1", "--json")
+    answer = study("fine", "--size", "48", "--step", "12", "--workers", "1", "--json")
     assert answer["height_mm"] == [0, 12, 24, 36]
     assert len(answer["sat"]) == len(answer["nsd"]) == len(answer["normal_error_deg"]) == 4
     assert answer["nsd"] == sorted(answer["nsd"])

@@ -85,7 +85,7 @@ def test_the_best_angle_is_said_to_be_tuned_where_it_is_given() -> None:
 
 def test_without_noise_the_mean_of_the_best_angles_is_the_papers(options: SweepOptions) -> None:
     groups = LightGroups(numbers=(3, 6, 12))
-    as_in_the_report = studies.setup_of(SensorGeometry(), 0.9, 1.0, 128)
+    as_in_the_report = studies.study_setup(SensorGeometry(), 0.9, 1.0, 128)
     readings = run_study(variants.coarse_readings(as_in_the_report, groups), options)
     assert list(readings) == [
         "noise of 1 grey level", "noise of 1 grey level; CCONVEX as prisms", "no noise",

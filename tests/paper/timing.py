@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.lab.design.studies import Setup
+from gellight.lab.design.studies import StudySetup
 from gellight.lab.simulator.sweep import SweepOptions, executor
 from sim_reference.optimizer import coarse, plain
 from sim_reference.optimizer.benchmark import PressedObject
@@ -45,7 +45,7 @@ class SweepTimes:
         )
 
 
-def time_sweep(setup: Setup, options: SweepOptions, groups: LightGroups) -> SweepTimes:
+def time_sweep(setup: StudySetup, options: SweepOptions, groups: LightGroups) -> SweepTimes:
     """Time the sweep on all workers, which are warm, and the plain code on one."""
     pressed = [setup.pressed(name, setup.sampling) for name in setup.names]
     with executor(options) as pool:

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from gellight.lab.design.studies import Setup, coarse_study
+from gellight.lab.design.studies import StudySetup, coarse_study
 from gellight.lab.simulator.sweep import Study, Task
 from sim_reference.optimizer import coarse, sensitivity
 from sim_reference.optimizer.exposing import LightGroups
 
 
-def coarse_readings(setup: Setup, groups: LightGroups) -> Study[dict[str, coarse.CoarseResult]]:
+def coarse_readings(setup: StudySetup, groups: LightGroups) -> Study[dict[str, coarse.CoarseResult]]:
     """Return the coarse study under the readings of the paper's text; the first is `setup` as it is."""
     lights = {
         f"noise of {groups.noise_grey:g} grey level{'' if groups.noise_grey == 1 else 's'}": groups,
@@ -46,13 +46,13 @@ class VariantResult:
     """mean of the objects' best angles"""
 
 
-def variant_errors(name: str, variant: sensitivity.Variant, setup: Setup) -> Any:
+def variant_errors(name: str, variant: sensitivity.Variant, setup: StudySetup) -> Any:
     """Return Top1 in rad by angle, 12 lights, of an object under a variant of the study of `setup`."""
     changed = replace(setup, geometry=variant.geometry, parameters=variant.parameters)
     return coarse.evaluate(changed.pressed(name, variant.sampling), variant.groups)[0, :, 2].tolist()
 
 
-def sensitivity_study(setup: Setup) -> Study[list[VariantResult]]:
+def sensitivity_study(setup: StudySetup) -> Study[list[VariantResult]]:
     """Return the study of what the best angle depends on: one task a variant and object."""
     variants = sensitivity.variants(setup.geometry, setup.with_noise(sensitivity.STUDIED))
 

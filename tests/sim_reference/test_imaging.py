@@ -71,11 +71,11 @@ def test_dark_leds_give_no_light_and_channels_do_not_mix() -> None:
     assert picture[..., 1] == pytest.approx(0.5 * led_irradiance(flat, SMALL, 4))
 
 
-def test_a_window_is_a_piece_of_the_whole() -> None:
+def test_a_box_is_a_piece_of_the_whole() -> None:
     surface = sample(press_object("BALL", 0.5, SMALL, size=256), SMALL, 2.0, 1.0)
-    window = (slice(30, 90), slice(60, 120))
+    box = (slice(30, 90), slice(60, 120))
     whole = ring_irradiance(surface, SMALL, ring_light(SMALL))
-    assert ring_irradiance(surface, SMALL, ring_light(SMALL), window) == pytest.approx(whole[window], rel=1e-12)
+    assert ring_irradiance(surface, SMALL, ring_light(SMALL), box) == pytest.approx(whole[box], rel=1e-12)
 
 
 def test_a_flat_gel_has_no_cast_shadow() -> None:

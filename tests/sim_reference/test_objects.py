@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim_reference.objects import ObjectParameters, object_height
+from sim_reference.objects import OBJECT_NAMES, ObjectParameters, object_height
 
 AXIS = np.linspace(-20, 20, 801)  # 0.05 mm
 X, Y = AXIS[None, :], AXIS[:, None]
@@ -47,3 +47,14 @@ def test_straight_waves_are_straight_and_circular_ones_round() -> None:
     assert (straight == straight[0]).all()
     assert round_ == pytest.approx(round_.T)
     assert round_ == pytest.approx(round_[::-1], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", OBJECT_NAMES)
+def test_an_object_lies_the_same_on_a_coarse_grid(name: str) -> None:
+    assert object_height(name, X[:, ::20], Y[::20]) == pytest.approx(height(name)[::20, ::20], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", OBJECT_NAMES)
+def test_the_highest_point_is_0(name: str) -> None:
+    fine = np.linspace(-2.5, 2.5, 2001)  # a crest, a ball or a polygon of each lies there
+    assert -2e-3 < object_height(name, fine[None, :], fine[:, None]).max() <= 1e-9

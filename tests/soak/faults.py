@@ -66,7 +66,7 @@ class PlannedFault:
 
 
 def plan(seed: int, hours: float) -> Iterator[PlannedFault]:
-    """Yield the faults of so many hours. Every kind comes once before one comes again, in an order drawn anew."""
+    """Yield the faults of that many hours. Every kind comes once before one comes again, in an order drawn anew."""
     draw, at_s = random.Random(seed), 0.0
     while True:
         kinds = list(FaultKind)

@@ -338,7 +338,7 @@ class Soak:
 
 
 def soak(seed: int, hours: float, note: Callable[[str], object] = logger.info) -> Report:
-    """Soak a simulated sensor for so many simulated hours; `note` is told of every fault.
+    """Soak a simulated sensor for that many simulated hours; `note` is told of every fault.
 
     Raises InputError where no fault of the plan falls into that time: such a run would say nothing.
     """

@@ -12,8 +12,8 @@ import numpy as np
 
 from gellight.base.errors import GellightError
 from gellight.bundle.bundle import Bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.recording.recording_file import Recording
 from gellight.ring.light_groups import colour_triples
 from gellight.sensor.lighting.sequenced import SequencedCamera

@@ -22,7 +22,7 @@ import logging
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
@@ -149,9 +149,14 @@ class Bundle:
         """
         if reference.shape != (*self.image_shape, 3):
             raise ValueError(f"reference image has shape {reference.shape}: give {(*self.image_shape, 3)}")
-        files = {**self.files, REFERENCE: _encode_reference(reference)}
-        manifest = self.manifest.model_copy(update={"files": _digests(files), "reference_frames": frames})
-        return Bundle(manifest=manifest, files=files, source=self.source)
+        other = self.with_files({REFERENCE: _encode_reference(reference)})
+        return replace(other, manifest=other.manifest.model_copy(update={"reference_frames": frames}))
+
+    def with_files(self, files: Mapping[str, bytes]) -> "Bundle":
+        """Return this bundle with more files, by name, or newer ones of the same names; in memory only."""
+        content = {**self.files, **files}
+        manifest = self.manifest.model_copy(update={"files": _digests(content)})
+        return Bundle(manifest=manifest, files=content, source=self.source)
 
     def presses(self) -> dict[str, NDArray[Any]]:
         """The arrays of `presses.npz`; raises BundleError where the bundle has none."""
@@ -198,6 +203,7 @@ class Description(TypedDict, total=False):
     rest_grey: float
     pixel_size_mm: Required[tuple[float, float]]
     follow_light: bool
+    level_plane: bool
     gel_thickness_mm: float
     bulge: float
     led: tuple[LedSetting, ...]

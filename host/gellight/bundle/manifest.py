@@ -76,6 +76,8 @@ class Manifest(BaseModel):
     unevenly, gel that does not come back quite; root mean square, grey levels; 0 where nobody measured it"""
     follow_light: bool = False
     """take the median over the view off every difference image, because the light of this sensor drifts"""
+    level_plane: bool = False
+    """take the plane that the untouched gel lies on off every depth map, because slopes of this sensor tilt it"""
     gel_thickness_mm: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
     """of the soft gel, no depth can be beyond it; 0 where nobody told"""
     bulge: Length = BULGE

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from gellight.cli.advice import activation
-from gellight.cli.one_sensor import Running, follow, in_words, opened
+from gellight.cli.one_sensor import RunOptions, follow, in_words, opened
 from gellight.cli.options import AsJson, simulated_settings, with_options
 from gellight.cli.showing import show
 
@@ -17,18 +17,18 @@ FRAME_TIMEOUT_S = 20.0
 
 @with_options
 def command(
-    running: Running,
+    options: RunOptions,
     sensor: Annotated[str | None, typer.Option(help="URL of the camera.", show_default="sim://")] = None,
     browser: Annotated[bool, typer.Option(help="Open the dashboard in a browser.")] = True,
     as_json: AsJson = False,
 ) -> None:
     """Press objects into a simulated sensor and see what it feels."""
-    settings = simulated_settings({"sensor.url": sensor, **running.flags()})
-    with running.ended_by_hand(), opened(settings, every=False) as (daemon, url):
-        if browser and not running.frames:
+    settings = simulated_settings({"sensor.url": sensor, **options.flags()})
+    with options.ended_by_hand(), opened(settings, every=False) as (daemon, url):
+        if browser and not options.frames:
             open_browser(url)
-        summary = follow(daemon, running.frames, patience_s=FRAME_TIMEOUT_S)
-        show(summary, as_json, in_words(summary, running.frames))
+        summary = follow(daemon, options.frames, patience_s=FRAME_TIMEOUT_S)
+        show(summary, as_json, in_words(summary, options.frames))
     if told := activation():
         print(told, file=sys.stderr)
 

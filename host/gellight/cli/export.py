@@ -15,11 +15,11 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.options import AsJson
 from gellight.cli.reconstruct import maps_file
 from gellight.cli.showing import show
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, CaptureStamp, TactileFrame
 from gellight.frames.point_cloud import ply
 from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.lab.report.video import VideoFile
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.recording.array_files import write_arrays
 from gellight.recording.lerobot_files import write_lerobot
 from gellight.recording.recording_file import Recording

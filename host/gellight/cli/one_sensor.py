@@ -41,7 +41,7 @@ WAIT_S = 0.5
 
 
 @dataclass(frozen=True)
-class Running:
+class RunOptions:
     """How a sensor runs."""
 
     calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="that of the sensor")] = (
@@ -111,14 +111,14 @@ class Running:
         return until_interrupted(not self.frames)
 
 
-def run_sensor(settings: Settings, running: Running, *, dashboard: bool, as_json: bool) -> None:
+def run_sensor(settings: Settings, options: RunOptions, *, dashboard: bool, as_json: bool) -> None:
     """Run the sensor of `settings` until the frames are there, the images are used up, or Ctrl-C."""
     logs.configure(settings.service.log, settings.sensor.url)
-    with running.ended_by_hand(), opened(settings, dashboard=dashboard) as (daemon, _):
+    with options.ended_by_hand(), opened(settings, dashboard=dashboard) as (daemon, _):
         manager = ServiceManager()
         manager.ready()
-        summary = follow(daemon, running.frames, partial(tell, manager, as_json and not running.frames))
-        show(summary, as_json, in_words(summary, running.frames))
+        summary = follow(daemon, options.frames, partial(tell, manager, as_json and not options.frames))
+        show(summary, as_json, in_words(summary, options.frames))
 
 
 @contextmanager

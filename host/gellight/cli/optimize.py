@@ -12,12 +12,15 @@ import typer
 from gellight.cli.options import AsJson, GeometryFile, with_options
 from gellight.cli.showing import show
 from gellight.cli.sweeping import Sweeping
+from gellight.lab.boards.catalogue import LAMPS
+from gellight.lab.boards.files import board_files
+from gellight.lab.boards.modules import MODULES
 from gellight.lab.design import designs, output, studies
 from gellight.lab.design.benchmark_files import write_benchmark
 from gellight.lab.design.geometry import read_geometry
-from gellight.lab.design.housing import housing_scad
 from gellight.lab.design.parts import check_can_draw
-from gellight.lab.design.studies import Setup, setup_of
+from gellight.lab.design.studies import StudySetup, study_setup
+from gellight.lab.housing.parts import housing_files
 from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind
 from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.sweep import (
@@ -32,6 +35,7 @@ from sim_reference.optimizer.exposing import LightGroups
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
 
 OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results, figures and parts here.")]
+Package = Annotated[str, typer.Option("--package", help=f"Package of the LEDs: {', '.join(LAMPS)}.")]
 Size = Annotated[int, typer.Option("--size", min=32, max=2048, help="Pixels a side of the evaluated square.")]
 
 
@@ -68,14 +72,14 @@ class Study(Answering, Sweeping):
         Path | None, typer.Option("--store", metavar="DIR", help="Where results are kept.", show_default="cache")
     ] = None
 
-    def setup(self) -> Setup:
+    def setup(self) -> StudySetup:
         """Return what is studied; raises ConfigError or InputError for what cannot be, or cannot be written."""
         if self.out is not None:
             output.check_writable(self.out)
         sensor = read_geometry(self.geometry)
         if self.gel == "fem" and self.scheduler is None:
             check_memory(self.resolution, sensor, self.workers or available_cores())
-        setup = setup_of(sensor, self.press, self.relief, self.size, self.noise)
+        setup = study_setup(sensor, self.press, self.relief, self.size, self.noise)
         return replace(setup, gel=self.gel, resolution_mm=self.resolution)
 
     def sweep(self, title: str) -> AbstractContextManager[SweepOptions]:
@@ -139,13 +143,35 @@ def ball(
 def make_parts(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the parts here.")],
     geometry: GeometryFile = None,
+) -> None:
+    """Drawings of a sensor: the LED strip, the ring, the table of the LEDs, without a study."""
+    for path in output.write_all(out, designs.parts_of(read_geometry(geometry))):
+        typer.echo(path)
+
+
+@app.command()
+def boards(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the boards here.")],
+    geometry: GeometryFile = None,
+    board: Annotated[str, typer.Option("--board", help=f"Controller on the carrier: {', '.join(MODULES)}.")] = "pico",
+    package: Package = "5050",
+) -> None:
+    """Circuit boards to order: the flexible strip, and a carrier for the controller."""
+    for path in output.write_all(out, board_files(read_geometry(geometry), board, package)):
+        typer.echo(path)
+
+
+@app.command()
+def housing(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the housing here.")],
+    geometry: GeometryFile = None,
+    package: Package = "5050",
     lens: Annotated[
-        float, typer.Option("--lens-mm", min=3, max=100, help="From the lens's entrance pupil to the camera's board.")
+        float, typer.Option("--lens-mm", min=3, max=100, help="From the lens's entrance pupil to behind the board.")
     ] = 15.0,
 ) -> None:
-    """Parts of a sensor to make: LED strip, ring, housing and mould (OpenSCAD), without a study."""
-    sensor = read_geometry(geometry)
-    for path in output.write_all(out, {**designs.parts_of(sensor), "housing.scad": housing_scad(sensor, lens)}):
+    """Housing and mould to print, as STL and STEP."""
+    for path in output.write_all(out, housing_files(read_geometry(geometry), package, lens)):
         typer.echo(path)
 
 

@@ -18,12 +18,13 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, with_options
 from gellight.cli.showing import show
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import TactileFrame
 from gellight.frames.image_files import ImageCamera, image_files
 from gellight.frames.picture import prepared
 from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.photometric.directions import LightDirections
-from gellight.reconstruction.pipeline import Reconstructor
+from gellight.reconstruction.measures import BundleMeasures
 from gellight.series.recorded import frame_of_lights
 from gellight.series.single_light_path import has_single_lights, read_directions, slopes_by
 from gellight.watch.findings import WatchFinding
@@ -100,7 +101,8 @@ class Method:
         directions = read_directions(bundle)
         mode = "photometric" if self.least_squares else "network"
         slopes = slopes_by(bundle, directions, mode, threads=self.threads)
-        return frame_of_lights(directions, paths, self.white, slopes=slopes)
+        measures = BundleMeasures(bundle, from_network=mode == "network")
+        return frame_of_lights(directions, paths, self.white, slopes=slopes, measures=measures)
 
     def _of_colours(self, bundle: Bundle, paths: Sequence[Path]) -> Iterator[tuple[TactileFrame, Path]]:
         """Reconstruct each picture by itself, one after the other."""

@@ -12,7 +12,7 @@ from gellight.base import logs
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.cli.ending import until_interrupted
-from gellight.cli.one_sensor import WAIT_S, Running, opened
+from gellight.cli.one_sensor import WAIT_S, RunOptions, opened
 from gellight.cli.options import AsJson, Seconds, with_options
 from gellight.cli.showing import show
 from gellight.daemon.session import SensorSession
@@ -26,7 +26,7 @@ STATUS_S = 1.0
 
 @with_options
 def command(
-    running: Running,
+    options: RunOptions,
     out: Annotated[Path, typer.Option(help="File to write, NAME.mcap; it must not exist.")],
     sensor: Annotated[
         str | None, typer.Option(help="As `gellight run` has it.", show_default="auto, or the settings")
@@ -47,13 +47,13 @@ def command(
     The file has the camera's own bytes, times and light of each frame, and the calibration bundle. It ends, whole, at
     Ctrl-C, after --seconds or --frames, and before the disk is full.
     """
-    settings = load_settings({"sensor.url": sensor, **running.flags()})
+    settings = load_settings({"sensor.url": sensor, **options.flags()})
     with opened(settings, dashboard=dashboard) as (daemon, _):
         recorder = Recorder(daemon, out, name=settings.stream.name, depth=depth, maps=maps or ())
         if not daemon.camera.waits:  # of a file every frame is recorded
             logs.say(f"recording: about {recorder.bytes_a_minute() / 1e6:.0f} MB a minute")
-        with recorder, until_interrupted(not (seconds or running.frames)):
-            follow(daemon, recorder, running.frames, seconds)
+        with recorder, until_interrupted(not (seconds or options.frames)):
+            follow(daemon, recorder, options.frames, seconds)
         show({"file": str(out), **asdict(recorder.status)}, as_json, said(out, recorder.status))
     if recorder.ended:
         raise InputError(recorder.status.ended)

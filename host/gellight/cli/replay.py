@@ -7,13 +7,13 @@ from urllib.parse import quote
 import typer
 
 from gellight.base.settings import load_settings
-from gellight.cli.one_sensor import Running, run_sensor
+from gellight.cli.one_sensor import RunOptions, run_sensor
 from gellight.cli.options import with_options
 
 
 @with_options
 def command(
-    running: Running,
+    options: RunOptions,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of `gellight record`.")],
     speed: Annotated[
         float, typer.Option(min=0, max=1000, help="2: twice as fast; 0: as fast as depth is computed.")
@@ -28,6 +28,6 @@ def command(
     Depth is computed anew, with the calibration bundle of the recording, or that of --calibration.
     """
     url = f"replay://{quote(str(file.resolve()))}?speed={speed:g}&start={start:g}&loop={int(loop)}"
-    flags = running.flags()
+    flags = options.flags()
     flags["sensor.calibration"] = flags["sensor.calibration"] or "auto"
-    run_sensor(load_settings({"sensor.url": url, **flags}), running, dashboard=dashboard, as_json=as_json)
+    run_sensor(load_settings({"sensor.url": url, **flags}), options, dashboard=dashboard, as_json=as_json)

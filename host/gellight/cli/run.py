@@ -5,14 +5,14 @@ from typing import Annotated
 import typer
 
 from gellight.base.settings import load_settings
-from gellight.cli.one_sensor import Running, run_sensor
+from gellight.cli.one_sensor import RunOptions, run_sensor
 from gellight.cli.options import with_options
 from gellight.cli.several_sensors import run_several
 
 
 @with_options
 def command(
-    running: Running,
+    options: RunOptions,
     sensor: Annotated[
         list[str] | None,
         typer.Option(
@@ -30,8 +30,8 @@ def command(
     While it is unplugged the status is served, and the sensor is looked for.
     """
     urls: list[str | None] = [*(sensor or [])] or [None]
-    each = [load_settings({"sensor.url": url, **running.flags()}) for url in urls]
+    each = [load_settings({"sensor.url": url, **options.flags()}) for url in urls]
     if len(each) == 1:
-        run_sensor(each[0], running, dashboard=dashboard, as_json=as_json)
+        run_sensor(each[0], options, dashboard=dashboard, as_json=as_json)
     else:
-        run_several(each, running, dashboard=dashboard, as_json=as_json)
+        run_several(each, options, dashboard=dashboard, as_json=as_json)

@@ -18,7 +18,7 @@ from gellight.base.parent import end_with_parent
 from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import Settings
 from gellight.cli.ending import Ending, end
-from gellight.cli.one_sensor import STATUS_S, Running, follow, opened, print_status
+from gellight.cli.one_sensor import STATUS_S, RunOptions, follow, opened, print_status
 from gellight.cli.showing import show, table
 from gellight.dashboard.chooser import Choice, Chooser
 from gellight.dashboard.server import PageServer
@@ -44,7 +44,7 @@ class Report:
     """why it cannot go on"""
 
 
-def run_several(each: list[Settings], running: Running, *, dashboard: bool, as_json: bool) -> None:
+def run_several(each: list[Settings], options: RunOptions, *, dashboard: bool, as_json: bool) -> None:
     """Run a process for each of these settings until all have ended or Ctrl-C.
 
     Raises InputError or ConfigError for settings that cannot be used together, before anything is started, and
@@ -52,8 +52,8 @@ def run_several(each: list[Settings], running: Running, *, dashboard: bool, as_j
     """
     _check(each)
     logs.configure(each[0].service.log, "")
-    sensors = [SensorProcess(number, one, running) for number, one in enumerate(each, 1)]
-    with running.ended_by_hand(), ExitStack() as stack:
+    sensors = [SensorProcess(number, one, options) for number, one in enumerate(each, 1)]
+    with options.ended_by_hand(), ExitStack() as stack:
         if dashboard:
             choices = Chooser(lambda: {sensor.key: sensor.choice() for sensor in sensors})
             server = stack.enter_context(PageServer(choices.application, **each[0].dashboard.model_dump()))
@@ -63,7 +63,7 @@ def run_several(each: list[Settings], running: Running, *, dashboard: bool, as_j
             stack.callback(sensor.stop)
         for sensor in sensors:  # all are asked to end before the first is waited for
             stack.callback(sensor.ask_to_end)
-        _watch(sensors, as_json and not running.frames)
+        _watch(sensors, as_json and not options.frames)
         summary = {sensor.name: dict(sensor.report.status) for sensor in sensors}
         show(summary, as_json, "\n\n".join(map(table, summary.values())))
     if failed := [f"{sensor.name}: {sensor.report.error}" for sensor in sensors if sensor.report.error]:
@@ -106,20 +106,20 @@ def _watch(sensors: list["SensorProcess"], as_json: bool) -> None:
 class SensorProcess:
     """The process of one sensor, as its parent sees it."""
 
-    def __init__(self, number: int, settings: Settings, running: Running) -> None:
+    def __init__(self, number: int, settings: Settings, options: RunOptions) -> None:
         """Run `settings`; the dashboard of the process is at a free port of this machine."""
         inner = {"port": 0, "host": "127.0.0.1", "token": "", "tls_cert": "", "tls_key": ""}
         own = settings.dashboard.model_copy(update=inner)
         self.key, self.name = str(number), f"{number}: {settings.sensor.url}"
         view = settings.stream.model_copy(update={"foxglove_port": settings.stream.foxglove_port + number - 1})
-        self._settings, self._running = settings.model_copy(update={"dashboard": own, "stream": view}), running
+        self._settings, self._options = settings.model_copy(update={"dashboard": own, "stream": view}), options
         self.report = Report()
         self._broke_off_s: float | None = None
 
     def start(self) -> None:
         """Start the process."""
         ours, theirs = SPAWN.Pipe(duplex=False)
-        self._process = SPAWN.Process(target=work, args=(self._settings, self._running, theirs), name=self.name)
+        self._process = SPAWN.Process(target=work, args=(self._settings, self._options, theirs), name=self.name)
         self._process.start()
         theirs.close()
         threading.Thread(target=self._listen, args=(ours,), name=f"reports of {self.name}", daemon=True).start()
@@ -175,15 +175,15 @@ class SensorProcess:
 # ---- in the process of a sensor ----
 
 
-def work(settings: Settings, running: Running, reports: Connection) -> None:
+def work(settings: Settings, options: RunOptions, reports: Connection) -> None:
     """Run one sensor, and say how it is; exit as `gellight run` does."""
     os.environ.pop("NOTIFY_SOCKET", None)  # the parent speaks to the service manager
     logs.configure(settings.service.log, settings.sensor.url)
     end_with_parent()  # nobody else could make the LEDs dark
-    end(partial(_stream, settings, running, reports))
+    end(partial(_stream, settings, options, reports))
 
 
-def _stream(settings: Settings, running: Running, reports: Connection) -> None:
+def _stream(settings: Settings, options: RunOptions, reports: Connection) -> None:
     address = ""
 
     def tell(status: SensorStatus) -> None:
@@ -191,9 +191,9 @@ def _stream(settings: Settings, running: Running, reports: Connection) -> None:
         print_status(status, as_json=False)
 
     try:
-        with running.ended_by_hand(), opened(settings) as (daemon, address):
+        with options.ended_by_hand(), opened(settings) as (daemon, address):
             tell(daemon.status())
-            tell(follow(daemon, running.frames, tell))
+            tell(follow(daemon, options.frames, tell))
     except GellightError as error:
         reports.send(Report(error=str(error)))
         raise

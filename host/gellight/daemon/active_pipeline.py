@@ -7,14 +7,14 @@ from math import isnan
 from gellight.base.settings import ReconstructionSettings
 from gellight.bundle.bundle import Bundle
 from gellight.daemon.configuration import ModeConfig, PathKind, photometric_groups
+from gellight.frame_path.picture_path import PicturePath
+from gellight.frame_path.pipeline import FramePath, Reconstructor
+from gellight.frame_path.sequence_path import SequencePath
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, FrameJudge, Provenance, TactileFrame
 from gellight.frames.status import ForceStatus, TouchStatus
 from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.force_file import read_force
-from gellight.reconstruction.picture_path import PicturePath
-from gellight.reconstruction.pipeline import FramePath, Reconstructor
-from gellight.reconstruction.sequence_path import SequencePath
 from gellight.series.reconstructor import PhotometricReconstructor
 from gellight.series.single_light_path import SingleLightPath
 from gellight.series.window import WindowReconstructor

@@ -37,6 +37,8 @@ class BundleChoice:
             like_simulated = camera.bundle is not None or camera.ring is not None or camera.waits
             if self._named is not None or bundle.manifest.sensor != SIMULATED or like_simulated:
                 self.bundle = bundle
+        if self._named is None and self.bundle is not None and self.bundle.image_shape == camera.image_shape:
+            self.bundle = self.bundle.with_files(camera.picture_files) if camera.picture_files else self.bundle
         return self.bundle
 
 

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from math import inf
 
 from gellight.base.errors import CameraError
 from gellight.base.fair_lock import FairLock
@@ -49,7 +50,7 @@ class FrameThreads:
         that is in use now.
 
         every: where the camera waits, deliver a frame only when `note_asked` was called for it, so that none is missed.
-        realtime: let both threads run before all other programs.
+        realtime: let both threads run before all other programs (SCHED_FIFO).
         """
         self._every = every and camera.waits
         self._realtime = realtime
@@ -110,13 +111,14 @@ class FrameThreads:
             self._asked_after = after_sequence
             self._asked.set()
 
-    def add_periodic(self, look: Callable[[TactileFrame], object], period_s: float) -> None:
+    def add_periodic(self, look: Callable[[TactileFrame], object], period_s: float, *, share: float = inf) -> None:
         """Let a thread of its own look at the newest frame every `period_s`; to be called before `start`.
 
-        What `look` raises is a problem until a later look succeeds.
+        share: of one core that it may use; where a look takes longer, the next one comes later. What `look` raises is a
+        problem until a later look succeeds.
         """
         name, job = look.__name__.strip("_"), self._look_now_and_then
-        self._threads.append(threading.Thread(target=job, args=(look, period_s), name=name, daemon=True))
+        self._threads.append(threading.Thread(target=job, args=(look, period_s, share), name=name, daemon=True))
 
     def flush(self) -> None:
         """Deliver none of the frames that came until now: they show what was.
@@ -222,9 +224,10 @@ class FrameThreads:
         for mailbox in mailboxes:
             mailbox.close(error)
 
-    def _look_now_and_then(self, look: Callable[[TactileFrame], object], period_s: float) -> None:
-        name, number = threading.current_thread().name, 0
-        while not self._ended.wait(period_s):
+    def _look_now_and_then(self, look: Callable[[TactileFrame], object], period_s: float, share: float) -> None:
+        name, number, used_s = threading.current_thread().name, 0, 0.0
+        while not self._ended.wait(max(period_s, used_s / share)):
+            begun_s = time.thread_time()
             try:
                 number, frame = self.delivered.take(number, POLL_S)
             except TimeoutError:
@@ -237,6 +240,7 @@ class FrameThreads:
                 self.note(name, str(error))
             else:
                 self.note(name, None)
+            used_s = time.thread_time() - begun_s
 
 
 class SharedCamera(CameraWrapper):

@@ -103,12 +103,12 @@ def _serve(
         made.append((kept, partial(store.write_history, chosen.sensor, history)))
         store.put_in_service(chosen)
     except BaseException as error:
-        _take_back(made, error, history)
+        _roll_back(made, error, history)
         raise
     return Installed(bundle=ListedBundle.of(chosen, bundle, in_service=True), remembered=ring is not None)
 
 
-def _take_back(made: list[tuple[str, Callable[[], object]]], cause: BaseException, history: Sequence[str]) -> None:
+def _roll_back(made: list[tuple[str, Callable[[], object]]], cause: BaseException, history: Sequence[str]) -> None:
     """Take back what was changed, the last first; BundleError, saying what is where, if something remains."""
     remaining = []
     for words, take_back in reversed(made):

@@ -34,6 +34,8 @@ from gellight.tracking.following import ObjectFollower
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
 SELFCHECK_PERIOD_S = 1.0
+SELFCHECK_SHARE = 0.03
+"""of one core: a check takes as long as ten frames"""
 CALIBRATING_PAUSE_S = 0.3
 """between two reconstructions while a calibration goes on: it needs the processor, and under its light depth means
 nothing"""
@@ -79,7 +81,7 @@ class SensorSession:
             every=every,
             realtime=settings.service.realtime,
         )
-        self._threads.add_periodic(self.check, SELFCHECK_PERIOD_S)
+        self._threads.add_periodic(self.check, SELFCHECK_PERIOD_S, share=SELFCHECK_SHARE)
         self._threads.add_periodic(self._watch_now_and_then, PERIOD_S)
 
     def __enter__(self) -> Self:
@@ -341,6 +343,7 @@ class SensorSession:
             "watch": used.watch.status() if used.watch else None,
             "tracking": self._objects.on,
             "recording": self.recording,
+            "priority": "real time" if self._settings.service.realtime else "as other programs",
             "error": self._threads.problem or camera.get("why"),
             "camera": camera,
         }

@@ -21,7 +21,7 @@ from gellight.base.errors import GellightError, InputError
 from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import guard
-from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, Track, explain
+from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, Track, in_one_line
 from gellight.dashboard.messages import encode, without_nan
 from gellight.dashboard.metrics import Metrics
 from gellight.dashboard.page_files import FOR_EVER, PageFiles
@@ -226,7 +226,7 @@ class Dashboard:
         try:
             command = COMMANDS.validate_json(text)
         except ValidationError as error:
-            await _answer_error(client, None, explain(error))
+            await _answer_error(client, None, in_one_line(error))
             return
         if isinstance(command, Credit):
             async with self._changed:

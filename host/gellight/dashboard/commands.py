@@ -53,7 +53,7 @@ COMMANDS: TypeAdapter[Credit | Press | Release | Track] = TypeAdapter(
 )
 
 
-def explain(error: ValidationError) -> str:
+def in_one_line(error: ValidationError) -> str:
     """Return what is wrong with a command, as one line."""
     parts = []
     for problem in error.errors(include_url=False, include_context=False):

@@ -18,7 +18,9 @@ The header names each plane with its offset (from the first plane) and its lengt
     truth       like depth: the true depth map. Only a simulated sensor knows it; else the plane is not there
 
 The header's `contacts` are the connected parts of the contact patch, the deepest first: see `frames.Patch`. Its `force`
-holds `normal_n`, `error_n` and `flags` (see `measures.Force`), or is null where the bundle has no constant for it.
+holds `normal_n`, `error_n` and `flags` (see `measures.Force`), or is null where the bundle has no constant for it. Its
+`shear` is null for a gel without marker dots; else it holds `force_n`, `force_error_n`, `torque_nmm` and `unknown` (see
+`shear.Shear`), and `arrows`: x, y of each dot that is seen, mm from the image centre, and x, y by which it has moved.
 Its `pose` has the object's `number`, whether it is `lost`, a `text`, and x and y of the axes that move with it and of
 the `place_mm` where they begin; null where nothing is tracked.
 
@@ -102,6 +104,7 @@ def _header(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str
         },
         "force": frame.force.as_json() if frame.force else None,
         "pose": _pose(frame.pose) if frame.pose else None,
+        "shear": _shear(frame, pixel_size_mm),
         "contacts": [vars(patch) for patch in frame.contacts[:MOST_CONTACTS]],
         "light": None if camera_frame.light is None else camera_frame.light.tolist(),
         "stage_ms": {stage: seconds * 1e3 for stage, seconds in frame.stage_seconds.items()},
@@ -118,6 +121,23 @@ def _pose(pose: ObjectPose) -> dict[str, object]:
         "text": pose.in_words(),
         "place_mm": pose.place_mm[:2].tolist(),
         "axes": pose.motion[:2, :3].T.tolist(),
+    }
+
+
+def _shear(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str, object] | None:
+    shear = frame.shear
+    if shear is None:
+        return None
+    height, width = frame.depth_mm.shape
+    places = (shear.dots.places_px - np.array([width - 1, height - 1]) / 2) * np.array(pixel_size_mm)
+    arrows = np.concatenate([places, shear.field_mm], axis=1)[~np.isnan(shear.field_mm[:, 0])]
+    return {
+        "force_n": shear.force_n,
+        "force_error_n": shear.force_error_n,
+        "torque_nmm": shear.torque_nmm,
+        "centre_mm": shear.centre_mm,
+        "unknown": shear.unknown,
+        "arrows": np.round(arrows, 3).tolist(),
     }
 
 

@@ -19,7 +19,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import GellightError
 from gellight.daemon.calibration_service import CalibrationRequest, CalibrationService
-from gellight.dashboard.commands import explain
+from gellight.dashboard.commands import in_one_line
 from gellight.dashboard.messages import without_nan
 from gellight.dashboard.view import jpeg
 
@@ -108,7 +108,7 @@ class Wizard:
         try:
             command = COMMANDS.validate_json(await request.read())
         except ValidationError as error:
-            return _refused(explain(error), 400)
+            return _refused(in_one_line(error), 400)
         return await self._answer(partial(_carry_out, command), 409)
 
     async def _answer(self, make: Callable[[CalibrationService], web.Response], refused: int) -> web.Response:

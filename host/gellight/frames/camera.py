@@ -44,6 +44,9 @@ class PressStage(Protocol):
     def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
         """Press an object `depth_mm` deep at (x, y) mm from the image centre; it stays until released."""
 
+    def drag(self, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> None:
+        """Move what is pressed sideways, to (x, y) mm from where it was pressed, turned by so much."""
+
     def release(self) -> None:
         """Lift the object off the gel."""
 
@@ -98,6 +101,11 @@ class Camera(Protocol):
     @property
     def bundle_files(self) -> Mapping[str, bytes]:
         """What a bundle for its frames has to hold, by file name: how they are made, the force of a simulated gel."""
+        return {}
+
+    @property
+    def picture_files(self) -> Mapping[str, bytes]:
+        """What a bundle has to hold so that its pictures are prepared, by file name: the dots of a simulated gel."""
         return {}
 
     @property

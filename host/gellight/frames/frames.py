@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 from gellight.base.field_docs import with_field_docs
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force, FrameMeasures, MapOnRequest
+from gellight.frames.normals import normals
 from gellight.frames.pose import ObjectPose
+from gellight.frames.shear import DotsSeen, Shear, ShearTruth
 from gellight.frames.status import ExposuresStatus
 
 
@@ -42,6 +44,8 @@ class GroundTruth:
     """(x, y) of the object's middle from the image centre"""
     pose: NDArray[np.float64] | None = None
     """(4, 4) carries points of the object, mm, to x right, y down, z towards the camera; None: nothing is pressed"""
+    shear: ShearTruth | None = None
+    """how the gel is moved along itself; None where it has no dots"""
 
     def __repr__(self) -> str:
         """Return size and largest depth in one line."""
@@ -113,6 +117,8 @@ class CameraFrame:
     """(12, 3) RGB of each LED during the exposure; None where the camera cannot know its light"""
     label: LightLabel | None = None
     """the light group of a sequence that lit it; None where no sequence runs"""
+    dots: DotsSeen | None = None
+    """the marker dots before they were filled; None for a gel without dots whose places its bundle knows"""
     truth: GroundTruth | None = None
     """what was really there; None on real cameras"""
     encoded: EncodedImage | None = None
@@ -268,8 +274,6 @@ class TactileFrame:
     gradient_map: NDArray[np.float32]
     """(H, W, 2) d(depth)/dx, d(depth)/dy, dimensionless; with a lens in the bundle, over the undistorted gel, as are
     all maps below, while the images above are as taken"""
-    normal_map: NDArray[np.float32]
-    """(H, W, 3) unit normals of the gel surface, towards the camera"""
     depth_mm: NDArray[np.float32]
     """(H, W) mm"""
     contact: Contact
@@ -287,9 +291,20 @@ class TactileFrame:
     """computes the properties below when they are first asked for"""
 
     @cached_property
+    def normal_map(self) -> NDArray[np.float32]:
+        """(H, W, 3) unit normals of the gel surface, towards the camera."""
+        return normals(self.gradient_map)
+
+    @cached_property
     def force(self) -> Force | None:
         """The normal force, N, and the pressure map; None where the sensor's bundle has no constant for it."""
         return self.measures.force(self.depth_mm) if self.measures else None
+
+    @cached_property
+    def shear(self) -> Shear | None:
+        """How the gel is moved and pulled along itself, by its marker dots; None without dots, or without depth."""
+        dots = self.camera_frame.dots
+        return self.measures.shear(self.depth_mm, dots, self.force) if self.measures and dots else None
 
     @cached_property
     def confidence(self) -> Confidence | None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.field_docs import with_field_docs
+from gellight.frames.shear import DotsSeen, Shear
 from gellight.frames.status import ForceFigures
 
 BEYOND_VIEW = "beyond_view"
@@ -105,6 +106,12 @@ class FrameMeasures(Protocol):
 
     def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
         """Return the force that makes a (H, W) depth map; None for a sensor without a constant for it."""
+
+    def shear(self, depth_mm: NDArray[np.float32], dots: DotsSeen, force: Force | None) -> Shear | None:
+        """Return how the gel is moved and pulled along itself, by its dots, (H, W) depth and normal force.
+
+        None for a sensor whose gel nobody knows.
+        """
 
     def confidence(self, image: NDArray[np.uint8], gradient_map: NDArray[np.float32]) -> Confidence:
         """Judge the pixels of a frame by its (H, W, 3) picture and its (H, W, 2) slopes."""

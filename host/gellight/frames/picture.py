@@ -15,6 +15,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.bundle.bundle_file import PictureFile, read_bundle_file
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
+from gellight.frames.dot_following import DotFollower
 from gellight.frames.dots import Dots, find_dots
 from gellight.frames.frames import CameraFrame, FrameJudge
 from gellight.frames.view import View
@@ -58,8 +59,22 @@ class PictureSteps(PictureFile):
 
     def apply(self, image: NDArray[np.uint8], name: str) -> NDArray[np.uint8]:
         """Return a (H, W, 3) picture as it is compared; InputError, with its `name`, for one of another size."""
-        seen = self.view.of(image, name) if self.view else image
+        return self.filled(self.seen(image, name))
+
+    def seen(self, image: NDArray[np.uint8], name: str) -> NDArray[np.uint8]:
+        """Return the view of a picture, with its dots; InputError as `apply`."""
+        return self.view.of(image, name) if self.view else image
+
+    def filled(self, seen: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return a view with its dots filled."""
         return self.dots.filled(seen) if self.dots else seen
+
+    def follower(self) -> DotFollower | None:
+        """Return what follows the dots of a gel; None where it has none, or the bundle does not say where."""
+        dots = self.dots
+        if dots is None or not dots.places_px:
+            return None
+        return DotFollower(np.array(dots.places_px), dots.diameter_px, dots.darkness)
 
 
 def steps_of(bundle: Bundle) -> PictureSteps | None:
@@ -100,7 +115,7 @@ def prepared(camera: Camera, bundle: Bundle) -> Camera:
 
 
 class PreparedCamera(CameraWrapper):
-    """A camera whose pictures are prepared for a bundle: the view taken, the dots filled.
+    """A camera whose pictures are prepared for a bundle: the view taken, the dots followed and filled.
 
     Its frames do not keep the camera's own bytes, so a recording holds the prepared pictures.
     """
@@ -109,6 +124,7 @@ class PreparedCamera(CameraWrapper):
         """Wrap `camera`; BundleError unless its pictures have the size that the steps begin with."""
         super().__init__(camera)
         self.picture_steps = steps
+        self._follower = steps.follower()
         if camera.image_shape != steps.taken_shape:
             height, width = steps.taken_shape
             raise BundleError(
@@ -129,9 +145,11 @@ class PreparedCamera(CameraWrapper):
     def read(self) -> CameraFrame:
         """Read a frame, and prepare its picture."""
         frame = self._camera.read()
-        image = self.picture_steps.apply(frame.image, frame.source)
-        truth = None if self.picture_steps.view else frame.truth
-        return replace(frame, image=image, encoded=None, truth=truth)
+        steps = self.picture_steps
+        seen = steps.seen(frame.image, frame.source)
+        dots = self._follower.follow(seen) if self._follower else None
+        truth = None if steps.view else frame.truth
+        return replace(frame, image=steps.filled(seen), encoded=None, truth=truth, dots=dots)
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
         """Return the judge of the camera inside; None where a view moves its pixels."""

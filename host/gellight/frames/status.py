@@ -174,5 +174,7 @@ class SensorStatus(PathStatus, FrameCounts):
     tracking: bool
     recording: str | None
     """name of the file that is being written; None where nothing is recorded"""
+    priority: str
+    """of camera and reconstruction: `real time` or `as other programs`"""
     error: str | None
     camera: CameraStatus

@@ -1,10 +1,6 @@
 """Arrays in, depth out; no device.
 
-pipeline.py      Reconstructor: the way from a camera frame to a tactile frame
-picture_path.py  the picture alone, where nothing can be felt
-sequence_path.py that way under a changing light
-numpy_path.py    that way in NumPy, SciPy and OpenCV
-stages.py        the names and times of its stages, and the frame at its end
+stages.py        the names and times of the stages of a frame path, and the frame at its end
 gelnet.py        difference image to gradient map, pixel by pixel; which pixels are touched
 linearised.py    the same from the network and its Jacobian at the means of cells, which is faster
 network_session.py  the network in ONNX Runtime
@@ -23,6 +19,6 @@ error_bounds.py  by how much nine in ten pixels are off at most
 force.py         depth map to force and pressure
 force_file.py    its constant, in a bundle
 measures.py      what a bundle says of a frame when somebody asks
-native/          the frame path in C, for the processors it is built for
+native/          a room of its own: the frame path in C, for the processors it is built for
 lens/            the distortion of a lens, taken out of the gradient map
 """

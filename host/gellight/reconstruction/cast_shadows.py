@@ -7,7 +7,7 @@ tell that from a slope, so the gel there is found too steep and the contact too 
 1. The slopes are integrated to a surface of cells.
 2. Seen from a point at the distance r from the foot of a LED, the LED stands at the slope s = (z_led - z) / r. The
    point is in shadow where a nearer point of the same ray has a smaller s. Rays that cross more rows than columns are
-   followed away from the LED row by row: the smallest s so far, between the two cells of the row before that a ray
+   followed away from the LED row by row: the smallest s up to there, between the two cells of the row before that a ray
    passes, is that row's, or s there. The other rays are followed column by column.
 3. `photometric.solver.light_row` says how much light a hidden LED would bring to gel of the slope that was found.
 4. The network answers to the colour of the cell with that light. By how much that differs from the slope that was
@@ -44,7 +44,7 @@ DEEPEST = 0.15
 _BEYOND = np.float32(1e3)
 """slope at which a LED stands where nothing is known of the surface: nothing hides it"""
 _DIAGONAL = 1.00001
-"""rays that cross so many columns in a row, or fewer, are followed along the rows"""
+"""columns per row: up to that, rays are followed row by row"""
 
 
 class CastShadows:

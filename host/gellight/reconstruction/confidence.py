@@ -31,7 +31,7 @@ LEAST_VALUE = 0.05
 TRAINED_QUANTILE = 0.999
 """of the slopes that a network has learnt, is the steepest: single pixels beyond are mislabelled"""
 NEAR = 0.1
-"""of the shorter side of the picture: so far from a press its light is known"""
+"""share of the shorter side of the picture: at this distance from a press, or nearer, its light is known"""
 _BIN_GREY, _BINS = 8, 64
 """colours are counted in cubes of this side; one that touches a cube that was learnt is known"""
 
@@ -82,13 +82,13 @@ def confidence_of(
     """
     lit = np.where(reference >= DARKEST_GREY, image / np.maximum(reference, DARKEST_GREY), 1.0).min(axis=2)
     value = np.minimum(lit / DARK_SHARE, 1.0)
-    doubts = {DARK: lit < DARK_SHARE, CLIPPED: image.max(axis=2) >= CLIPPED_GREY}
+    flagged = {DARK: lit < DARK_SHARE, CLIPPED: image.max(axis=2) >= CLIPPED_GREY}
     if learnt is not None:
         slope = np.hypot(gradient_map[..., 0], gradient_map[..., 1])
-        doubts |= {STEEP: slope > learnt.steepest, ELSEWHERE: ~learnt.near, STRANGE: learnt.strange(image - reference)}
+        flagged |= {STEEP: slope > learnt.steepest, ELSEWHERE: ~learnt.near, STRANGE: learnt.strange(image - reference)}
         value *= np.minimum(learnt.steepest / np.maximum(slope, learnt.steepest), 1.0) ** 2
     flags = np.zeros(lit.shape, np.uint8)
-    for flag, where in doubts.items():
+    for flag, where in flagged.items():
         flags[where] |= flag
         if flag not in (DARK, STEEP):
             value[where] *= DOUBTED_VALUE

@@ -19,13 +19,13 @@ MOST_PATCHES = 100
 """the deepest; cloth or foam has more, and who follows a contact means none of those"""
 
 LEVELS = 32
-"""into so many levels of depth a region is divided, and"""
+"""levels of depth into which a region is divided"""
 _RIMS = slice(6, 26)
-"""among these, from a fifth to four fifths of its depth, its rim is looked for"""
+"""of the levels: the rim is looked for from a fifth to four fifths of the depth"""
 FEWEST_BLOCKS = 16
 """of 2 x 2 pixels: in a smaller region no rim can be told, and half of the deepest takes its place"""
 _STEEP = np.float32(0.95)
-"""of the largest mean steepness: so far it may fall from the steepest level down to the rim"""
+"""share of the largest mean steepness: the rim has at least that"""
 _NEIGHBOURS = np.ones((3, 3), np.bool_)
 
 

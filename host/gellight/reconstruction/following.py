@@ -7,7 +7,6 @@ from math import isnan
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from gellight.frames.frames import Patch, TactileFrame
 
@@ -15,7 +14,7 @@ Array = NDArray[np.float64]
 MISSED_S = 0.1
 """as long may noise hide a contact near the threshold; later it is another one"""
 WINDOW_S = 0.15
-"""the velocity is the slope of the line through the places of so long"""
+"""the velocity is the slope of the line through the places of the last 0.15 s"""
 
 
 @dataclass
@@ -96,9 +95,19 @@ def _matched(
         away = np.linalg.norm(np.array([patch.centroid_mm for patch in patches])[:, None] - expected, axis=2)
         near = away <= np.add.outer([_radius_mm(patch) for patch in patches], [one.radius_mm for one in followed])
         # What is too far costs more than all others together.
-        for patch, one in zip(*linear_sum_assignment(np.where(near, away, 1e6)), strict=True):
+        for patch, one in _pairs(np.where(near, away, 1e6)):
             known[patch] = followed[one] if near[patch, one] else None
     return list(zip(patches, known, strict=True))
+
+
+def _pairs(costs: Array) -> list[tuple[int, int]]:
+    """Return the row and the column of each pair, which together cost least."""
+    if 1 in costs.shape:
+        row, column = np.unravel_index(np.argmin(costs), costs.shape)
+        return [(int(row), int(column))]
+    from scipy.optimize import linear_sum_assignment  # imported when it is needed: it takes a tenth of a second
+
+    return list(zip(*(each.tolist() for each in linear_sum_assignment(costs)), strict=True))
 
 
 def _radius_mm(patch: Patch) -> float:

@@ -9,6 +9,10 @@ with q = k h, kappa = 3 - 4 nu, and G(0) = h (1 + nu) (1 - 2 nu) / (E (1 - nu)) 
 section 5.8). The depth is measured, so p is found backwards: where the gel is pressed, p is at least 0 and makes the
 measured depth; elsewhere p is 0. That p makes p G p / 2 - u p least. The gradient method of Polonsky and Keer (Wear
 231, 1999) finds it in about ten steps, on cells of a tenth of the thickness. The force is the integral of p.
+
+Slopes tell a depth but for its zero, and a gel that hardly gives way as a whole turns an error of the zero into a large
+force. The layer knows the zero: beside the contact the depth is what the pressure in it makes. So a plane is sought
+together with p that takes the depth there onto G p.
 """
 
 from dataclasses import dataclass
@@ -17,11 +21,12 @@ from functools import lru_cache
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from gellight.base.errors import InputError
 from gellight.frames.measures import BEYOND_VIEW, HEAVIER, Force
 from gellight.frames.pixel_grid import block_means, bounding_box, spread_blocks
-from gellight.reconstruction.contact import THRESHOLD_MM
+from gellight.reconstruction.contact import THRESHOLD_MM, find_contact
 
 Array = NDArray[np.float64]
 
@@ -30,6 +35,16 @@ HEAVIER_BY = 1.25
 """a force larger than this multiple of the heaviest of the calibration is flagged"""
 MARGIN = 3.0
 """thicknesses of gel around the touch: the transform repeats it, and its neighbours must not be felt"""
+BORDER_SHARE = 0.05
+"""of the pressure on the outermost cells of the view: the load goes on beyond it"""
+_PATCH_CELLS = 2
+"""around the contact patch that may carry pressure"""
+_ZERO_ROUNDS = 3
+_ZERO_SETTLED_MM = 2e-4
+_LEAST_FREE = 0.05
+"""of the view beside the contact: from less no zero is found"""
+_OUTLIER = 1.5
+"""medians of what the plane leaves: beyond that a cell weighs less"""
 _MOST_STEPS = 100
 _SETTLED = 1e-4
 """change of the pressure in one step, as a share of all of it"""
@@ -63,7 +78,7 @@ class Indenting:
     side_px: int
     """of a cell"""
     at_border: bool
-    """whether the pressed gel reaches the border of the view"""
+    """whether `BORDER_SHARE` of the pressure is at the border of the view: nobody knows what there is beyond it"""
 
     @property
     def integral_mm2(self) -> float:
@@ -72,19 +87,71 @@ class Indenting:
 
 
 def indenting(depth_mm: NDArray[np.floating], pixel_size_mm: tuple[float, float], layer: Layer) -> Indenting:
-    """Find the pressure that presses a layer as deep as a (H, W) depth map says where it exceeds `THRESHOLD_MM`."""
+    """Find the pressure that presses a layer as deep as a (H, W) depth map says, whose zero may be any plane.
+
+    There is pressure in the contact patch and close around it alone, where the depth exceeds `THRESHOLD_MM`.
+    """
     side = cell_side_px(pixel_size_mm, layer)
     depth = block_means(depth_mm, side).astype(np.float64)
     size_mm = pixel_size_mm[0] * side, pixel_size_mm[1] * side
-    pressed = depth > THRESHOLD_MM
+    pressure, zero = _pressed(depth, size_mm, layer), np.zeros_like(depth)
+    for _ in range(_ZERO_ROUNDS if pressure.any() else 0):
+        found = _zero(depth, pressure, size_mm, layer)
+        if np.abs(found - zero).max() < _ZERO_SETTLED_MM:
+            break
+        zero = found
+        pressure = _pressed(depth - zero, size_mm, layer)
+    inside = float(pressure[1:-1, 1:-1].sum())
+    cut_off = float(pressure.sum()) - inside
+    return Indenting(
+        pressure=pressure,
+        area_mm2=size_mm[0] * size_mm[1],
+        side_px=side,
+        at_border=cut_off > BORDER_SHARE * (cut_off + inside),
+    )
+
+
+def _pressed(depth: Array, size_mm: tuple[float, float], layer: Layer) -> Array:
+    """Return the pressure that makes the depth in the contact patch of these cells."""
+    patch = find_contact(depth, size_mm).mask
+    pressed = binary_dilation(patch, iterations=_PATCH_CELLS) & (depth > THRESHOLD_MM)
     pressure = np.zeros_like(depth)
     if pressed.any():
         part = bounding_box(pressed)
         pressure[part] = _pressure(depth[part], pressed[part], size_mm, layer)
-    border = np.concatenate([pressure[[0, -1]].ravel(), pressure[:, [0, -1]].ravel()])
-    return Indenting(
-        pressure=pressure, area_mm2=size_mm[0] * size_mm[1], side_px=side, at_border=bool((border > 0).any())
+    return pressure
+
+
+def _zero(depth: Array, pressure: Array, size_mm: tuple[float, float], layer: Layer) -> Array:
+    """Return the plane that the depth has beyond what the pressure makes, on cells without pressure; robust."""
+    free = (pressure == 0).ravel()
+    if free.mean() < _LEAST_FREE:
+        return np.zeros_like(depth)
+    left = (depth - _sunk(pressure, size_mm, layer)).ravel()
+    rows, columns = np.indices(depth.shape)
+    terms = np.stack([np.ones(depth.size), rows.ravel() / depth.shape[0], columns.ravel() / depth.shape[1]], axis=1)
+    weights, plane = free.astype(float), np.zeros(3)
+    for _ in range(5):
+        plane = np.linalg.lstsq(terms * weights[:, None], left * weights, rcond=None)[0]
+        off = np.abs(left - terms @ plane)
+        weights = free / np.maximum(1, off / (_OUTLIER * np.median(off[free]) + 1e-9))
+    return np.asarray((terms @ plane).reshape(depth.shape))
+
+
+def _sunk(pressure: Array, size_mm: tuple[float, float], layer: Layer) -> Array:
+    """Return the depth that a pressure makes in the cells of the view."""
+    shape = _padded(pressure.shape, size_mm, layer)
+    under = scipy.fft.irfft2(scipy.fft.rfft2(pressure, s=shape) * compliance(shape, size_mm, layer), s=shape)
+    return np.asarray(under[: pressure.shape[0], : pressure.shape[1]])
+
+
+def _padded(cells: tuple[int, ...], size_mm: tuple[float, float], layer: Layer) -> tuple[int, int]:
+    """Return the shape of the transform: cells, and gel around them."""
+    rows, columns = (
+        scipy.fft.next_fast_len(count + round(MARGIN * layer.thickness_mm / size), real=True)
+        for count, size in zip(cells, size_mm[::-1], strict=True)
     )
+    return rows, columns
 
 
 def cell_side_px(pixel_size_mm: tuple[float, float], layer: Layer) -> int:
@@ -94,26 +161,16 @@ def cell_side_px(pixel_size_mm: tuple[float, float], layer: Layer) -> int:
 
 def _pressure(depth: Array, pressed: NDArray[np.bool_], size_mm: tuple[float, float], layer: Layer) -> Array:
     """Return p >= 0 in `pressed` that makes `depth` there, for a modulus of 1."""
-    shape = tuple(
-        scipy.fft.next_fast_len(count + round(MARGIN * layer.thickness_mm / size), real=True)
-        for count, size in zip(depth.shape, size_mm[::-1], strict=True)
-    )
-    response = compliance((shape[0], shape[1]), size_mm, layer)
-
-    def sunk(pressure: Array) -> Array:
-        under = scipy.fft.irfft2(scipy.fft.rfft2(pressure, s=shape) * response, s=shape)
-        return np.asarray(under[: depth.shape[0], : depth.shape[1]])
-
     pressure = np.where(pressed, depth, 0.0) / layer.thickness_mm
     along, before, follow = np.zeros_like(depth), 1.0, 0.0
     for _ in range(_MOST_STEPS):
-        gap = sunk(pressure) - depth
+        gap = _sunk(pressure, size_mm, layer) - depth
         active = pressure > 0
         square = float((gap[active] ** 2).sum())
         if square == 0:
             break
         along = np.where(active, gap + follow * square / before * along, 0.0)
-        before, change = square, sunk(along)
+        before, change = square, _sunk(along, size_mm, layer)
         step = float((gap * along)[active].sum() / (change * along)[active].sum())
         stepped = np.maximum(pressure - step * along, 0.0)
         joining = (stepped == 0) & (gap < 0) & pressed & ~active

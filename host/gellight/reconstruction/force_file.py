@@ -7,9 +7,12 @@ from pydantic import AwareDatetime, Field
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.bundle_file import BundleFile, read_bundle_file
 from gellight.reconstruction.force import ForceScale, Layer
+from gellight.reconstruction.shear.felt import ShearScale
 
 FILE_NAME = "force.json"
 REMEDY = "measure it again with `gellight calibrate force FORCES.csv --calibration BUNDLE --out NEW`"
+SIDE_ERROR_SHARE = 0.2
+"""of a gel whose constant was found with forces along the normal alone"""
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 InOlderFiles = Annotated[int | None, Field(exclude=True, repr=False)]
@@ -29,6 +32,14 @@ class ForceRecord(BundleFile):
     lightest_n: NotNegative
     heaviest_n: Positive
     readings: Annotated[int, Field(ge=1)]
+    side_scale: Positive = 1.0
+    """measured force along the gel over that of the layer"""
+    side_error_share: Positive = SIDE_ERROR_SHARE
+    """standard deviation of a force along the gel, as a share of it; to which comes what the dots leave open"""
+    camera_height_mm: Positive | None = None
+    """above the gel at rest; None: nobody knows, and perspective stays in the displacement of dots"""
+    other_objects_share: NotNegative | None = None
+    """error on an object that was left out of the fit, rms; None where one object was weighed"""
     lag_s: Annotated[float, Field(allow_inf_nan=False)] = 0.0
     """by which the record of the load cell came later than the pictures"""
     source: str
@@ -36,6 +47,16 @@ class ForceRecord(BundleFile):
     created: AwareDatetime
     image_width_px: InOlderFiles = None
     image_height_px: InOlderFiles = None
+
+    @property
+    def side(self) -> ShearScale:
+        """What turns the motion of dots into newtons."""
+        return ShearScale(
+            layer=Layer(self.gel_thickness_mm, self.poisson_ratio),
+            youngs_modulus_mpa=self.youngs_modulus_mpa,
+            side_scale=self.side_scale,
+            side_error_share=self.side_error_share,
+        )
 
     @property
     def scale(self) -> ForceScale:

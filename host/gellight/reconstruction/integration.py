@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from gellight.bundle.manifest import BULGE
+from gellight.frames.normals import normals as normals  # beside `integrate`, for who looks for both here
 from gellight.frames.pixel_grid import pixel_size_xy
 
 Floats = NDArray[np.floating]
@@ -94,23 +95,6 @@ def _continued(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     for a, b, c in (depth[:, :3].T, depth[:, : -4 if depth.shape[1] > 3 else None : -1].T):
         ends.append(a[:, None] + steps * ((a - b)[:, None] + (a - 2 * b + c)[:, None] * ((steps + 1) / 2)))
     return np.concatenate([ends[0][:, ::-1], depth, ends[1]], axis=1)
-
-
-def normals(gradient_map: Floats) -> NDArray[np.float32]:
-    """Turn a (H, W, 2) gradient map into (H, W, 3) float32 unit normals (-gx, -gy, 1) / norm, towards the camera.
-
-    Raises ValueError for another shape.
-    """
-    if gradient_map.ndim != 3 or gradient_map.shape[2] != 2:
-        raise ValueError(f"gradient map has shape {gradient_map.shape}: give (H, W, 2)")
-    gx, gy = gradient_map[..., 0], gradient_map[..., 1]
-    length = np.sqrt(gx * gx + gy * gy + np.float32(1))
-    scale = np.reciprocal(length, out=length)
-    result = np.empty((*gx.shape, 3), np.float32)
-    np.multiply(gx, -scale, out=result[..., 0], casting="same_kind")
-    np.multiply(gy, -scale, out=result[..., 1], casting="same_kind")
-    result[..., 2] = scale
-    return result
 
 
 def _checked(gradient_map: Floats) -> Floats:

@@ -8,12 +8,47 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force
+from gellight.frames.shear import DotsSeen, Shear
 from gellight.reconstruction.confidence import Learnt, confidence_of
 from gellight.reconstruction.error_bounds import read_errors
 from gellight.reconstruction.force_file import read_force
-from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
+from gellight.reconstruction.lens.lens_file import has_lens, lens_of, read_record, read_undistortion
+from gellight.reconstruction.lens.model import middle_px
+from gellight.reconstruction.shear.felt import Gel, felt_shear
 
 PRESSES = "presses.npz"
+
+
+class LightMeasures:
+    """The measures of frames whose slopes were measured, and of which no bundle knows anything."""
+
+    from_network = False
+
+    def __init__(self, untouched: NDArray[np.floating]) -> None:
+        """Compare with the (H, W, 3) picture of the untouched gel, grey levels."""
+        self._untouched = np.asarray(untouched, np.float32)
+
+    def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
+        """Nobody weighed it."""
+        return None
+
+    def shear(self, depth_mm: NDArray[np.float32], dots: DotsSeen, force: Force | None) -> Shear | None:
+        """Nobody knows the gel."""
+        return None
+
+    def confidence(self, image: NDArray[np.uint8], gradient_map: NDArray[np.float32]) -> Confidence:
+        """Judge the pixels by their light."""
+        return confidence_of(image, self._untouched, gradient_map, None)
+
+    def never_seen(self, image: NDArray[np.uint8], pixels: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Nothing was learnt, so nothing is beyond it."""
+        return np.zeros(len(pixels), np.bool_)
+
+    def error_bounds(
+        self, gradient_map: NDArray[np.float32], depth_mm: NDArray[np.float32], touched: NDArray[np.bool_]
+    ) -> ErrorBounds | None:
+        """Nobody knows them."""
+        return None
 
 
 class BundleMeasures:
@@ -27,11 +62,28 @@ class BundleMeasures:
         record = read_force(bundle)
         self._bundle, self.from_network = bundle, from_network
         self._scale = record.scale if record else None
+        self._side = record.side if record else None
         self._errors = read_errors(bundle) if from_network else None
 
     def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
         """Return the force that makes a (H, W) depth map; None where the bundle has no `force.json`."""
         return self._scale.force(depth_mm, self._bundle.pixel_size_mm) if self._scale else None
+
+    def shear(self, depth_mm: NDArray[np.float32], dots: DotsSeen, force: Force | None) -> Shear:
+        """Return how the dots say that the gel is moved and pulled along itself."""
+        return felt_shear(dots, depth_mm, force, self._gel, self._side)
+
+    @cached_property
+    def _gel(self) -> Gel:
+        """How the gel is seen."""
+        bundle, record = self._bundle, read_force(self._bundle)
+        lens = lens_of(read_record(bundle)) if has_lens(bundle) else None
+        middle, size = middle_px(bundle.image_shape), np.array(bundle.pixel_size_mm)
+        return Gel(
+            pixel_size_mm=bundle.pixel_size_mm,
+            camera_height_mm=record.camera_height_mm if record else None,
+            to_gel=lens.to_gel if lens else lambda places: np.asarray((places - middle) * size),
+        )
 
     def confidence(self, image: NDArray[np.uint8], gradient_map: NDArray[np.float32]) -> Confidence:
         """Judge the pixels of a frame; with a lens, the pixels of the undistorted gel."""

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, TactileFrame
 from gellight.frames.measures import FrameMeasures
 from gellight.reconstruction.contact import find_contact, measure_patches, without_untouched
-from gellight.reconstruction.integration import normals
 
 STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
 """Keys of `TactileFrame.stage_seconds`, in the order of the path; `lens` follows `gradient` where there is one."""
@@ -69,11 +68,9 @@ class FlatMaps:
         """Make them for images of one size (H, W); stages: of a frame that is touched."""
         self._stages = stages
         self._gradient_map = np.zeros((*image_shape, 2), np.float32)
-        self._normal_map = np.zeros((*image_shape, 3), np.float32)
-        self._normal_map[..., 2] = 1
         self._depth_mm = np.zeros(image_shape, np.float32)
         self._nowhere = np.zeros(image_shape, np.bool_)
-        for array in (self._gradient_map, self._normal_map, self._depth_mm, self._nowhere):
+        for array in (self._gradient_map, self._depth_mm, self._nowhere):
             array.flags.writeable = False
 
     def frame(self, camera_frame: CameraFrame, difference: Floats, stages: Stages) -> TactileFrame:
@@ -83,7 +80,6 @@ class FlatMaps:
             camera_frame=camera_frame,
             difference=difference,
             gradient_map=self._gradient_map,
-            normal_map=self._normal_map,
             depth_mm=self._depth_mm,
             contact=Contact(mask=self._nowhere, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
             stage_seconds=stages.seconds,
@@ -105,7 +101,6 @@ def tactile_frame(
 
     touched: (H, W) where the picture says so; None: contact may be anywhere.
     """
-    normal_map = normals(gradient_map)
     stages.end("normals")
     contact = find_contact(depth_mm, pixel_size_mm)
     if touched is not None:
@@ -116,7 +111,6 @@ def tactile_frame(
         camera_frame=camera_frame,
         difference=difference,
         gradient_map=gradient_map,
-        normal_map=normal_map,
         depth_mm=depth_mm,
         contact=contact,
         contacts=tuple(contacts),

@@ -12,6 +12,8 @@ from pydantic import Field
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import InputError
 from gellight.frames.frames import CameraFrame, CaptureStamp, LightLabel
+from gellight.frames.shear import DotsSeen
+from gellight.frames.shear_figures import DotFigures
 from gellight.recording.ros_messages import RosImage, decode_compressed, encode_compressed
 from gellight.sensor.v4l2.decoding import decode
 from gellight.sensor.v4l2.errors import CorruptPictureError
@@ -47,6 +49,8 @@ class FrameInfo(StrictModel):
     label: LightLabel | None
     zero: str
     """identity of the calibration bundle with the zero that was in use; an attachment holds it"""
+    dots: DotFigures | None = None
+    """where the marker dots were, which are filled in the picture; not there for a gel without"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +76,7 @@ class FrameRecord:
             light=None if frame.light is None else tuple(map(tuple, frame.light.tolist())),
             label=frame.label,
             zero=stamp.zeroed.identity,
+            dots=DotFigures.of(frame.dots) if frame.dots else None,
         )
         own = packed_picture(frame.image) if packed and not encoded else frame.image.tobytes()
         return cls(info=info, data=encoded.data if encoded else own)
@@ -96,6 +101,13 @@ class FrameRecord:
         """Return the frame of a message; ValueError where it is damaged."""
         data = decode_compressed(message) if info.letters in (JPEG, PNG) else RosImage.decode(message).data
         return cls(info=info, data=data)
+
+    def dots(self, source: str) -> DotsSeen | None:
+        """Return the marker dots, None for a gel without; InputError, naming `source`, where they are damaged."""
+        try:
+            return self.info.dots.dots() if self.info.dots else None
+        except ValueError as error:
+            raise InputError(f"{source}: the dots of frame {self.info.sequence} are damaged ({error})") from None
 
     def image(self, source: str) -> NDArray[np.uint8]:
         """Return (H, W, 3) RGB, decoded as when it was live; InputError, naming `source`, for a damaged picture."""

@@ -9,6 +9,7 @@ import json
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,16 @@ def state_names(frame: TactileFrame) -> list[str]:
 
 def _state(frame: TactileFrame) -> dict[str, float]:
     felt = {"indentation_mm": frame.contact.indentation_mm, "area_mm2": frame.contact.area_mm2}
-    return felt | ({"force_n": frame.force.normal_n} if frame.force else {})
+    return felt | ({"force_n": frame.force.normal_n} if frame.force else {}) | _along(frame)
+
+
+def _along(frame: TactileFrame) -> dict[str, float]:
+    """Return the force along the gel, of a gel with marker dots; NaN where it is unknown."""
+    if frame.shear is None:
+        return {}
+    x, y = frame.shear.force_n or (nan, nan)
+    torque = frame.shear.torque_nmm
+    return {"force_x_n": x, "force_y_n": y, "torque_nmm": nan if torque is None else torque}
 
 
 def features_of(frame: TactileFrame, names: Sequence[str]) -> dict[str, dict[str, Any]]:

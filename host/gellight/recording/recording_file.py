@@ -38,6 +38,7 @@ from gellight.bundle.bundle import Bundle, packed_bundle, unpack_bundle
 from gellight.frames.frames import CameraFrame, CaptureStamp, Patch, Provenance, TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.frames.pose import PoseFigures
+from gellight.frames.shear_figures import ShearFigures
 from gellight.recording.frame_record import FrameInfo, FrameRecord, packed_picture
 from gellight.recording.ros_messages import (
     COMPRESSED_IMAGE,
@@ -86,6 +87,8 @@ class ContactInfo(StrictModel):
     force_n: float | None = None
     """normal force; None where the bundle has no constant for it"""
     force_error_n: float | None = None
+    shear: ShearFigures | None = None
+    """None for a gel without marker dots"""
     contacts: tuple[Patch, ...] = ()
     pose: PoseFigures | None = None
     """where the object has gone; None where nobody tracked it, or nothing touched"""
@@ -117,7 +120,7 @@ class RecordingWriter:
             self._zeros.add(record.info.zero)
             name, now_ns = f"{_ATTACHED}{record.info.zero}.gelcal", time.time_ns()
             self._writer.add_attachment(now_ns, now_ns, name, "application/zip", packed_bundle(stamp.zeroed))
-        self._put(FRAME, record.info, encode_string(record.info.model_dump_json()))
+        self._put(FRAME, record.info, encode_string(record.info.model_dump_json(exclude_defaults=True)))
         self._put(COMPRESSED if record.compressed else IMAGE_RAW, record.info, record.message(self.name))
 
     @property
@@ -215,6 +218,7 @@ def _contact_info(frame: TactileFrame, provenance: Provenance) -> ContactInfo:
         centroid_mm=contact.centroid_mm,
         force_n=frame.force.normal_n if frame.force else None,
         force_error_n=frame.force.error_n if frame.force else None,
+        shear=ShearFigures.of(frame.shear) if frame.shear else None,
         contacts=frame.contacts,
         pose=frame.pose.figures() if frame.pose else None,
     )

@@ -77,8 +77,9 @@ class ReplayCamera(Camera):
         self._last, self.zero = info.sequence + self._offset, info.zero
         light = None if info.light is None else np.array(info.light, np.uint8).reshape(-1, 3)
         return CameraFrame(
-            image=image, time_s=due_s, sequence=self._last, source=self.url, light=light, label=info.label
-        )
+            image=image, time_s=due_s, sequence=self._last, source=self.url, light=light, label=info.label,
+            dots=record.dots(str(self._recording.path)),
+        )  # fmt: skip
 
     def _wait(self, time_s: float) -> float:
         """Wait until a frame that was taken at `time_s`, of the clock that does not jump, is due; return when."""

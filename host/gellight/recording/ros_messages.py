@@ -11,6 +11,7 @@ IMAGE, COMPRESSED_IMAGE, STRING = "sensor_msgs/msg/Image", "sensor_msgs/msg/Comp
 CAMERA_INFO, POINTS = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/PointCloud2"
 POINT, WRENCH = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped"
 POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+MULTI_ARRAY = "std_msgs/msg/Float64MultiArray"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
 
@@ -57,6 +58,11 @@ DEFINITIONS = {
         geometry_msgs_Pose="geometry_msgs/Point position; geometry_msgs/Quaternion orientation",
         geometry_msgs_Point="float64 x; float64 y; float64 z",
         geometry_msgs_Quaternion="float64 x 0; float64 y 0; float64 z 0; float64 w 1",
+    ),
+    MULTI_ARRAY: _definition(
+        "std_msgs/MultiArrayLayout layout; float64[] data",
+        std_msgs_MultiArrayLayout="std_msgs/MultiArrayDimension[] dim; uint32 data_offset",
+        std_msgs_MultiArrayDimension="string label; uint32 size; uint32 stride",
     ),
     DIAGNOSTICS: _definition(
         _HEADER + "diagnostic_msgs/DiagnosticStatus[] status",

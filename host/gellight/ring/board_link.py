@@ -30,7 +30,7 @@ REMEDIES = {
     Status.CHECKSUM: "send groups and steps again, then commit",
     Status.BAD_MAGIC: "this is a mistake of the program, please report it",
     Status.FLASH_FAILED: "the flash of the board is worn out or not powered well; its configuration was not saved",
-    Status.SAVED_TOO_OFTEN: "its flash wears out: save again after so many seconds",
+    Status.SAVED_TOO_OFTEN: "its flash wears out: save again after that number of seconds",
 }
 
 

@@ -73,7 +73,7 @@ HOTTEST_C = 60
 COOLER_C = 5
 """the LEDs get brighter again when the chip is so much cooler than its limit"""
 DIMMINGS = 3
-"""at most so many: to an eighth"""
+"""halvings at most: to an eighth"""
 DIMMING_US = 10_000_000
 """from one dimming to the next"""
 SAVES_AT_ONCE = 8

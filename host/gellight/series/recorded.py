@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_grey
+from gellight.frames.measures import FrameMeasures
 from gellight.photometric.directions import LightDirections
 from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.measures import LightMeasures
 from gellight.reconstruction.stages import Stages, tactile_frame
 
 _RGB_OF = 3
@@ -22,12 +24,13 @@ def frame_of_lights(
     white: float | None = None,
     *,
     slopes: Callable[[NDArray[np.float32]], NDArray[np.float32]] | None = None,
+    measures: FrameMeasures | None = None,
 ) -> TactileFrame:
     """Reconstruct gradient, normal and depth map and the contact from one picture under each light, in their order.
 
-    white: see `read_grey`. slopes: of (K, H, W) grey levels; by default least squares by the lights. The picture of
-    the frame shows the lights, in three groups, as red, green and blue. Raises InputError for another number or size of
-    pictures.
+    white: see `read_grey`. slopes: of (K, H, W) grey levels; by default least squares by the lights. measures: of the
+    bundle; by default pixels are judged by their light alone. The picture of the frame shows the lights, in three
+    groups, as red, green and blue. Raises InputError for another number or size of pictures.
     """
     if len(paths) != len(lights.untouched):
         raise InputError(f"{len(paths)} images and {len(lights.untouched)} lights: give one image for each light")
@@ -47,7 +50,8 @@ def frame_of_lights(
     image, untouched = as_rgb(levels), as_rgb(lights.untouched)
     shown = np.clip(np.rint(image), 0, 255).astype(np.uint8)
     frame = CameraFrame(image=shown, time_s=0.0, sequence=0, source=str(paths[0]))
-    return tactile_frame(frame, image - untouched, gradient_map, depth_mm, size, stages)
+    known = measures or LightMeasures(untouched)
+    return tactile_frame(frame, image - untouched, gradient_map, depth_mm, size, stages, measures=known)
 
 
 def as_rgb(levels: NDArray[np.float32]) -> NDArray[np.float32]:

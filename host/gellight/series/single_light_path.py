@@ -11,6 +11,7 @@ from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries, 
 from gellight.frames.status import PathStatus
 from gellight.photometric.directions import FILE_NAME, LightDirections, levels_of, lights_of
 from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother
 from gellight.reconstruction.stages import Stages, tactile_frame
 from gellight.series.channel_network import ChannelNetwork
@@ -60,6 +61,7 @@ class SingleLightPath:
             )
         self._slopes = slopes_by(bundle, self._lights, mode, threads=threads)
         self._smoother = Smoother(smoothing_px)
+        self._measures = BundleMeasures(bundle, from_network=mode == "network")
         self._last: ExposureReport | None = None
 
     def status(self) -> PathStatus:
@@ -92,4 +94,4 @@ class SingleLightPath:
         lit = (levels > 0).sum(axis=0, dtype=np.uint8)
         self._last = report = exposure_report(series, lit, noise_grey=self.bundle.manifest.noise_grey)
         stages.end("still")
-        return tactile_frame(frame, difference, gradient_map, depth_mm, size, stages, report)
+        return tactile_frame(frame, difference, gradient_map, depth_mm, size, stages, report, measures=self._measures)

@@ -67,13 +67,22 @@ class Press(StrictModel):
     y_mm: float
 
 
+class Drag(StrictModel):
+    """Move what is pressed into the simulated gel sideways, x, y from where it was pressed, and turn it."""
+
+    type: Literal["drag"] = "drag"
+    x_mm: float
+    y_mm: float
+    turn_rad: float = 0.0
+
+
 class Release(StrictModel):
     """Lift the object off the simulated gel."""
 
     type: Literal["release"] = "release"
 
 
-Call = Status | Calibration | Light | Mode | Zero | Track | Press | Release
+Call = Status | Calibration | Light | Mode | Zero | Track | Press | Drag | Release
 _CALLS: TypeAdapter[Call] = TypeAdapter(Annotated[Call, Field(discriminator="type")])
 
 
@@ -101,16 +110,18 @@ def answer(daemon: SensorSession, call: Call) -> bytes:
             daemon.rezero()
         case Track():
             daemon.track(call.on)
-        case Press() | Release():
+        case Press() | Drag() | Release():
             move(daemon, call)
     return b"{}"
 
 
-def move(daemon: SensorSession, call: Press | Release) -> None:
-    """Press or lift an object; InputError on a sensor whose gel is not simulated."""
+def move(daemon: SensorSession, call: Press | Drag | Release) -> None:
+    """Press, drag or lift an object; InputError on a sensor whose gel is not simulated."""
     if daemon.stage is None:
         raise InputError("objects can be pressed into a simulated gel only (sim://)")
     if isinstance(call, Release):
         daemon.stage.release()
+    elif isinstance(call, Drag):
+        daemon.stage.drag(call.x_mm, call.y_mm, call.turn_rad)
     else:
         daemon.stage.press(call.object, call.depth_mm, call.x_mm, call.y_mm)

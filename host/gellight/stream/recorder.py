@@ -29,7 +29,7 @@ LOOK_S = 1.0
 PATIENCE_S = 10.0
 RATE_FRAMES = 8
 LATE_S = 1.0
-"""a frame that waited so long is not packed: this computer is too slow for that"""
+"""a frame that waited longer is written unpacked: this computer is too slow to pack all"""
 POLL_S = 0.05
 SHORT_S = 600.0
 """room for less than this is warned of"""

@@ -5,8 +5,10 @@
     depth/image   sensor_msgs/Image          32FC1, metres, positive into the sensor
     points        sensor_msgs/PointCloud2    metres, frame NAME_gel: x right, y up, z towards the camera
     contact       geometry_msgs/PointStamped metres, frame NAME_gel: centre and indentation; NaN without contact
-    contact/wrench geometry_msgs/WrenchStamped N, frame NAME_gel: the normal force on the gel along z, where the bundle
-                  has a constant for it; x, y and the torque are not measured and 0
+    contact/wrench geometry_msgs/WrenchStamped N and N m, frame NAME_gel: the normal force on the gel along z, where the
+                  bundle has a constant for it. Of a gel with marker dots also x, y and the torque about the frame's
+                  origin, NaN while they are unknown; without dots they are not measured and 0
+    contact/wrench_covariance std_msgs/Float64MultiArray 6 x 6, row by row, of that force and torque, of a gel with dots
     contacts      sensor_msgs/PointCloud2    a point each contact, frame NAME_gel, SI units: see `OF_CONTACTS`
     object/pose   geometry_msgs/PoseWithCovarianceStamped metres, frame NAME_gel: of the axes that lay at the first
                   contact's middle, along those of the gel, and move with the object; nothing while it is lost
@@ -20,15 +22,28 @@ from collections.abc import Callable
 from math import nan
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import Patch, TactileFrame
+from gellight.frames.measures import Force
 from gellight.frames.point_cloud import points_of
+from gellight.frames.shear import Shear
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.lens.intrinsics import intrinsics
 from gellight.recording.recording_file import DepthKind, depth_image
-from gellight.recording.ros_messages import CAMERA_INFO, IMAGE, POINT, POINTS, POSE, WRENCH, CdrWriter, RosImage
+from gellight.recording.ros_messages import (
+    CAMERA_INFO,
+    IMAGE,
+    MULTI_ARRAY,
+    POINT,
+    POINTS,
+    POSE,
+    WRENCH,
+    CdrWriter,
+    RosImage,
+)
 
 DIAGNOSTICS_TOPIC = "/diagnostics"
 DIAGNOSTICS_S = 1.0
@@ -62,6 +77,7 @@ class RosTopics:
             "points": (POINTS, self._points),
             "contact": (POINT, self._contact),
             "contact/wrench": (WRENCH, self._wrench),
+            "contact/wrench_covariance": (MULTI_ARRAY, self._wrench_covariance),
             "contacts": (POINTS, self._contacts),
             "object/pose": (POSE, self._pose),
         }
@@ -112,8 +128,17 @@ class RosTopics:
     def _wrench(self, frame: TactileFrame) -> bytes | None:
         if frame.force is None:
             return None
-        force_n, torque_nm = (0, 0, frame.force.normal_n), (0, 0, 0)
-        return CdrWriter().header(taken_s(frame), f"{self._name}_gel").put("d", *force_n, *torque_nm).finish()
+        wrench = (0, 0, frame.force.normal_n, 0, 0, 0) if frame.shear is None else wrench_of(frame.force, frame.shear)
+        return CdrWriter().header(taken_s(frame), f"{self._name}_gel").put("d", *wrench).finish()
+
+    def _wrench_covariance(self, frame: TactileFrame) -> bytes | None:
+        if frame.force is None or frame.shear is None:
+            return None
+        writer = CdrWriter().put("I", 2)
+        for label, stride in (("row", 36), ("column", 6)):
+            writer.string(label).put("I", 6, stride)
+        values = covariance_of(frame.force, frame.shear).ravel().tolist()
+        return writer.put("I", 0, len(values)).put("d", *values).finish()
 
     def _pose(self, frame: TactileFrame) -> bytes | None:
         pose = frame.pose
@@ -149,6 +174,34 @@ def _row(patch: Patch) -> tuple[float, ...]:
     place_m, speed_m_s = (x_mm * 1e-3, -y_mm * 1e-3, patch.depth_mm * 1e-3), (right * 1e-3, -down * 1e-3)
     sizes = patch.area_mm2 * 1e-6, patch.volume_mm3 * 1e-9, patch.slope_rad
     return *place_m, patch.number, *sizes, *speed_m_s, patch.age_s
+
+
+def wrench_of(force: Force, shear: Shear) -> tuple[float, ...]:
+    """Return force, N, and torque about the middle of the image, N m, in a frame whose y is up; NaN if unknown."""
+    known = np.array([*(shear.force_n or (nan, nan)), nan if shear.torque_nmm is None else shear.torque_nmm])
+    arm = _arm(shear)
+    parts = np.where(
+        arm != 0, arm * [*known[:2], force.normal_n, known[2]], 0
+    )  # what is unknown spoils its own rows alone
+    return tuple(parts.sum(axis=1).tolist())
+
+
+def covariance_of(force: Force, shear: Shear) -> NDArray[np.float64]:
+    """Return the (6, 6) covariance of `wrench_of`; errors of the parts are taken for independent."""
+    errors = *(shear.force_error_n or (nan, nan)), force.error_n, shear.torque_error_nmm
+    spread = np.array([nan if one is None else one for one in errors], np.float64)
+    arm = _arm(shear)
+    covariance = (arm * np.nan_to_num(spread) ** 2) @ arm.T
+    unknown = (arm[:, np.isnan(spread)] != 0).any(axis=1)
+    covariance[unknown | unknown[:, None]] = nan
+    return np.asarray(covariance)
+
+
+def _arm(shear: Shear) -> NDArray[np.float64]:
+    """(6, 4) what makes a wrench of x, y (down), normal force and torque about the centre of the pressure, N mm."""
+    x, down = shear.centre_mm or (0.0, 0.0)
+    torques = [[0, 0, -down, 0], [0, 0, -x, 0], [down, -x, 0, -1]]
+    return np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 1, 0], *(np.array(torques) * 1e-3)], np.float64)
 
 
 def taken_s(frame: TactileFrame) -> float:

@@ -11,7 +11,7 @@ from gellight.daemon.assembly import open_session
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.frames.status import SensorStatus
-from gellight.stream.calls import Press, Release, move
+from gellight.stream.calls import Drag, Press, Release, move
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
 
 
@@ -85,6 +85,10 @@ class Sensor(FrameSource):
     def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
         """Press an object into a simulated gel."""
         move(self.daemon, Press(object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
+
+    def drag(self, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> None:
+        """Move what is pressed into a simulated gel sideways, to x, y from where it was pressed, and turn it."""
+        move(self.daemon, Drag(x_mm=x_mm, y_mm=y_mm, turn_rad=turn_rad))
 
     def release(self) -> None:
         """Lift the object off the simulated gel."""

@@ -151,6 +151,13 @@ class FrameSource(ABC):
         """Press an object into a simulated gel; InputError for a real one."""
 
     @abstractmethod
+    def drag(self, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> None:
+        """Move what is pressed into a simulated gel sideways, to x, y from where it was pressed, and turn it.
+
+        InputError where nothing is pressed, and for a real gel.
+        """
+
+    @abstractmethod
     def release(self) -> None:
         """Lift the object off the simulated gel."""
 

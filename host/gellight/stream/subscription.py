@@ -21,7 +21,7 @@ from gellight.bundle.bundle import Bundle, unpack_bundle
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.frames.status import SensorStatus
-from gellight.stream.calls import Calibration, Call, Light, Mode, Press, Release, Status, Track, Zero
+from gellight.stream.calls import Calibration, Call, Drag, Light, Mode, Press, Release, Status, Track, Zero
 from gellight.stream.network import LAN_PORT, close, found_by_multicast, key, name_of, subscribing_session
 from gellight.stream.running import is_starting, meant, running
 from gellight.stream.shared_memory import MappedMemory, OverwrittenError
@@ -326,6 +326,10 @@ class Subscription(FrameSource):
     def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
         """Press an object into a simulated gel."""
         self._ask(Press(object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
+
+    def drag(self, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> None:
+        """Move what is pressed into a simulated gel sideways, to x, y from where it was pressed, and turn it."""
+        self._ask(Drag(x_mm=x_mm, y_mm=y_mm, turn_rad=turn_rad))
 
     def release(self) -> None:
         """Lift the object off the simulated gel."""

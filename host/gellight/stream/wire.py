@@ -21,7 +21,8 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Patch, Provenance, TactileFrame
 from gellight.frames.measures import Confidence, Force, MapOnRequest
 from gellight.frames.pose import ObjectPose, PoseFigures
-from gellight.reconstruction.integration import normals
+from gellight.frames.shear import DotsSeen, Shear
+from gellight.frames.shear_figures import DotFigures, ShearFigures
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.measures import BundleMeasures
 
@@ -84,6 +85,8 @@ class Details(StrictModel):
     stage_seconds: dict[str, float]
     exposures: ExposureFigures | None
     force: ForceFigures | None = None
+    dots: DotFigures | None = None
+    shear: ShearFigures | None = None
     contacts: tuple[Patch, ...] = ()
     pose: PoseFigures | None = None
     from_network: bool | None = Field(None, validation_alias=AliasChoices("from_network", "learnt"))
@@ -97,7 +100,7 @@ _DETAILS = TypeAdapter(Details)
 class ReceivedFrame(TactileFrame):
     """A tactile frame from another process. Its arrays cannot be written.
 
-    Normals are computed when they are first asked for. So is what needs the bundle: the difference image, and the
+    What needs the bundle is computed when it is first asked for: the difference image, and the
     pressure map and the confidence where they do not travel. The bundle is fetched from the daemon, once for each zero;
     StreamError where the zero has changed since the frame was taken.
     """
@@ -105,11 +108,6 @@ class ReceivedFrame(TactileFrame):
     def __init__(self, bundle_of: Callable[[str], Bundle], fields: Mapping[str, Any]) -> None:
         """Take the fields that travel; `bundle_of` returns the bundle with the zero of an identity."""
         vars(self).update(fields, _bundle_of=bundle_of)
-
-    @cached_property
-    def normal_map(self) -> NDArray[np.float32]:
-        """(H, W, 3) unit normals of the gel surface, towards the camera."""
-        return normals(self.gradient_map)
 
     @cached_property
     def difference(self) -> NDArray[np.float32]:
@@ -192,6 +190,8 @@ def _details(frame: TactileFrame) -> bytes:
             stage_seconds=frame.stage_seconds,
             exposures=figures,
             force=_figures(frame.force),
+            dots=DotFigures.of(camera_frame.dots) if camera_frame.dots else None,
+            shear=ShearFigures.of(frame.shear) if frame.shear else None,
             contacts=frame.contacts,
             pose=frame.pose.figures() if frame.pose else None,
             from_network=frame.measures.from_network if frame.measures else None,
@@ -226,9 +226,11 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
     light = None if details.light is None else np.array(details.light, np.uint8).reshape(-1, 3)
     provenance = details.provenance
     ages_s = {**provenance.ages_s, "received": time.time() - unix_s}
+    dots = _dots(details)
     camera_frame = CameraFrame(
-        image=maps["image"], time_s=time_s, sequence=sequence, source=details.source, light=light, label=details.label
-    )
+        image=maps["image"], time_s=time_s, sequence=sequence, source=details.source, light=light, label=details.label,
+        dots=dots,
+    )  # fmt: skip
     contact = Contact(
         mask=maps["contact"].view(np.bool_),
         area_mm2=area_mm2,
@@ -249,6 +251,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
     }
     frame = ReceivedFrame(bundle_of, fields)
     vars(frame)["force"] = _force(details.force, frame, maps)
+    vars(frame)["shear"] = _shear(details.shear, dots, frame)
     if "confidence" in maps and "quality_flags" in maps:
         vars(frame)["confidence"] = Confidence(value=maps["confidence"], quality_flags=maps["quality_flags"])
     return frame
@@ -275,6 +278,25 @@ def _pose(figures: PoseFigures | None) -> ObjectPose | None:
         return ObjectPose.of(figures) if figures else None
     except ValueError as error:
         raise _damaged(f"pose: {error}") from None
+
+
+def _dots(details: Details) -> DotsSeen | None:
+    try:
+        return details.dots.dots() if details.dots else None
+    except ValueError as error:
+        raise _damaged(str(error)) from None
+
+
+def _shear(figures: ShearFigures | None, dots: DotsSeen | None, frame: ReceivedFrame) -> Shear | None:
+    """Return the shear that travelled; its traction map is computed when it is asked for."""
+    if figures is None or dots is None:
+        return None
+
+    def traction_mpa() -> NDArray[np.float32] | None:
+        shear = frame.measures.shear(frame.depth_mm, dots, frame.force) if frame.measures else None
+        return shear.traction_mpa if shear else None
+
+    return replace(figures.shear(dots), traction_of=traction_mpa)
 
 
 def check_version(message: bytes) -> None:

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize
 
 from gellight.bundle.bundle import Bundle
 from gellight.watch.cells import Cells, cell_means, positions_mm
@@ -56,6 +55,8 @@ def fit_ring_light(bundle: Bundle) -> RingLight | None:
     def left(shape: Array) -> Array:
         by_colour, shares = _by_colour(shape, x_mm[coarse], y_mm[coarse], colours, reference[coarse])
         return np.asarray((by_colour @ shares - reference[coarse]).ravel())
+
+    from scipy import optimize  # takes longer than all else here, and the first frame does without
 
     fits = [optimize.least_squares(left, start, bounds=([3, 2, -3], [200, 200, 12]), x_scale=_STARTS[0])
             for start in _STARTS]  # fmt: skip

@@ -11,6 +11,7 @@ make: a ball pressed 0.03 mm deep shows, and adds next to nothing to the fit.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,34 +49,51 @@ class UntouchedModel:
     """The untouched sensor as it was calibrated."""
 
     def __init__(self, bundle: Bundle) -> None:
-        """Learn from the reference image of a bundle; takes a fraction of a second."""
+        """Learn from the reference image of a bundle; what takes a fraction of a second is found when first needed."""
+        self._bundle = bundle
         self.reference: Cells = cell_means(bundle.reference)
-        self.ring: RingLight | None = fit_ring_light(bundle)
         self.at_rest = RestChange(bundle.manifest.noise_grey, bundle.manifest.rest_grey)
         self.noise_grey = self.at_rest.pixel_grey / CELL_PX
         """standard deviation of the mean of one cell"""
-        channels = np.eye(3, dtype=np.float32)
-        self.gains: list[Cells] = [self.reference * channel for channel in channels]
-        """what a gain of each channel of the camera adds, and of each colour of the light where LEDs are known"""
+        self._channels: list[Cells] = [self.reference * channel for channel in np.eye(3, dtype=np.float32)]
         self.shifts: list[Cells] = [-np.asarray(np.gradient(self.reference, CELL_PX, axis=axis)) for axis in (1, 0)]
         """change of the picture when its content moves right, down by one pixel"""
-        self.pressed: list[Cells] = [] if self.ring is None else _pressed(self.ring.nearer)
-        """change of the picture when a plate presses the whole gel 1 mm deep, and 1 mm deeper right, at the bottom"""
-        all_columns = [*self.gains, *self.shifts, *self._light_columns(bundle)]
-        columns = [column for column in all_columns if column.any()]  # a dark channel, or an even picture that moves
-        if self.ring is not None:
-            colours = np.array([led.rgb for led in bundle.manifest.led]).argmax(axis=1)
-            self.gains += [self.ring.fields[colours == q].sum(axis=0) for q in np.unique(colours)]
-        self._columns = np.stack([column / np.sqrt((column**2).mean()) for column in columns], axis=-1)
-        self._some = np.ascontiguousarray(self._columns[::_EVERY, ::_EVERY])
 
-    def _light_columns(self, bundle: Bundle) -> list[Cells]:
+    @cached_property
+    def ring(self) -> RingLight | None:
+        """The light of the ring; None where LEDs are not known."""
+        return fit_ring_light(self._bundle)
+
+    @cached_property
+    def gains(self) -> list[Cells]:
+        """What a gain of each channel of the camera adds, and of each colour of the light where LEDs are known."""
+        if self.ring is None:
+            return self._channels
+        colours = np.array([led.rgb for led in self._bundle.manifest.led]).argmax(axis=1)
+        return self._channels + [self.ring.fields[colours == q].sum(axis=0) for q in np.unique(colours)]
+
+    @cached_property
+    def pressed(self) -> list[Cells]:
+        """Change of the picture when a plate presses the whole gel 1 mm deep, and 1 mm deeper right, at the bottom."""
+        return [] if self.ring is None else _pressed(self.ring.nearer)
+
+    @cached_property
+    def _columns(self) -> NDArray[np.float32]:
+        all_columns = [*self._channels, *self.shifts, *self._light_columns()]
+        columns = [column for column in all_columns if column.any()]  # a dark channel, or an even picture that moves
+        return np.stack([column / np.sqrt((column**2).mean()) for column in columns], axis=-1)
+
+    @cached_property
+    def _some(self) -> NDArray[np.float32]:
+        return np.ascontiguousarray(self._columns[::_EVERY, ::_EVERY])
+
+    def _light_columns(self) -> list[Cells]:
         if self.ring is not None:
             return list(self.ring.fields)
-        x, y = positions_mm(bundle.image_shape, bundle.pixel_size_mm)
+        x, y = positions_mm(self._bundle.image_shape, self._bundle.pixel_size_mm)
         x, y = x / np.abs(x).max(), y / np.abs(y).max()
         shapes = [x, y, x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3]
-        return [gain * shape[..., None].astype(np.float32) for gain in self.gains for shape in shapes]
+        return [gain * shape[..., None].astype(np.float32) for gain in self._channels for shape in shapes]
 
     def judge(self, change: Cells, *, noise_grey: float | None = None) -> Rest:
         """Take a (h, w, 3) change of the cell means apart; `noise_grey` of a cell, if it is known better."""

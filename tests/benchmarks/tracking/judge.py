@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from gellight.bundle.bundle import load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.frames.pose import ObjectPose
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.tracking.registration import SCALE
 from gellight.tracking.rigid import inverse, twist_of
 from gellight.tracking.tracker import UNTELLABLE_MM, Tracker

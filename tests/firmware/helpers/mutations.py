@@ -16,7 +16,7 @@ class Mutation(NamedTuple):
     old: str
     new: str
     check: str = "colours"
-    """of `test_mutants`, for a fault of the board: the one that notices"""
+    """of `examination.py`, for a fault of the board: the one that notices"""
 
 
 @contextmanager
@@ -59,7 +59,6 @@ IMAGE = (
     Mutation("processor at 144 MHz", f"{BOARD}/clock.c", "6u << 16 | 2u << 12", "5u << 16 | 2u << 12"),
     Mutation("processor no faster than USB", f"{BOARD}/clock.c", "    REGISTER(CLK_SYS_CTRL) = 0;  ",
              "    REGISTER(CLK_SYS_CTRL) = 1u << 5;  "),
-    Mutation("flash read too fast", f"{BOARD}/boot2.S", "    movs r0, #4\n    str r0, [r3, #0x14]", "    movs r0, #2\n    str r0, [r3, #0x14]"),
     Mutation("watchdog too short for the crystal", f"{BOARD}/watchdog.c", "#define START_US 200000u", "#define START_US 20000u", "start_fault"),
     Mutation("no fault vector at the start", f"{BOARD}/start.c", "    [3] = start_fault,\n", ""),
     Mutation("fault at the start hangs", f"{BOARD}/watchdog.c",
@@ -128,6 +127,33 @@ IMAGE = (
     Mutation("load switch closed through a fault", f"{BOARD}/watchdog.c", "    pins_power(NULL, false);\n", "", "wiring"),
     Mutation("temperature of another sensor", f"{BOARD}/clock.c", "REGISTER(ADC_CS) = 4u << 12", "REGISTER(ADC_CS) = 3u << 12"),
     Mutation("the hotter the colder", f"{BOARD}/clock.c", "(4372 - (int32_t)", "((int32_t)"),
+)  # fmt: skip
+
+# What has to be on, or to be done in order, at the boot, the flash and USB: an emulator is easily blind for it.
+ENABLES = (
+    Mutation("boot2: flash read too fast", f"{BOARD}/boot2.S", "    movs r0, #4\n    str r0, [r3, #0x14]", "    movs r0, #2\n    str r0, [r3, #0x14]"),
+    Mutation("boot2: no clock for the flash", f"{BOARD}/boot2.S", "    movs r0, #4\n    str r0, [r3, #0x14]", "    movs r0, #0\n    str r0, [r3, #0x14]"),
+    Mutation("boot2: another command", f"{BOARD}/boot2.S", "=0x03000218", "=0x13000218"),
+    Mutation("boot2: addresses of 16 bits", f"{BOARD}/boot2.S", "=0x03000218", "=0x03000210"),
+    Mutation("boot2: frames of 16 bits", f"{BOARD}/boot2.S", "=0x001f0300", "=0x000f0300"),
+    Mutation("boot2: nothing comes back", f"{BOARD}/boot2.S", "=0x001f0300", "=0x001f0100"),
+    Mutation("boot2: SSI left off", f"{BOARD}/boot2.S", "    movs r0, #1\n    str r0, [r3, #0x08]", "    movs r0, #0\n    str r0, [r3, #0x08]"),
+    Mutation("XIP not left", f"{BOARD}/flash.c", "    access.leave_xip();\n", ""),
+    Mutation("flash not connected", f"{BOARD}/flash.c", "    access.connect();\n", ""),
+    Mutation("XIP not entered again", f"{BOARD}/flash.c", "    access->enter_xip();\n", "", "configuration"),
+    Mutation("cache not flushed", f"{BOARD}/flash.c", "    access->flush();\n", "", "configuration"),
+    Mutation("watchdog not paused for an erase", f"{BOARD}/flash.c", "    watchdog_pause();\n", "", "configuration"),
+    Mutation("stall of endpoint 0 not armed", f"{BOARD}/usb_control.c", "    REGISTER(USB_EP_STALL_ARM) = 3; /* endpoint 0, IN and OUT */\n", "", "refusals"),
+    Mutation("AVAILABLE in one write", f"{BOARD}/usb_wire.h", "    REGISTER(control) = value;\n    __asm volatile(\"nop\\n nop\\n nop\\n nop\\n nop\\n nop\\n nop\\n nop\\n nop\\n nop\\n nop\\n nop\");\n", ""),
+    Mutation("VBUS not forced", f"{BOARD}/usb.c", "    REGISTER(USB_PWR) = 1u << 2 | 1u << 3;     /* VBUS is taken to be there */\n", ""),
+    Mutation("USB not connected to its PHY", f"{BOARD}/usb.c", "    REGISTER(USB_MUXING) = TO_PHY;\n", ""),
+    Mutation("clk_adc off", f"{BOARD}/clock.c", "    REGISTER(CLK_ADC_CTRL) = 1u << 11;\n", ""),
+    Mutation("outputs switched off at their pads", f"{BOARD}/registers.h", "#define PAD_OUTPUT 0x52u", "#define PAD_OUTPUT 0xd2u"),
+    Mutation("inputs switched off at their pads", f"{BOARD}/registers.h", "#define PAD_PULLED_UP 0x4au", "#define PAD_PULLED_UP 0x0au", "trigger"),
+    Mutation("endpoints off", f"{BOARD}/usb.c", "#define ENABLED (1u << 31 | 1u << 29)", "#define ENABLED (1u << 29)"),
+    Mutation("bulk endpoints of the type control", f"{BOARD}/usb.c", "#define BULK (2u << 26)", "#define BULK (0u << 26)"),
+    Mutation("DMA not paced", f"{BOARD}/light.c", "0u << 11 | 0u << 15 | 1u << 21", "0u << 11 | 0x3fu << 15 | 1u << 21"),
+    Mutation("endpoint 0 without interrupts", f"{BOARD}/usb.c", "    REGISTER(USB_SIE_CTRL) = 1u << 29;         /* interrupt for each buffer of endpoint 0 */\n", ""),
 )  # fmt: skip
 
 LOGIC = (

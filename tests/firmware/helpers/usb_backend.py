@@ -34,7 +34,7 @@ class DeviceBackend(usb.backend.IBackend):  # type: ignore[misc]
 
     @abstractmethod
     def take(self, endpoint: int, most: int, timeout_us: float) -> bytes:
-        """Return what a bulk endpoint has, at most so many bytes."""
+        """Return what a bulk endpoint has, at most that many bytes."""
 
     def enumerate_devices(self) -> Iterator[str]:
         """Yield the one device."""

@@ -108,11 +108,11 @@ class VirtualBoard:
         self.library.board_link(self._board, ctypes.c_bool(opened), ctypes.c_uint32(reason))
 
     def faults(self, *, room: int = OUTPUT_BYTES, stuck: bool = False, cut_after: int = -1) -> None:
-        """The host takes only so many bytes more; transfers to the LEDs break off; so many bytes of flash change."""
+        """The host takes `room` bytes more; transfers to the LEDs break off; `cut_after` bytes of flash change."""
         self.library.board_fault(self._board, ctypes.c_uint32(room), ctypes.c_bool(stuck), ctypes.c_int32(cut_after))
 
     def edge_after_reads(self, reads: int) -> None:
-        """The trigger comes right after the board has read its clock so many times."""
+        """The trigger comes right after the board has read its clock that many times."""
         self.library.board_edge_after_reads(self._board, ctypes.c_uint32(reads))
 
     def warm(self, celsius: float) -> None:

@@ -8,15 +8,14 @@ from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
-from typer.testing import CliRunner
 
 from gellight.base.errors import ConfigError
 from gellight.base.settings import GeometrySettings, Settings, reference, reference_markdown
 from gellight.bundle.bundle import Bundle, pack_bundle
-from gellight.cli.config import app
 from gellight.daemon.assembly import open_session
 from gellight.sensor.sensor_camera import SensorCamera
 from sim_reference.geometry import SensorGeometry
+from tests.helpers.command_line import invoke
 from tests.helpers.places import CHECKOUT
 from tests.helpers.sensor_bench import Bench, lit_bundle
 from tests.helpers.settings import loaded
@@ -216,7 +215,7 @@ class TestCommand:
         write(folders, "[reconstruction]\nthreads = 2\n")
 
     def run(self, *arguments: str) -> str:
-        result = CliRunner().invoke(app, list(arguments))
+        result = invoke("config", *arguments)
         assert result.exit_code == 0, result.output
         return result.output
 

@@ -11,12 +11,10 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from gellight.base.errors import InputError, TrainingError
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.calibrate.training import Recorded, ball_warning, which_ball
-from gellight.cli.calibrate.verbs import app
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training import child, cross_validation, folds
 from gellight.lab.training.cross_validation import cross_validate
@@ -26,11 +24,12 @@ from gellight.lab.training.training import Learning, TrainingOptions, read_refer
 from gellight.reconstruction.integration import angle_deg
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.command_line import invoke
+from tests.helpers.places import real
 
 GEOMETRY = SensorGeometry(image_width_px=160, image_height_px=120, pixel_size_mm=0.2352)
 BALL = ["--ball-radius-mm", "4", "--pixel-size-mm", "0.2352"]
-REAL = REAL_IMAGES / "gelsight_mini_ball"
+REAL = real("gelsight_mini_ball")
 
 
 def photograph(scene: Scene, press: Press | None, seed: int, path: Path) -> np.ndarray:
@@ -62,7 +61,7 @@ def pressed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(*arguments: str | Path) -> Any:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+    return invoke("calibrate", *arguments)
 
 
 def sources(folder: Path) -> list[str | Path]:
@@ -295,7 +294,7 @@ def test_the_angle_of_nearly_equal_normals_keeps_its_digits() -> None:
 
 
 @pytest.mark.timeout(900)
-@pytest.mark.real_images
+@pytest.mark.real_images("gelsight_mini_ball")
 def test_on_real_presses_the_error_is_what_it_is_worth() -> None:
     """33 hand-labelled presses of a GelSight Mini, whose light drifts by tens of grey levels between frames."""
     given = ["--presses", REAL / "presses.csv", "--reference", REAL / "background.png", "--refine", "--folds", "3"]

@@ -5,16 +5,15 @@ from pathlib import Path
 
 import pytest
 from click.testing import Result
-from typer.testing import CliRunner
 
 from gellight.base.errors import BundleError, CameraError
 from gellight.bundle.bundle import load_bundle, write_bundle
-from gellight.cli.main import app
 from gellight.sensor.discovery import discover
+from tests.helpers.command_line import invoke
 
 
 def gellight(*arguments: str) -> Result:
-    return CliRunner().invoke(app, ["calibrate", *arguments])
+    return invoke("calibrate", *arguments)
 
 
 def made(folder: Path, sensor: str, mark: str, name: str = "") -> Path:

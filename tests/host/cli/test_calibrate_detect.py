@@ -7,10 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from gellight.base.errors import InputError
-from gellight.cli.calibrate.verbs import app
 from gellight.frames.image_files import read_image
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.label_file import read_presses
@@ -19,6 +17,7 @@ from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.deformation import NO_OBJECT, grid
 from sim_reference.geometry import SensorGeometry
+from tests.helpers.command_line import invoke
 from tests.helpers.places import REAL_CROPS
 
 PIXEL_MM = 0.1176
@@ -42,7 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(folder: Path, *arguments: str | Path, out: Path) -> Any:
     given = ["detect", *arguments, "--reference", folder / "untouched.png", *BALL, "--out", out]
-    return CliRunner().invoke(app, [str(argument) for argument in given])
+    return invoke("calibrate", *given)
 
 
 def test_the_csv_is_what_fit_reads_and_the_circles_are_right(folder: Path) -> None:
@@ -148,7 +147,7 @@ def test_the_balls_of_a_real_plate_are_found_and_give_the_scale(tmp_path: Path) 
     """One picture of a plate, no picture of the untouched gel; `detect` said "several presses" and found none."""
     plate = [REAL_CROPS / "ball_plate/plate.png", *PLATE, "--pitch-mm", "6.35"]
     arguments = ["detect", *plate, "--several", "--json", "--out", tmp_path / "presses.csv"]
-    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    result = invoke("calibrate", *arguments)
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)
     assert len(found["circles"]) == 20  # all whole ones
@@ -163,7 +162,7 @@ def test_the_balls_of_a_real_plate_are_found_and_give_the_scale(tmp_path: Path) 
 
 def test_without_an_untouched_picture_several_balls_are_needed(folder: Path, tmp_path: Path) -> None:
     arguments = ["detect", folder / "a.png", *BALL, "--out", tmp_path / "presses.csv"]
-    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    result = invoke("calibrate", *arguments)
     assert isinstance(result.exception, InputError)
     assert "give --reference, or --several" in str(result.exception)
     assert list(tmp_path.iterdir()) == []
@@ -182,7 +181,7 @@ def test_the_edge_of_a_prism_is_found_and_fit_and_evaluate_take_it(folder: Path,
     reference, prisms, presses = folder / "untouched.png", tmp_path / "prisms.csv", tmp_path / "presses.csv"
 
     def verb(*arguments: object) -> Any:
-        result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+        result = invoke("calibrate", *arguments)
         assert result.exit_code in (0, 1), result.exception
         return json.loads(result.stdout)
 
@@ -217,4 +216,4 @@ def test_a_prism_and_a_ball_at_once_or_nothing_named_is_refused(folder: Path, tm
         (["--prism-angle-deg", "30", *BALL], "but not both"),
         (["--prism-angle-deg", "80"], "1 to 75"),
     ):
-        assert reason in str(CliRunner().invoke(app, [*common, *more]).exception)
+        assert reason in str(invoke("calibrate", *common, *more).exception)

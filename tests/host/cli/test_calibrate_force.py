@@ -7,14 +7,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from gellight.base.errors import GellightError
 from gellight.bundle.bundle import load_bundle
-from gellight.cli.main import app
 from gellight.frames.frames import CameraFrame, CaptureStamp
 from gellight.reconstruction.force_file import read_force
 from gellight.recording.recording_file import RecordingWriter
+from tests.helpers.command_line import invoke, refused
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.weighed import LAYER, MODULUS_MPA, PIXEL_MM, SHAPE, weighed, write_weighings
 
@@ -40,12 +38,7 @@ def run(folder: Path, *more: object) -> Any:
         folder / "new",
         *more,
     ]
-    return CliRunner().invoke(app, [str(one) for one in given])
-
-
-def refused(result: Any) -> str:
-    assert isinstance(result.exception, GellightError), result.output
-    return str(result.exception)
+    return invoke(*given)
 
 
 def test_weights_give_the_modulus_and_the_bundle_keeps_all_the_rest(folder: Path) -> None:
@@ -118,7 +111,7 @@ def test_pictures_without_contact_and_forces_that_do_not_rise_are_refused(folder
 
 def test_a_press_at_the_border_is_refused(folder: Path) -> None:
     write_weighings(folder, [*(weighed(depth) for depth in DEPTHS), weighed(0.5, 3.0, 7.5)])
-    assert "weight6.png: the touch reaches the border" in refused(run(folder))
+    assert "weight6.png: the load goes on beyond the border" in refused(run(folder))
 
 
 def test_a_picture_that_is_missing_or_of_another_size_is_refused(folder: Path) -> None:

@@ -7,12 +7,11 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.cli.main import app
 from gellight.reconstruction.lens.lens_file import read_record
+from tests.helpers.command_line import invoke
 from tests.helpers.distorted import PIXEL_MM, SHAPE, TrueLens, dimple_picture, pin_picture, untouched
 from tests.helpers.linear_sensor import linear_bundle
 
@@ -34,7 +33,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(folder: Path, *arguments: str | Path, out: Path, pitch: str = "2") -> Any:
     given = ["calibrate", "lens", *arguments, "--pitch-mm", pitch, "--calibration", folder / "bundle", "--out", out]
-    return CliRunner().invoke(app, [str(argument) for argument in given])
+    return invoke(*given)
 
 
 def test_the_new_bundle_has_the_lens_and_all_the_rest(folder: Path, tmp_path: Path) -> None:

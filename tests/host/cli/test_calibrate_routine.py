@@ -8,12 +8,10 @@ from queue import SimpleQueue
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.cli.calibrate.routine import Target, Tools
 from gellight.cli.calibrate.screen import _read_lines, obey, screen
-from gellight.cli.main import app
 from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View
 from gellight.lab.calibration.display import Display, Progress
@@ -21,6 +19,7 @@ from gellight.lab.calibration.records import LiveCoverage, ShownCircle, ShownEdg
 from gellight.lab.calibration.tools import ToolSizes
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.children import gellight
+from tests.helpers.command_line import invoke
 from tests.helpers.dotted import sloping_gel, with_dots
 from tests.helpers.scripted_camera import ScriptedCamera
 
@@ -35,7 +34,7 @@ def test_resuming_nothing_is_told_in_one_line(tmp_path: Path) -> None:
 
 def refused(*arguments: str) -> str:
     """The reason why the verb does not begin, in this process."""
-    result = CliRunner().invoke(app, ["calibrate", *arguments])
+    result = invoke("calibrate", *arguments)
     assert isinstance(result.exception, InputError | CameraError), result.output
     return str(result.exception)
 

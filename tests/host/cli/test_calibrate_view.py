@@ -8,19 +8,18 @@ import cv2
 import numpy as np
 import pytest
 import typer
-from typer.testing import CliRunner
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
-from gellight.cli.calibrate.verbs import app
 from gellight.cli.reconstruct import command
 from gellight.frames.image_files import read_image
 from gellight.frames.picture import steps_of
 from gellight.lab.simulator.scene import Press, Scene
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
+from tests.helpers.command_line import invoke
 from tests.helpers.dotted import CORNERS, from_the_side, with_dots
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import real
 
 PIXEL_MM = 0.2352
 BALL = ["--ball-radius-mm", "4", "--pixel-size-mm", str(PIXEL_MM)]
@@ -30,7 +29,7 @@ reconstruct.command()(command)
 
 
 def run(*arguments: object) -> Any:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+    return invoke("calibrate", *arguments)
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +77,7 @@ def test_a_dotted_gel_from_the_side_is_calibrated_and_felt(
     assert steps.dots is not None
     for number in (0, 5, 11):
         asked = [taken / f"press{number:02}.png", "--calibration", tmp_path / "b", "--out", tmp_path / "out"]
-        assert CliRunner().invoke(reconstruct, [str(one) for one in asked]).exit_code == 0
+        assert invoke(*asked, app=reconstruct).exit_code == 0
         with np.load(tmp_path / f"out/press{number:02}.npz") as maps:
             depth_mm = maps["depth_mm"]
         assert depth_mm.max() == pytest.approx(1.5, abs=0.2)
@@ -122,10 +121,10 @@ def test_16_bit_pictures_of_fewer_bits_are_brought_to_white(tmp_path: Path) -> N
     assert (read_image(tmp_path / "out/deep.png") == 128).all()
 
 
-@pytest.mark.real_images
+@pytest.mark.real_images("dots")
 def test_the_presses_of_a_real_gel_with_dots_are_found(tmp_path: Path) -> None:
     """None of the 12 was found with its dots, in the perspective of the camera or out of it."""
-    folder = REAL_IMAGES / "dots"
+    folder = real("dots")
     corners = ["--corners", "33,58 208,61 185,244 56,250", "--size", "240x320"]
     assert run("view", f"{folder}/*.jpg", *corners, "--out", tmp_path / "view").exit_code == 0
     ball = ["--ball-radius-mm", "2.42", "--pixel-size-mm", "0.1", "--reference", tmp_path / "view/bg-0.png"]

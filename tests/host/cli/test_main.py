@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 import typer
 from rich.text import Text
-from typer.testing import CliRunner
 
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
@@ -16,11 +15,11 @@ from gellight.cli import main
 from gellight.cli.lazy import LazyVerb
 from gellight.cli.one_sensor import warn_of_foreign_bundle
 from tests.helpers.children import run
-from tests.helpers.verbs import verbs
+from tests.helpers.command_line import invoke, verbs
 
 
 def test_the_version_is_that_of_the_installed_package() -> None:
-    result = CliRunner().invoke(main.app, ["--version"])
+    result = invoke("--version")
     assert (result.exit_code, result.output) == (0, f"gellight {importlib.metadata.version('gellight')}\n")
 
 

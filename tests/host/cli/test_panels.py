@@ -9,7 +9,7 @@ from typer.main import get_command
 from gellight.cli.main import app
 from gellight.cli.panels import MOST, PANELS
 from tests.helpers.children import gellight
-from tests.helpers.verbs import verbs
+from tests.helpers.command_line import verbs
 
 VERBS = list(verbs(get_command(app)))
 

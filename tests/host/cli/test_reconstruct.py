@@ -10,13 +10,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
-from gellight.base.errors import GellightError
 from gellight.bundle.bundle import extend_bundle, load_bundle, save_bundle
 from gellight.cli.ending import Ending
-from gellight.cli.reconstruct import command
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.image_files import read_image
 from gellight.lab.report.pictures import (
     depth_bar,
@@ -26,15 +24,13 @@ from gellight.lab.report.pictures import (
     normal_picture,
     write_png,
 )
-from gellight.reconstruction.pipeline import Reconstructor
 from tests.helpers.analytic_surfaces import gaussian
+from tests.helpers.command_line import invoke, refused
 from tests.helpers.linear_sensor import linear_bundle, photograph
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import of_real, real_picture
 from tests.helpers.weighed import force_files
 
 SHAPE = (120, 160)
-app = typer.Typer()
-app.command()(command)
 
 
 @pytest.fixture
@@ -51,12 +47,7 @@ def press(path: Path, height: float = 8.0, shape: tuple[int, int] = SHAPE) -> Pa
 
 
 def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(a) for a in arguments])
-
-
-def refused(result: Result) -> str:
-    assert isinstance(result.exception, GellightError), result.output
-    return str(result.exception)
+    return invoke("reconstruct", *arguments)
 
 
 def test_maps_and_picture_of_each_image_are_written(tmp_path: Path, bundle: Path) -> None:
@@ -157,16 +148,24 @@ def test_a_bundle_that_does_not_know_its_gel_says_so_and_the_settings_may_tell(
 
 def test_a_contact_of_colours_that_nothing_learnt_is_said(tmp_path: Path) -> None:
     write_png(tmp_path / "bright.png", np.full((*SHAPE, 3), 255, np.uint8))
-    result = run(tmp_path / "bright.png", "--calibration", of_gel(tmp_path, 50.0), "--out", tmp_path / "out")
+    result = invoke(
+        "reconstruct", tmp_path / "bright.png", "--calibration", of_gel(tmp_path, 50.0), "--out", tmp_path / "out"
+    )
     assert result.exit_code == Ending.JUDGED_BAD
     assert re.search(r"not_learnt: \d+% of the contact is a guess \(\d+% too bright\)", result.stdout)
     assert len(findings(tmp_path / "out" / "bright.npz")) == 1
 
 
-@pytest.mark.real_images
-@pytest.mark.parametrize("name", ["gelsight_mini_ball/0001.png", "digit_ball/0002.png", "gripper_ball/0003.png"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "three_lights/press.png",
+        "ball_plate/plate.png",
+        *map(of_real, ("gelsight_mini_ball/0001.png", "digit_ball/0002.png", "gripper_ball/0003.png")),
+    ],
+)
 def test_the_bundle_of_another_sensor_is_found_out(tmp_path: Path, name: str) -> None:
-    picture = cv2.resize(cv2.imread(str(REAL_IMAGES / name)), (640, 480))
+    picture = cv2.resize(cv2.imread(str(real_picture(name))), (640, 480))
     cv2.imwrite(str(tmp_path / "real.png"), picture)
     result = run(tmp_path / "real.png", "--calibration", "synthetic", "--out", tmp_path / "out")
     assert result.exit_code == Ending.JUDGED_BAD
@@ -224,7 +223,9 @@ def test_a_missing_image_or_bundle_is_named(tmp_path: Path, bundle: Path) -> Non
 
 @pytest.mark.parametrize("option", [["--least-squares"], ["--white", "200"]])
 def test_an_option_that_would_change_nothing_is_refused(tmp_path: Path, bundle: Path, option: list[str]) -> None:
-    result = run(press(tmp_path / "a.png"), "--calibration", bundle, "--out", tmp_path / "out", *option)
+    result = invoke(
+        "reconstruct", press(tmp_path / "a.png"), "--calibration", bundle, "--out", tmp_path / "out", *option
+    )
     assert f"{option[0]} changes nothing with a bundle of one light" in refused(result)
     assert not (tmp_path / "out").exists()
 

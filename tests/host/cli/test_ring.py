@@ -7,14 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import Result
-from typer.testing import CliRunner
 
 from gellight.base.errors import GellightError
-from gellight.cli.main import app
 from gellight.ring.firmware.build import committed_image
 from gellight.ring.light_ring import LightRing
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
+from tests.helpers.command_line import invoke
 
 
 class WatchedTransport(VirtualTransport):
@@ -34,34 +32,30 @@ def board(monkeypatch: pytest.MonkeyPatch) -> Iterator[BenchBoard]:
     assert emulated.faults == []
 
 
-def gellight(*arguments: str) -> Result:
-    return CliRunner().invoke(app, arguments)
-
-
 def shown(board: BenchBoard) -> list[list[list[int]]]:
     return [board.timeline[k].colours.tolist() for k in range(len(board.timeline))]
 
 
 def test_info_tells_who_the_board_is_and_how_warm(board: BenchBoard) -> None:
     board.set_temperature(41.0)
-    told = json.loads(gellight("ring", "info", "--json").stdout)
+    told = json.loads(invoke("ring", "info", "--json").stdout)
     assert told["board"] == board.unique_id.hex().upper()
     assert abs(told["temperature_c"] - 41) < 0.5
     assert (told["dark"], told["running"], told["counters"]["bad_crc"]) == ("BOOT", False, 0)
-    text = gellight("ring", "info").stdout
+    text = invoke("ring", "info").stdout
     assert "chip at 41 °C" in text
     assert "nothing wrong" in text
 
 
 def test_set_lights_all_leds_and_leaves_them_dark(board: BenchBoard) -> None:
-    done = gellight("ring", "set", "102030", "--seconds", "0.01")
+    done = invoke("ring", "set", "102030", "--seconds", "0.01")
     assert (done.exit_code, done.stdout) == (0, "lit, 103 mA\n")  # 12 + 12 * 20 * (16 + 32 + 48) / 255, rounded up
     assert [[0x10, 0x20, 0x30]] * 12 in shown(board)
     assert not board.timeline.at(board.now_us).any()
 
 
 def test_configure_saves_the_wiring_and_starts_the_board_anew(board: BenchBoard) -> None:
-    done = gellight("ring", "configure", "--board", "xiao", "--order", "rgb", "--output", "middle")
+    done = invoke("ring", "configure", "--board", "xiao", "--order", "rgb", "--output", "middle")
     assert done.exit_code == 0, done.output
     assert "12 LEDs (RGB) at GPIO 2, trigger at GPIO 3, trigger output at GPIO 4 (middle" in done.stdout
     assert "Seeed XIAO RP2040 prints data, trigger, output as D8, D10, D9" in done.stdout
@@ -73,7 +67,7 @@ def test_configure_saves_the_wiring_and_starts_the_board_anew(board: BenchBoard)
 
 
 def test_configure_saves_load_switch_supply_and_limit_of_heat(board: BenchBoard) -> None:
-    done = gellight("ring", "configure", "--switch-pin", "134", "--supply-ma", "1200", "--hottest", "50")
+    done = invoke("ring", "configure", "--switch-pin", "134", "--supply-ma", "1200", "--hottest", "50")
     assert done.exit_code == 0, done.output
     assert "load switch at GPIO 6, dimmed above 50 °C" in done.stdout
     board.run(200_000)
@@ -96,13 +90,13 @@ def test_configure_saves_load_switch_supply_and_limit_of_heat(board: BenchBoard)
     ],
 )
 def test_a_wiring_that_cannot_be_changes_nothing(board: BenchBoard, options: list[str], words: str) -> None:
-    done = gellight("ring", "configure", *options)
+    done = invoke("ring", "configure", *options)
     assert words in str(done.exception)
     assert board.resets == 0
 
 
 def test_group_lights_only_the_leds_that_are_named(board: BenchBoard) -> None:
-    gellight("ring", "group", "0-2,7", "--colour", "ff0000", "--seconds", "0.01")
+    invoke("ring", "group", "0-2,7", "--colour", "ff0000", "--seconds", "0.01")
     board_lit = np.array([colours for colours in shown(board) if np.any(colours)][-1])
     assert np.flatnonzero(board_lit.any(axis=1)).tolist() == [0, 1, 2, 7]
 
@@ -111,9 +105,11 @@ def test_group_lights_only_the_leds_that_are_named(board: BenchBoard) -> None:
     ("arguments", "said"),
     [
         (("set", "ff"), "is no colour"),
+        (("set", "red"), "is no colour"),
         (("set", "101010", "--seconds", "-1"), "--seconds -1 is not possible"),
         (("set", "101010", "--seconds", "nan"), "--seconds nan is not possible"),
         (("group", "12"), "names no LEDs"),
+        (("group", "x"), "names no LEDs"),
         (("sequence", "--dwell-ms", "0.5"), "give 2 to 60000 ms"),
         (("sequence", "--dwell-ms", "nan"), "--dwell-ms nan is not possible"),
         (("set", "ffffff", "--seconds", "0.01"), "OVER_CURRENT"),
@@ -122,7 +118,7 @@ def test_group_lights_only_the_leds_that_are_named(board: BenchBoard) -> None:
 def test_what_cannot_be_is_refused_in_one_line_and_lights_nothing(
     board: BenchBoard, arguments: tuple[str, ...], said: str
 ) -> None:
-    done = gellight("ring", *arguments)
+    done = invoke("ring", *arguments)
     assert isinstance(done.exception, GellightError)
     assert said in str(done.exception)
     assert "\n" not in str(done.exception)
@@ -131,7 +127,7 @@ def test_what_cannot_be_is_refused_in_one_line_and_lights_nothing(
 
 def test_an_image_that_cannot_be_read_or_written_is_said_so(tmp_path: Path) -> None:
     for arguments in (("flash", "--image", str(tmp_path / "none.uf2")), ("flash", "--image", str(tmp_path))):
-        done = gellight("firmware", *arguments)
+        done = invoke("firmware", *arguments)
         assert isinstance(done.exception, GellightError)
         assert "cannot read" in str(done.exception)
 
@@ -159,7 +155,7 @@ def test_a_simulated_board_that_ends_is_told(monkeypatch: pytest.MonkeyPatch) ->
             threading.Timer(0.2, self._process.kill).start()
 
     monkeypatch.setattr(simulated_board, "SimulatedBoard", Noted)
-    done = gellight("sim", "--seconds", "30")
+    done = invoke("sim", "--seconds", "30")
     assert "has ended" in str(done.exception)
     assert not started[0].running
 
@@ -169,6 +165,6 @@ def test_building_the_firmware_asks_for_its_sources_before_any_compiler(
 ) -> None:
     """As from a wheel: there are no sources, and no compiler either."""
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    refused = str(gellight("firmware", "build", "--checkout", str(tmp_path)).exception)
+    refused = str(invoke("firmware", "build", "--checkout", str(tmp_path)).exception)
     assert f"{tmp_path} does not hold the sources of the firmware: clone GelLight's repository" in refused
     assert "pip" not in refused

@@ -9,14 +9,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from gellight.base.errors import ConfigError, InputError
 from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import load_settings
-from gellight.cli.main import app
 from gellight.cli.service import unit
 from tests.helpers import children
+from tests.helpers.command_line import invoke
 
 SENSOR = "sim://?object=BALL&depth=0.5&board=0"
 
@@ -101,7 +100,7 @@ SERVICE = ["service install --print", "service remove"]
 @pytest.mark.parametrize("name", NO_NAMES)
 @pytest.mark.parametrize("verb", ["run --sensor sim:// --frames 1", "record --out x.mcap", *SERVICE])
 def test_what_is_no_name_of_a_sensor_is_refused_wherever_it_is_given(verb: str, name: str, tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, [*verb.replace("x.mcap", str(tmp_path / "x.mcap")).split(), f"--name={name}"])
+    result = invoke(*verb.replace("x.mcap", str(tmp_path / "x.mcap")).split(), f"--name={name}")
     assert (result.exit_code, result.stdout, list(tmp_path.iterdir())) == (1, "", [])
     assert isinstance(result.exception, InputError)
     assert "is not possible: give at most 64 letters" in str(result.exception)

@@ -19,8 +19,8 @@ from gellight.daemon.calibration_service import CalibrationRequest as Request
 from gellight.daemon.calibration_service import CalibrationService as Service
 from gellight.daemon.frame_threads import SharedCamera
 from gellight.daemon.session import SensorSession
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.opening import open_camera
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.linear_sensor import linear_bundle, verified_bundle

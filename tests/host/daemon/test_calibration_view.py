@@ -17,11 +17,11 @@ from gellight.daemon.calibration_service import CalibrationRequest as Request
 from gellight.daemon.calibration_service import CalibrationService as Service
 from gellight.daemon.calibration_service import ViewFile
 from gellight.daemon.session import SensorSession
+from gellight.frame_path.picture_path import PicturePath
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
-from gellight.reconstruction.picture_path import PicturePath
-from gellight.reconstruction.pipeline import Reconstructor
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.dotted import sloping_gel, with_dots
 from tests.helpers.linear_sensor import linear_bundle, verified_bundle

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, CameraError, InputError
+from gellight.bundle.placeholder import placeholder
+from gellight.daemon.frame_threads import FrameThreads
 from gellight.daemon.session import SensorSession
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import TactileFrame
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.findings import WatchFinding
 from gellight.watch.monitor import Zero
 from tests.helpers.linear_sensor import linear_bundle, reference_image
@@ -308,7 +310,28 @@ def test_camera_and_reconstruction_run_first_if_asked(monkeypatch: pytest.Monkey
     with session_of(*parts, realtime=True) as daemon:
         daemon.wait_frame(0, 10)
         running = {thread.name: thread.native_id for thread in threading.enumerate()}
+        assert daemon.status()["priority"] == "real time"
     assert given == [(running[name], os.SCHED_FIFO, 10) for name in ("capture", "reconstruct")]
+
+
+def test_what_looks_now_and_then_uses_its_share_of_the_processor_at_most() -> None:
+    looks: list[float] = []
+
+    def busy(frame: TactileFrame) -> None:
+        end_s = time.thread_time() + 0.02
+        while time.thread_time() < end_s:
+            pass
+        looks.append(time.monotonic())
+
+    camera = ScriptedCamera(period_s=0.01)
+    threads = FrameThreads(camera, CountingReconstructor().reconstruct, lambda: placeholder((2, 2)))
+    threads.add_periodic(busy, 0.001, share=0.1)
+    threads.start()
+    time.sleep(1)
+    threads.stop()
+    camera.close()
+    assert len(looks) >= 2
+    assert min(np.diff(looks)) > 0.2
 
 
 def test_a_system_that_lets_nothing_run_first_is_told_of_and_the_camera_is_closed(

@@ -13,7 +13,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
 from gellight.daemon.installing import install, restore
 from gellight.daemon.session import SensorSession
-from gellight.reconstruction.pipeline import Reconstructor
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.linear_sensor import verified_bundle
 from tests.helpers.scripted_camera import LitCamera

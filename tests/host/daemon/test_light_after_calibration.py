@@ -14,8 +14,8 @@ from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
 from gellight.daemon.calibration_service import CalibrationRequest, CalibrationService
 from gellight.daemon.session import SensorSession
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.linear_sensor import verified_bundle
 from tests.helpers.scripted_camera import LitCamera

@@ -1,6 +1,13 @@
 """What runs, times what is put in while it runs: `-s` prints the table.
 
 A ball is pressed 1 mm deep. Each pair feels it, or is refused and what ran before feels it, two frames later.
+
+Trigger (`ext`) and free are lights that nobody waits for; the strobe of `sim://` is a wire to the emulated board. Three
+kinds of rows cannot be with them: network mode refuses them without a sequence, and a bundle with a lens or a view has
+no photometric mode. One with lights of its own is put in. The columns of `FEWER` stand for the others there; the
+environment variable MATRIX=whole tries all. Both lights need a board that keeps time. An emulated one stands still
+while a busy machine keeps it from the processor, as no crystal does: then no frame's light is known, the session ends
+as documented, and the table says `busy`. A machine with a core to spare fills these rows.
 """
 
 import os
@@ -29,14 +36,12 @@ PRESSED_MM = 1.0
 URL = f"sim://?object=BALL&depth={PRESSED_MM}"
 MOVED_ON = {"free": "&fps=10", "ext": "&fps=10&strobe=1"}
 """an emulated board keeps time to some milliseconds: lights that are not waited for need time between the frames"""
-WITHIN = {"directions": 0.2}
-"""of what is pressed, by bundle; lights that are only linear in the place, on flat gel, are no nearer. Others: 5 %"""
+WITHIN = 0.05
+"""of what is pressed"""
 PATIENCE_S = 20.0
 LONGEST_S = 60.0
 """a pair that takes longer hangs; on a busy machine the slowest took 15 s"""
 AWAY_READS = 5
-MOST_ENDED = 0
-"""times that a row is opened again; then the machine is too busy for lights that nobody waits for"""
 pytestmark = pytest.mark.timeout(900)
 ROWS = {
     "network": ("ordinary", "network", "hold"),
@@ -57,9 +62,8 @@ COLUMNS = (
     *BUNDLES, "zero", "light", "calibrated", "aborted", "unplugged", "unheard", "to network", "to photometric"
 )  # fmt: skip
 
-
 FEWER = ("ordinary", "lens", "directions", "calibrated", "unheard", "to network")
-"""for rows whose light is not waited for, which are slow; `MATRIX=whole pytest -s` tries all"""
+"""for rows whose light is not waited for, which are slow"""
 
 
 class Unplugged(CameraWrapper):
@@ -86,7 +90,7 @@ class Unplugged(CameraWrapper):
         return self._camera.read()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def bundles() -> dict[str, Bundle]:
     whole = small.ordinary()
     return {
@@ -113,11 +117,10 @@ def felt(session: SensorSession) -> str:
         frame = session.wait_frame(last, PATIENCE_S)
         last = frame.camera_frame.sequence
     assert session.status()["error"] is None, session.status()["error"]
+    assert session.zeroed_bundle.source == session.bundle.source, "another bundle computes"
     share = frame.contact.indentation_mm / PRESSED_MM
     if session.bundle.calibrated:
-        assert share == pytest.approx(1, abs=WITHIN.get(session.bundle.source, 0.05)), (
-            f"{session.mode} {session.bundle.source} feels {share:.3f}"
-        )
+        assert share == pytest.approx(1, abs=WITHIN), f"{session.mode} {session.bundle.source} feels {share:.3f}"
         return f"{share:.2f}"
     assert np.isnan(share)
     return "none"
@@ -163,8 +166,8 @@ def patient(job: Callable[[], object], patience_s: float = 4.0) -> None:
     while True:
         try:
             job()
-        except GellightError:
-            if time.monotonic() > until_s:
+        except GellightError as error:
+            if time.monotonic() > until_s or "so its zero cannot be set" in str(error):
                 raise
             time.sleep(0.2)
         else:
@@ -227,7 +230,7 @@ PASSING: dict[str, Callable[[SensorSession, Unplugged], None]] = {
 NO_LIGHT = "no frame of each light within"
 
 
-class Running:
+class OpenRow:
     """The session of one row, opened again where it ended as documented: the machine was too busy to tell its light."""
 
     def __init__(self, row: str, bundles: dict[str, Bundle]) -> None:
@@ -258,7 +261,7 @@ class Running:
         self._kept.close()
 
 
-def cell_of(running: Running, what: str, bundles: dict[str, Bundle], wrong: list[str]) -> str:
+def cell_of(running: OpenRow, what: str, bundles: dict[str, Bundle], wrong: list[str]) -> str:
     """What comes of putting it in; what must not be is added to `wrong`."""
     try:
         return f"ok {put_in(running.session, running.camera, what, bundles)}"
@@ -277,7 +280,7 @@ def cell_of(running: Running, what: str, bundles: dict[str, Bundle], wrong: list
         return "WRONG"
 
 
-def goes_on(running: Running) -> None:
+def goes_on(running: OpenRow) -> None:
     """What ran before feels what is pressed."""
     try:
         felt(running.session)
@@ -293,12 +296,12 @@ def test_what_runs_takes_what_is_put_in_or_refuses_it_and_feels_on(
 ) -> None:
     cells = table.setdefault(row, {})
     wrong: list[str] = []
-    running = Running(row, bundles)
+    running = OpenRow(row, bundles)
     with closing(running):
         goes_on(running)
         waited_for = ROWS[row][2] == "hold" or os.environ.get("MATRIX") == "whole"
         for what in COLUMNS if waited_for else FEWER:
-            if running.times_ended > MOST_ENDED:
+            if running.times_ended:
                 cells[what] = "busy"
                 continue
             begun_s = time.monotonic()

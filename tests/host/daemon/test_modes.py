@@ -9,8 +9,8 @@ from gellight.base.settings import ReconstructionSettings, Settings
 from gellight.bundle.bundle import load_bundle
 from gellight.daemon.active_pipeline import path_for
 from gellight.daemon.configuration import mode_config
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.lab.simulator.scene import Press
-from gellight.reconstruction.pipeline import Reconstructor
 from tests.benchmarks.photometric import Bench, object_presses
 from tests.helpers.children import gellight
 

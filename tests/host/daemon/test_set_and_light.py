@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, CameraError, InputError
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import ReconnectingError
 from gellight.opening import open_camera
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.sensor.set_and_light import SETTLING_FRAMES, set_and_light
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.scripted_camera import ScriptedCamera, ScriptedControls

@@ -20,7 +20,6 @@ def tactile_frame(sequence: int, time_s: float = 0.0) -> TactileFrame:
         camera_frame=camera_frame(sequence, time_s),
         difference=np.zeros((1, 1, 3), np.float32),
         gradient_map=np.zeros((1, 1, 2), np.float32),
-        normal_map=np.zeros((1, 1, 3), np.float32),
         depth_mm=flat,
         contact=contact,
         stage_seconds={"gelnet": 0.004},

@@ -1,7 +1,5 @@
 """Marker dots: found where there are some, nowhere else, and filled with the gel around them."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
@@ -10,7 +8,7 @@ from gellight.bundle.bundle import load_bundle
 from gellight.frames.dots import find_dots
 from gellight.frames.image_files import read_image
 from tests.helpers.dotted import DOT_PX, with_dots
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import of_real, real, real_picture
 
 
 def gel(noise: float = 1.0) -> np.ndarray:
@@ -45,22 +43,21 @@ def test_a_gel_without_dots_has_none() -> None:
     assert find_dots(dirty) is None
 
 
-@pytest.mark.real_images
 @pytest.mark.parametrize(
     "name",
     [
-        "gelsight_mini_ball/background.png",
-        "digit_ball/background.png",
-        "ninedtact/sensor_1/camera_calibration/ref.png",
-        "ninedtact/sensor_2/depth_calibration/rectify_crop_ref.png",
+        "ninedtact/1_view.png",
+        "ninedtact/2_upright_untouched.png",
+        "three_lights/untouched.png",
+        *map(of_real, ("gelsight_mini_ball/background.png", "digit_ball/background.png")),
     ],
 )
 def test_real_gels_without_dots_have_none(name: str) -> None:
-    assert find_dots(read_image(REAL_IMAGES / name)) is None
+    assert find_dots(read_image(real_picture(name))) is None
 
 
-@pytest.mark.real_images
+@pytest.mark.real_images("dots")
 def test_the_dots_of_a_real_gel_are_found() -> None:
-    dots = find_dots(read_image(Path(REAL_IMAGES / "dots/bg-0.jpg")))
+    dots = find_dots(read_image(real("dots") / "bg-0.jpg"))
     assert dots is not None
     assert dots.count > 126  # 140 on the gel, some more in the mirror below it

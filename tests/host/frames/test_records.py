@@ -13,9 +13,9 @@ import gellight
 import gelnet
 import sim_reference
 from gellight.bundle.bundle import load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, Contact, GroundTruth, LightLabel, LightState, TactileFrame
 from gellight.opening import open_camera
-from gellight.reconstruction.pipeline import Reconstructor
 
 
 def classes() -> Iterator[type]:

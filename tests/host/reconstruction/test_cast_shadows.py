@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from gellight.bundle.bundle import load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.pixel_grid import block_means
 from gellight.lab.simulator.scene import Press, Scene
@@ -15,7 +16,6 @@ from gellight.photometric.lights_file import FILE_NAME
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
-from gellight.reconstruction.pipeline import Reconstructor
 from sim_reference import imaging
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry

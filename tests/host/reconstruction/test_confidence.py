@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle, write_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.measures import CLIPPED, DARK, ELSEWHERE, STEEP, STRANGE
 from gellight.lab.simulator.scene import Press, Scene
@@ -14,7 +15,6 @@ from gellight.reconstruction.confidence import Learnt, confidence_of, steepest_o
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.lens.lens_file import lens_of, read_record
 from gellight.reconstruction.measures import BundleMeasures
-from gellight.reconstruction.pipeline import Reconstructor
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.linear_sensor import linear_network

@@ -25,7 +25,7 @@ def hertz(shape: tuple[int, int], radius: float, indentation: float, centre: tup
 
 FINER = 3
 STEEP = 1.24
-"""of a Gaussian's standard deviation: so far out it is 0.95 times as steep as at its steepest, 1 away"""
+"""in standard deviations of a Gaussian: there it is 0.95 times as steep as at its steepest, 1 away"""
 
 
 @pytest.mark.parametrize("radius", [8, 20, 60])

@@ -7,7 +7,6 @@ import pytest
 
 from gellight.frames.frames import CameraFrame, Contact, GroundTruth, TactileFrame
 from gellight.reconstruction.errors import surface_errors
-from gellight.reconstruction.integration import normals
 
 SHAPE = (6, 8)
 
@@ -18,7 +17,6 @@ def frame(depth_mm: np.ndarray, gradient_map: np.ndarray) -> TactileFrame:
         camera_frame=CameraFrame(image=image, time_s=0.0, sequence=0),
         difference=image.astype(np.float32),
         gradient_map=gradient_map,
-        normal_map=normals(gradient_map),
         depth_mm=depth_mm,
         contact=Contact(mask=np.ones(SHAPE, np.bool_), area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
     )

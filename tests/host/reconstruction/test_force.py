@@ -7,11 +7,11 @@ import pytest
 
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import extend_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.measures import BEYOND_VIEW, HEAVIER
 from gellight.reconstruction.force import ForceScale, Layer, compliance
 from gellight.reconstruction.force_file import read_force
-from gellight.reconstruction.pipeline import Reconstructor
 from sim_reference import gel
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.weighed import LAYER, MODULUS_MPA, PIXEL_MM, SHAPE, force_files, weighed

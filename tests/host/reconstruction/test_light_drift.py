@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gellight.bundle.bundle import load_bundle, write_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.light_drift import light_drift
-from gellight.reconstruction.pipeline import Reconstructor
 from tests.helpers.analytic_surfaces import gaussian
 from tests.helpers.linear_sensor import linear_bundle, photograph
 

@@ -9,12 +9,12 @@ import pytest
 from onnx import helper
 
 from gellight.bundle.bundle import load_bundle
+from gellight.frame_path.pipeline import Form, Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.opening import open_camera
 from gellight.reconstruction import linearised
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.network_session import NetworkSession
-from gellight.reconstruction.pipeline import Form, Reconstructor
 from tests.benchmarks.frame_times import scenes
 from tests.helpers.analytic_surfaces import gaussian
 from tests.helpers.linear_sensor import linear_bundle, linear_network, photograph

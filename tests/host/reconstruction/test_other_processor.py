@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.frame_path import pipeline
 from gellight.frames.frames import CameraFrame
-from gellight.reconstruction import pipeline
 from gellight.reconstruction.native import build, judge, library
 from tests.benchmarks.frame_times import halved, scenes
 from tests.helpers.linear_sensor import linear_bundle
@@ -61,8 +61,8 @@ def test_a_library_that_is_wrong_there_is_seen(aarch64: OtherProcessor, monkeypa
 
     def call(self: OtherProcessor, function: str, *arguments: object) -> int:
         found = right(self, function, *arguments)  # type: ignore[arg-type]
-        if function == "slopes_and_normals":
-            arguments[2][5, 5, 0] += 0.01  # type: ignore[index]
+        if function == "gradient_map":
+            arguments[1][5, 5, 0] += 0.01  # type: ignore[index]
         return found
 
     monkeypatch.setattr(OtherProcessor, "call", call)

@@ -14,7 +14,7 @@ COMPUTED_BY = """
 import logging
 logging.basicConfig()
 from gellight.bundle.bundle import load_bundle
-from gellight.reconstruction.pipeline import Reconstructor
+from gellight.frame_path.pipeline import Reconstructor
 import gellight
 print(gellight.__file__)
 print(Reconstructor(load_bundle("synthetic")).status()["computed_by"])

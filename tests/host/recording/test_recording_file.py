@@ -18,11 +18,11 @@ from rosbags.typesys import Stores, get_typestore
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import CameraFrame, CaptureStamp, EncodedImage, LightLabel, LightState
 from gellight.frames.measures import MapOnRequest
 from gellight.opening import open_camera
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.recording import recording_file
 from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import (

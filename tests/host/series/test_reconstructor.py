@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Bundle, write_bundle
+from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import TactileFrame
 from gellight.lab.simulator.scene import Press
 from gellight.photometric.light_model import LightGroups
 from gellight.photometric.solver import LEAST_LIGHTS
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.series.reconstructor import STAGES, PhotometricReconstructor
-from tests.helpers.linear_sensor import linear_network
-from tests.helpers.simulated_gel import PIXEL_MM, RING, Gel
+from tests.helpers.simulated_gel import RING, Gel
 
 BALL = Press("BALL", 1.0, 4.0, -3.0)
 
@@ -26,16 +25,7 @@ def gel() -> Gel:
 
 @pytest.fixture(scope="module")
 def bundle(gel: Gel, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    return write_bundle(
-        tmp_path_factory.mktemp("photometric") / "bundle",
-        sensor="simulated",
-        reference=gel.mean(RING.colours, 8),
-        reference_frames=8,
-        noise_grey=1.0,
-        pixel_size_mm=PIXEL_MM,
-        network=linear_network(),
-        metrics={},
-    )
+    return gel.bundle(tmp_path_factory.mktemp("photometric") / "bundle")
 
 
 @pytest.fixture(scope="module")

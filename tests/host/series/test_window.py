@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.bundle.bundle import Bundle, write_bundle
+from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, ExposureSeries, LightLabel, LightState, TactileFrame
 from gellight.lab.simulator.scene import Press
 from gellight.photometric.light_model import LightGroups
@@ -15,7 +15,6 @@ from gellight.reconstruction.integration import angle_deg, normals
 from gellight.series import window
 from gellight.series.reconstructor import PhotometricReconstructor
 from gellight.series.window import WindowReconstructor
-from tests.helpers.linear_sensor import linear_network
 from tests.helpers.simulated_gel import GROUPS, PIXEL_MM, RING, Gel
 
 BALL = Press("BALL", 1.0, 4.0, -3.0)
@@ -31,17 +30,7 @@ def gel() -> Gel:
 
 @pytest.fixture(scope="module")
 def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    plain = Gel(seed=13)
-    return write_bundle(
-        tmp_path_factory.mktemp("window") / "bundle",
-        sensor="simulated",
-        reference=plain.mean(RING.colours, 8),
-        reference_frames=8,
-        noise_grey=1.0,
-        pixel_size_mm=PIXEL_MM,
-        network=linear_network(),
-        metrics={},
-    )
+    return Gel(seed=13).bundle(tmp_path_factory.mktemp("window") / "bundle")
 
 
 def windows(gel: Gel, presses: list[Press | None]) -> list[ExposureSeries]:

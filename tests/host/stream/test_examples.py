@@ -23,7 +23,7 @@ from gellight.stream.wire import encode
 from tests.helpers.children import run
 from tests.helpers.doc_examples import examples
 from tests.helpers.fem_presses import force_n
-from tests.helpers.places import CHECKOUT, REAL_IMAGES
+from tests.helpers.places import CHECKOUT, real
 from tests.helpers.streamed import bump_daemon, full_frame
 from tests.helpers.weighed import HeavyFrames
 
@@ -46,6 +46,16 @@ def test_an_example_runs(name: str, says: str, tmp_path: Path) -> None:
     with daemon, Publisher(daemon):
         done = run([sys.executable, EXAMPLES / name], cwd=tmp_path, check=True)
     assert says in done.stdout
+
+
+def test_the_force_along_the_gel_is_told_as_the_document_shows() -> None:
+    """In docs/shear.md a ball is dragged to the right and down: it pulls so, and turns nothing."""
+    (code,) = examples("docs/shear.md")
+    said = run([sys.executable, "-c", code], check=True).stdout
+    x, y, x_error, _, turned = map(float, re.findall(r"-?[0-9.]+[0-9]+(?:e-?[0-9]+)?", said))
+    assert 0.2 < x < 0.4
+    assert y == pytest.approx(x / 3, abs=3 * x_error)
+    assert abs(turned) < 0.1
 
 
 def test_a_gripper_stops_at_one_newton() -> None:
@@ -93,9 +103,9 @@ def test_pictures_without_a_calibration_show_where_and_how_large(tmp_path: Path)
     assert read_image(tmp_path / "seen/ball.png").shape == (480, 640, 3)
 
 
-@pytest.mark.real_images
+@pytest.mark.real_images("gelsight_mini_ball")
 def test_pictures_of_a_real_sensor_show_it_as_well_as_the_page_says() -> None:
-    tell, folder, off = runpy.run_path(str(EXAMPLES / "touched.py")), REAL_IMAGES / "gelsight_mini_ball", []
+    tell, folder, off = runpy.run_path(str(EXAMPLES / "touched.py")), real("gelsight_mini_ball"), []
     with (folder / "presses.csv").open() as file:
         for press in csv.DictReader(file):
             x, y, radius = (float(press[name]) for name in ("center_x_px", "center_y_px", "contact_radius_px"))

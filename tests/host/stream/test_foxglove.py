@@ -32,6 +32,7 @@ TOPICS = {
     "/gellight/points": "sensor_msgs/msg/PointCloud2",
     "/gellight/contact": "geometry_msgs/msg/PointStamped",
     "/gellight/contact/wrench": "geometry_msgs/msg/WrenchStamped",
+    "/gellight/contact/wrench_covariance": "std_msgs/msg/Float64MultiArray",
     "/gellight/contacts": "sensor_msgs/msg/PointCloud2",
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
 }

@@ -5,7 +5,6 @@ import json
 import os
 import re
 import shlex
-import socket
 import subprocess
 import sys
 import threading
@@ -21,6 +20,7 @@ import zenoh
 
 from tests.helpers import children
 from tests.helpers.places import CHECKOUT
+from tests.helpers.streamed import free_port
 
 README = (CHECKOUT / "README.md").read_text()
 SECTION = README.partition("## Use it from your robot")[2].partition("\n## ")[0]
@@ -46,11 +46,6 @@ def running(arguments: list[str], says: str) -> Iterator[tuple[Popen[Any], str]]
                 yield verb, line
                 return
         raise AssertionError(f"it ended with {verb.wait()}")
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return int(probe.getsockname()[1])
 
 
 def test_every_block_is_tried() -> None:

@@ -20,10 +20,10 @@ from rosbags.typesys import Stores, get_typestore
 import gellight
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import extend_bundle
+from gellight.frame_path import pipeline
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
-from gellight.reconstruction import pipeline
 from gellight.reconstruction.native import library
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.recording.array_files import STEP, write_arrays
 from gellight.recording.lerobot_files import write_lerobot
 from gellight.recording.recording_file import CHUNK_BYTES, DepthKind, Recording, depth_image

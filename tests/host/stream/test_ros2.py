@@ -27,7 +27,7 @@ from gellight.stream.ros_topics import RosTopics
 from gellight.tracking.rigid import pose_of
 from tests.helpers.children import gellight, run
 from tests.helpers.places import CHECKOUT
-from tests.helpers.streamed import bump_daemon, full_frame
+from tests.helpers.streamed import bump_daemon, free_port, full_frame
 from tests.helpers.weighed import HeavyFrames
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
@@ -71,11 +71,6 @@ reader = ROS2Subscriber(topic, kind, show, msg_definition=text, type_hash=store.
 ok = came.wait(30)
 os._exit(0 if ok else 1)
 """
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return int(probe.getsockname()[1])
 
 
 @pytest.fixture

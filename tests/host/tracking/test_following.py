@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from gellight.base.settings import Settings
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, Provenance, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.simulator.sequence import read_sequence, write_sequence
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.tracking.following import GAP_S, ObjectFollower
 from gellight.tracking.rigid import inverse, twist_of
 from sim_reference.geometry import SensorGeometry

@@ -19,9 +19,9 @@ from gellight.watch.other_unit import CERTAIN_MATCH, UnitCheck
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.linear_sensor import linear_network
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import REAL_CROPS, real
 
-MINI, DIGIT, NINE = REAL_IMAGES / "gelsight_mini_ball", REAL_IMAGES / "digit_ball", REAL_IMAGES / "ninedtact"
+MINI, DIGIT = real("gelsight_mini_ball"), real("digit_ball")
 
 
 def bundle_of(folder: Path, untouched: np.ndarray, own: list[np.ndarray]) -> Bundle:
@@ -47,7 +47,7 @@ def mini(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     return bundle_of(tmp_path_factory.mktemp("mini") / "b", read_image(MINI / "background.png"), presses(MINI)[::4])
 
 
-@pytest.mark.real_images
+@pytest.mark.real_images("gelsight_mini_ball", "digit_ball")
 def test_no_press_of_the_own_unit_is_another_unit(mini: Bundle, tmp_path: Path) -> None:
     check = UnitCheck(mini)
     assert [check.figures(image).reason for image in presses(MINI)] == [""] * 33
@@ -56,29 +56,27 @@ def test_no_press_of_the_own_unit_is_another_unit(mini: Bundle, tmp_path: Path) 
     assert {digit.figures(image).reason for image in others} == {""}
 
 
-@pytest.mark.real_images
+@pytest.mark.real_images("gelsight_mini_ball", "digit_ball", "dots")
 def test_every_picture_of_another_make_is_another_unit(mini: Bundle, tmp_path: Path) -> None:
-    others = [read_image(DIGIT / "background.png"), read_image(REAL_IMAGES / "dots/bg-0.jpg"), *presses(DIGIT)[::4]]
+    others = [read_image(DIGIT / "background.png"), read_image(real("dots") / "bg-0.jpg"), *presses(DIGIT)[::4]]
     check = UnitCheck(mini)
     assert all("fine pattern" in check.figures(image).reason for image in others)
     digit = UnitCheck(bundle_of(tmp_path / "digit", read_image(DIGIT / "background.png"), []))
     assert all("colours differ by" in digit.figures(image).reason for image in presses(MINI))
 
 
-@pytest.mark.real_images
 @pytest.mark.parametrize("unit", [1, 2])
 def test_two_white_units_of_one_make_are_told_apart_by_their_pattern(unit: int, tmp_path: Path) -> None:
     def pictures(number: int) -> list[np.ndarray]:
-        place = NINE / f"sensor_{number}"
-        return [read_image(place / name) for name in ("depth_calibration/ref.png", "depth_calibration/sample.png")]
+        return [read_image(REAL_CROPS / f"ninedtact/{number}_{name}.png") for name in ("untouched", "press")]
 
-    untouched = read_image(NINE / f"sensor_{unit}" / "camera_calibration/ref.png")
+    untouched = read_image(REAL_CROPS / f"ninedtact/{unit}_view.png")
     check = UnitCheck(bundle_of(tmp_path / "b", untouched, pictures(unit)))
     assert [check.figures(image).reason for image in pictures(unit)] == ["", ""]
     assert all("fine pattern" in check.figures(image).reason for image in pictures(3 - unit))
 
 
-@pytest.mark.real_images
+@pytest.mark.real_images("digit_ball")
 def test_three_minutes_between_two_real_pictures_of_a_unit_are_no_other_unit(tmp_path: Path) -> None:
     first, last = (read_image(DIGIT / name).astype(float) for name in ("background.png", "background_scripts_0000.png"))
     check, random = UnitCheck(bundle_of(tmp_path / "b", first, presses(DIGIT)[::4])), np.random.default_rng(1)

@@ -9,17 +9,19 @@ import pytest
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.daemon import assembly
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
+from gellight.frames.image_files import read_image
 from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.training import Learning, TrainingOptions, fit
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
 from tests.benchmarks.real_sets import SETS
 from tests.helpers.linear_sensor import linear_bundle
+from tests.helpers.places import real
 from tests.helpers.weighed import LAYER, force_files
 
 NOISE = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
@@ -77,8 +79,13 @@ def test_the_deepest_presses_of_the_simulated_sensor_can_be(watched_scene: Scene
     assert not [*impossible_depth(frame, gel_thickness_mm(synthetic)), *guessed_contact(frame)]
 
 
-@pytest.mark.real_images
-@pytest.mark.parametrize("name", ["mini", "digit"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("mini", marks=pytest.mark.real_images("gelsight_mini_ball")),
+        pytest.param("digit", marks=pytest.mark.real_images("digit_ball")),
+    ],
+)
 def test_every_press_of_a_real_sensor_can_be_by_its_own_bundle(tmp_path: Path, name: str) -> None:
     known = SETS[name](tmp_path)
     short = Learning(options=TrainingOptions(recipe="fast", epochs=4))
@@ -89,3 +96,6 @@ def test_every_press_of_a_real_sensor_can_be_by_its_own_bundle(tmp_path: Path, n
     ]
     assert min(frame.contact.indentation_mm for frame in frames) > 0.1
     assert not [finding for frame in frames for finding in (*impossible_depth(frame, 5.0), *guessed_contact(frame))]
+    if name == "digit":  # a second picture of the untouched gel, of another day
+        later = CameraFrame(image=read_image(real("digit_ball") / "background.png"), time_s=1.0, sequence=1)
+        assert path.reconstruct(later).contact.area_mm2 == 0

@@ -11,13 +11,13 @@ from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 from tests.helpers.linear_sensor import linear_network
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import real
 
-REAL = REAL_IMAGES / "gelsight_mini_ball"
+REAL = real("gelsight_mini_ball")
 NOISE_GREY = 2.0
 
 
-@pytest.mark.real_images
+@pytest.mark.real_images("gelsight_mini_ball")
 def test_real_presses_are_touches_and_no_faults(tmp_path: Path) -> None:
     untouched = read_image(REAL / "background.png")
     bundle = write_bundle(

@@ -7,10 +7,10 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.simulator.scene import Press
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.cells import spread
 from gellight.watch.expected import ErrorEstimate
 from gellight.watch.findings import WatchFinding
@@ -153,18 +153,8 @@ def test_the_expected_error_is_the_error_that_presses_then_show(
     assert expected["zero_deg"] == pytest.approx(angle_deg(untouched.normal_map, normals(flat)).mean(), rel=0.05)
     assert expected["zero_mm"] == pytest.approx(np.abs(untouched.depth_mm).mean(), rel=0.05)
     assert expected["zero_most_mm"] == pytest.approx(np.abs(untouched.depth_mm).max(), rel=0.1), "what the page shows"
-    extra = contact_error_deg(sensor, again) - 0.5  # what the bundle itself is wrong by, in contact
+    extra = sensor.contact_error_deg(again) - 0.5  # what the bundle itself is wrong by, in contact
     assert extra / 2 < expected["gain_deg"] < 2 * extra + 0.3
-
-
-def contact_error_deg(sensor: WatchedSensor, reconstructor: Reconstructor) -> float:
-    errors = []
-    for place in ((0.0, 0.0), (-9.0, 4.0), (8.0, -6.0), (10.0, 5.0)):
-        press = Press("BALL", 1.0, *place)
-        felt = reconstructor.reconstruct(sensor.frame(press).camera_frame)
-        surface = sensor.scene.show(press)[1]
-        errors.append(angle_deg(felt.normal_map, normals(surface.gradient_map))[surface.contact].mean())
-    return float(np.mean(errors))
 
 
 def test_a_sound_sensor_expects_no_error(new_sensor: New, synthetic: Bundle) -> None:

@@ -14,7 +14,7 @@ POLL_S = 0.05
 
 
 def calibrate(url: str, folder: str, presses: int) -> dict[str, Any]:
-    """Calibrate as a user at the terminal would until so many presses are taken, and stop; report what is due."""
+    """Calibrate as a user at the terminal would until that many presses are taken, and stop; report what is due."""
     place, circles, confirmed = Path(folder), dict[int, dict[str, float]](), {"prepare", "reference"}
     # The routine tries its trainer first; to import PyTorch takes minutes on the emulated processor.
     training = TrainingOptions(trainer="numpy")

@@ -19,7 +19,7 @@ from tests.vm.inside.agent import report
 from tests.vm.inside.plugging import video_link
 
 SLOW_S = 0.12
-"""so long a slow program works on each picture"""
+"""how long a slow program works on each picture"""
 FIXED = {"exposure_us": "8000", "gain": "0", "white_balance_k": "4600"}
 """the values with which the virtual camera shows what the simulated one took"""
 

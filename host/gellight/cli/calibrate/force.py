@@ -16,7 +16,10 @@ from gellight.reconstruction.force_file import ForceRecord
 @with_options
 def command(
     forces: Annotated[
-        Path, typer.Argument(help="CSV: image,force_n for known weights, or unix_s,force_n of a load cell")
+        Path,
+        typer.Argument(
+            help="CSV: image,force_n of weights, or unix_s,force_n of a load cell; object where several press"
+        ),
     ],
     gel_thickness_mm: Annotated[float, typer.Option(help="thickness of the soft gel, mm")],
     calibration: Annotated[str, typer.Option(help="bundle that the force is added to")],
@@ -45,7 +48,14 @@ def _text(record: ForceRecord, out: Path) -> str:
             f"{record.readings} readings in contact, {record.lightest_n:g} to {record.heaviest_n:g} N",
             f"modulus   {record.youngs_modulus_mpa:.4g} MPa of a layer of {record.gel_thickness_mm:g} mm",
             f"error     {100 * record.error_share:.1f} % of a force, and {record.error_floor_n:.3g} N",
+            *_others(record),
             f"the load cell came {record.lag_s:g} s after the pictures",
             f"wrote {out}",
         ]
     )
+
+
+def _others(record: ForceRecord) -> list[str]:
+    if record.other_objects_share is None:
+        return ["objects   one: how well others are weighed nobody knows (name them in a column `object`)"]
+    return [f"objects   {100 * record.other_objects_share:.1f} % of a force off on each one that was left out, rms"]

@@ -270,7 +270,12 @@ def radius_line(refinement: Mapping[str, Any] | None) -> list[str]:
     used = (
         f"the light's are used ({sure} images show them)" if sure else "too few images show them: the labels' are kept"
     )
-    return [f"the light shows contact radii {100 * (share - 1):+.1f} % from the labels'; {used}"]
+    lines = [f"the light shows contact radii {100 * (share - 1):+.1f} % from the labels'; {used}"]
+    if votes := refinement.get("votes"):
+        chosen = "refined circles" if votes["refined"] else "circles as labelled"
+        agree = f"to {votes['refined_deg']:.2f} deg by refined circles, to {votes['labelled_deg']:.2f} as labelled"
+        lines.append(f"learnt from {chosen}: pixels of presses held out agree on the ball's centre {agree}")
+    return lines
 
 
 def ball_warning(likely_mm: float | None, named_mm: float) -> list[str]:

@@ -22,7 +22,7 @@ export function slopesOf(depth, width, height, [pitchX, pitchY]) {
   return slopes;
 }
 
-/** Fill one of the two slopes of pixels from `from` up to `to` from neighbours so many pixels before and after. */
+/** Fill one of the two slopes of pixels from `from` up to `to` from the neighbours `before` and `after` it. */
 function fill(slopes, axis, depth, from, to, before, after, factor) {
   for (let i = from; i < to; i++) {
     const one = depth[i - before];

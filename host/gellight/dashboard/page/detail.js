@@ -12,7 +12,7 @@ const SAMPLES = 5;
 const SETTLING = 2; // the first pictures of a level compile shaders
 const EASY_MS = 40; // a picture that takes less than that leaves time for a finer one
 const EASY_PICTURES = 40; // as many easy pictures in a row before a finer level is tried, twice as many after each fall
-const SPARSE = 4; // where pictures are easy at the finest level, one in so many is timed
+const SPARSE = 4; // where pictures are easy at the finest level, one in SPARSE is timed
 const PAUSE_MS = 3000; // longer than that the page was asleep, not slow
 
 /** Steps down a level when the median picture takes longer than the budget, and up when there is time; `choose` overrides it. */

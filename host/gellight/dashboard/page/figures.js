@@ -1,7 +1,9 @@
 // The numbers of the page.
 
+import { node, row } from "./elements.js";
+
 const element = (id) => document.getElementById(id);
-/** `value` with so many digits, without a minus before zero; a dash where it is not known. */
+/** `value` with `digits` digits, without a minus before zero; a dash where it is not known. */
 export function fixed(value, digits) {
   if (typeof value !== "number") return "–";
   const text = value.toFixed(digits);
@@ -116,14 +118,4 @@ function checkRow(selfcheck, [key, name, unit, factor]) {
   const value = node("td", `${fixed(selfcheck[key] * factor, 2)} ${unit}`, judged);
   value.dataset.testid = `check-${key}`;
   return row(node("td", name, "dim"), value, node("td", bound === undefined ? "" : `≤ ${Number((bound * factor).toPrecision(3))}`, "dim"));
-}
-
-function row(...cells) {
-  const line = document.createElement("tr");
-  line.append(...cells);
-  return line;
-}
-
-function node(kind, text, className = "") {
-  return Object.assign(document.createElement(kind), { textContent: text, className });
 }

@@ -18,6 +18,7 @@ import { Recent } from "./recent.js";
 import { Relief } from "./relief.js";
 import { Ring } from "./ring.js";
 import { saveNpz, savePly, savePng } from "./saving.js";
+import { arrowsOf, showShear } from "./shear.js";
 import { judge, tellBanners } from "./state.js";
 import { listenToKeys, offerFullScreen } from "./toolbar.js";
 import { Tracking } from "./tracking.js";
@@ -200,7 +201,8 @@ function mark() {
 /** Draw what lies over the pictures: the line, the place pointed at, the numbers of the contacts. */
 function overlay() {
   const several = stats.contacts.length > 1 ? stats.contacts : [];
-  pictures.mark({ line: measure.line, point: measure.point, moving, labels: several.map(({ number, centroid_mm: place }) => [String(number), place]) });
+  const labels = several.map(({ number, centroid_mm: place }) => [String(number), place]);
+  pictures.mark({ line: measure.line, point: measure.point, moving, labels, ...arrowsOf(shown.header.shear) });
   stats.section = measure.section;
 }
 
@@ -236,6 +238,7 @@ function tick() {
   if (shown) {
     showContact(shown.header.contact);
     showForce(shown.header.force);
+    showShear(shown.header.shear, shown.header.force);
     truth.write(shown.header.truth);
     contacts.show(stats.contacts);
   }

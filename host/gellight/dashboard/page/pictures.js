@@ -49,11 +49,15 @@ export class Pictures {
     document.body.style.setProperty("--aspect", size[0] / size[1]);
   }
 
-  /** Draw over every picture: `line` ([start, end] or null), `point` (or null), `moving` (an object's `axes` and `path`, or null), `labels`. */
-  mark({ line, point, moving, labels }) {
+  /**
+   * Draw over every picture: `line` ([start, end] or null), `point` (or null), `moving` (an object's `axes` and
+   * `path`, or null), `labels` [[text, place], ...], `arrows`
+   * [[x, y, along x, along y], ...] and, larger, `pull` (one of these, or null).
+   */
+  mark({ line, point, moving = null, labels, arrows = [], pull = null }) {
     if (!this.#viewMm) return;
     const [width, height] = this.#viewMm;
-    const marked = JSON.stringify([width, height, line, point, moving, labels]);
+    const marked = JSON.stringify([width, height, line, point, moving, labels, arrows, pull]);
     if (marked === this.#marked) return;
     this.#marked = marked;
     for (const layer of this.#marks) {
@@ -65,6 +69,8 @@ export class Pictures {
         svg.append(...strokes(`M${moving.path.join("L")}`));
         moving.axes.forEach(([from, to], axis) => svg.append(...strokes(`M${from}L${to}`, `axis-${"xyz"[axis]}`)));
       }
+      if (arrows.length) svg.append(...strokes(arrows.map((one) => arrow(one, 0.4)).join("")));
+      if (pull) svg.append(...strokes(arrow(pull, 1)).map((made) => (made.classList.add("pull"), made)));
       if (point) svg.append(...strokes(cross(point, 0.8)));
       layer.replaceChildren(svg, ...labels.map(([text, place]) => this.#label(text, place)));
     }
@@ -120,6 +126,15 @@ function strokes(path, also = "") {
     made.setAttribute("d", path);
     return made;
   });
+}
+
+/** An arrow with a head of so many mm; none where it would be shorter than it is wide. */
+function arrow([x, y, dx, dy], head) {
+  const length = Math.hypot(dx, dy);
+  if (length < head / 4) return "";
+  const [ux, uy] = [(dx / length) * Math.min(head, length / 2), (dy / length) * Math.min(head, length / 2)];
+  const [tipX, tipY] = [x + dx, y + dy];
+  return `M${x} ${y}L${tipX} ${tipY}M${tipX - ux - uy / 2} ${tipY - uy + ux / 2}L${tipX} ${tipY}L${tipX - ux + uy / 2} ${tipY - uy - ux / 2}`;
 }
 
 function cross([x, y], size) {

@@ -1,6 +1,6 @@
 // What can be believed of what the page shows: one name for it, and the banners that say why.
 
-const STALE_S = 1; // without a new frame for so long the sensor is not live
+const STALE_S = 1; // a sensor whose newest frame is older is not live
 const BEHIND_S = 1; // a link that lies further behind is slow
 
 /**

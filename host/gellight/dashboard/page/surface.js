@@ -172,7 +172,7 @@ export class Surface {
     changed();
   }
 
-  /** Stand so far away that the whole gel is seen, however the box is shaped. */
+  /** Move the camera away until the whole gel is seen, whatever the shape of the box. */
   #aim() {
     const half = Math.tan((this.#camera.fov * Math.PI) / 360);
     const { widthMm = 40, heightMm = 30 } = this.#size;

@@ -2,6 +2,7 @@
 
 import { drawCurve, drawPlaces, drawSlopes } from "./charts.js";
 import { CirclePicture } from "./circle.js";
+import { node, row } from "./elements.js";
 import { figureRows } from "./wizard_figures.js";
 import { ACTION_NAMES, PICTURE_NAMES, STEP_NAMES, advice, instruction, pictureNote, presetNote } from "./wizard_texts.js";
 
@@ -330,15 +331,5 @@ element("kind").addEventListener("change", choosePreset);
 element("view").addEventListener("change", noteView);
 element("no-view").addEventListener("click", () => { element("view").value = ""; noteView(); });
 element("request").addEventListener("submit", (event) => { event.preventDefault(); begin(); });
-
-function row(...cells) {
-  const line = document.createElement("tr");
-  line.append(...cells);
-  return line;
-}
-
-function node(kind, text, className = "") {
-  return Object.assign(document.createElement(kind), { textContent: text, className });
-}
 
 poll();

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.lab.calibration.records import CheckErrors, PrismErrors
 from gellight.lab.training.polynomial import powers_up_to, ridge, terms_of
@@ -15,7 +16,6 @@ from gellight.lab.training.validation import press_error
 from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.lens.lens_file import has_lens, lens_of, read_record
 from gellight.reconstruction.lens.undistortion import circle_on_gel
-from gellight.reconstruction.pipeline import Reconstructor
 
 Floats = NDArray[np.float32]
 _LARGEST_TABLE = 60_000

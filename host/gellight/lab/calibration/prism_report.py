@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.image_files import read_image
 from gellight.lab.calibration.records import PrismVerification
 from gellight.lab.calibration.report_pictures import small_pictures
 from gellight.lab.calibration.state import PrismRecord
 from gellight.lab.report.html import box, section, table
 from gellight.lab.report.pictures import depth_picture, difference_picture, normal_picture
-from gellight.reconstruction.pipeline import Reconstructor
 
 
 def prism_tiles(means: PrismVerification) -> list[tuple[str, str]]:

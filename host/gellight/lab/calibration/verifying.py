@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import REPORT, Bundle, Description, load_bundle, write_bundle
 from gellight.bundle.limits import Limits
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.calibration.circle import circle_of, drawn
@@ -37,7 +38,6 @@ from gellight.lab.training.baselines import fit_lookup_table, fit_polynomial
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.table import PressTable
 from gellight.lab.training.validation import baseline_errors
-from gellight.reconstruction.pipeline import Reconstructor
 
 Floats = NDArray[np.float32]
 MORE_PRESSES = 12

@@ -10,7 +10,7 @@ from gellight.base.errors import InputError
 from gellight.lab.design import drawings, parts
 from gellight.lab.design.geometry import STRIP_WIDTH_MM, design_file, outer_radius_mm, ring_colours
 from gellight.lab.design.output import Files
-from gellight.lab.design.studies import BEYOND_ANGLES, BeyondResult, Setup, beyond_study, design_study, given_study
+from gellight.lab.design.studies import BEYOND_ANGLES, BeyondResult, StudySetup, beyond_study, design_study, given_study
 from gellight.lab.simulator.sweep import Study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer import design
@@ -51,7 +51,7 @@ class DesignResult:
         return design.chosen(self.candidates, "top1")
 
 
-def full_design_study(setup: Setup, wanted: design.Requirements) -> Study[DesignResult]:
+def full_design_study(setup: StudySetup, wanted: design.Requirements) -> Study[DesignResult]:
     """Return the study of designs that fulfil `wanted`, beside the given sensor and the methods beyond the paper."""
     candidates, given, beyond = design_study(setup, wanted), given_study(setup, wanted), beyond_study(setup)
     first, second = len(candidates.tasks), len(candidates.tasks) + len(given.tasks)

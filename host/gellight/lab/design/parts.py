@@ -128,15 +128,3 @@ def led_table(geometry: SensorGeometry) -> str:
         numbers = [360 * led / count, *at.tolist(), *axis.tolist()]
         rows.append(",".join([str(led), geometry.led_colours[led], *(f"{value:.5f}" for value in numbers)]))
     return "\n".join(rows) + "\n"
-
-
-def strip_facts(flat: Strip) -> list[tuple[str, float, str]]:
-    """Return the measures of the strip: name, value, unit."""
-    return [
-        ("sector", degrees(flat.sector_rad), "degrees"),
-        ("inner radius", flat.inner_radius_mm, "mm"),
-        ("middle radius", flat.middle_radius_mm, "mm"),
-        ("outer radius", flat.outer_radius_mm, "mm"),
-        ("pitch of the LEDs", degrees(flat.pitch_rad), "degrees"),
-        ("height of the cone", flat.rise_mm, "mm"),
-    ]

@@ -25,14 +25,14 @@ from sim_reference.optimizer.refraction import window_of
 Array = NDArray[np.float64]
 DESIGN_SAMPLING = Sampling(region_diameter_mm=30.0, size_px=128)
 BEYOND_THINNING, DESIGN_THINNING = 3, 2
-"""one in so many pixels is evaluated, because a study repeats itself a hundred times"""
+"""every third and every second pixel is evaluated, because a study repeats itself a hundred times"""
 BEYOND_ANGLES = tuple(radians(angle) for angle in range(5, 86, 8))
 PAPER_ANGLE_RAD = radians(29)
 CROSSTALK = np.array([[0.90, 0.08, 0.02], [0.06, 0.88, 0.06], [0.02, 0.08, 0.90]])
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setup:
+class StudySetup:
     """What all studies share: the sensor, the objects that are pressed into it, and the noise of its camera."""
 
     geometry: SensorGeometry
@@ -72,13 +72,13 @@ class Setup:
         return design.Place([near_field.scene(pressed, points)], x[points], y[points])
 
 
-def setup_of(
+def study_setup(
     geometry: SensorGeometry,
     press_mm: float,
     relief_mm: float,
     size_px: int,
     noise_grey: float = 1.0,
-) -> Setup:
+) -> StudySetup:
     """Return the setup of a study.
 
     `size_px` is the side of the square picture of each pressed object. Raises InputError for a press that is not
@@ -93,7 +93,7 @@ def setup_of(
         raise InputError(
             f"--relief {relief_mm:g} mm: it must be positive and less than the gel's {geometry.gel_thickness_mm:g} mm"
         )
-    return Setup(
+    return StudySetup(
         geometry=geometry,
         parameters=ObjectParameters(relief_mm=relief_mm),
         sampling=Sampling(size_px=size_px, press_depth_mm=press_mm),
@@ -101,12 +101,12 @@ def setup_of(
     )
 
 
-def coarse_errors(name: str, setup: Setup, groups: LightGroups) -> Any:
+def coarse_errors(name: str, setup: StudySetup, groups: LightGroups) -> Any:
     """Return MAE, Top5 and Top1 in rad of an object in every light group: (numbers, angles, 3) as lists."""
     return coarse.evaluate(setup.pressed(name, setup.sampling), groups).tolist()
 
 
-def coarse_study(setup: Setup, groups: LightGroups) -> Study[coarse.CoarseResult]:
+def coarse_study(setup: StudySetup, groups: LightGroups) -> Study[coarse.CoarseResult]:
     """Return the coarse study: one task an object."""
     return Study(
         [Task(name, coarse_errors, (name, setup, groups)) for name in setup.names],
@@ -129,7 +129,7 @@ class BeyondResult:
         return list(self.schemes)[1]
 
 
-def beyond_errors(name: str, setup: Setup) -> Any:
+def beyond_errors(name: str, setup: StudySetup) -> Any:
     """Return the lists of errors of `BeyondResult` for one object: curves and schemes, by name."""
     scenes = setup.press(name, setup.sampling, BEYOND_THINNING).scenes
     camera = setup.with_noise(LightGroups())
@@ -154,7 +154,7 @@ def beyond_errors(name: str, setup: Setup) -> Any:
     return {"curves": curves, "schemes": schemes}
 
 
-def beyond_study(setup: Setup) -> Study[BeyondResult]:
+def beyond_study(setup: StudySetup) -> Study[BeyondResult]:
     """Return the study of what goes beyond the paper: one task an object."""
 
     def averaged(errors: list[Any], part: str) -> dict[str, Array]:
@@ -166,29 +166,29 @@ def beyond_study(setup: Setup) -> Study[BeyondResult]:
     )
 
 
-def best_candidate(setup: Setup, requirements: design.Requirements) -> Any:
+def best_candidate(setup: StudySetup, requirements: design.Requirements) -> Any:
     """Return the best design for the one number of LEDs that is required, as fields of `design.Candidate`."""
     (candidate,) = design.optimise(setup.geometry, _place(setup), requirements)
     return asdict(candidate)
 
 
-def given_candidate(setup: Setup, requirements: design.Requirements) -> Any:
+def given_candidate(setup: StudySetup, requirements: design.Requirements) -> Any:
     """Return the sensor as it is, judged like a design, as fields of `design.Candidate`."""
     return asdict(design.assessed(setup.geometry, _place(setup), requirements, design.STARTING_GREY))
 
 
-def _place(setup: Setup) -> design.Place:
+def _place(setup: StudySetup) -> design.Place:
     sampling = replace(DESIGN_SAMPLING, press_depth_mm=setup.sampling.press_depth_mm)
     pressed = [setup.press(name, sampling, DESIGN_THINNING) for name in setup.names]
     return replace(pressed[0], scenes=[one.scenes[0] for one in pressed])
 
 
-def given_study(setup: Setup, requirements: design.Requirements) -> Study[design.Candidate]:
+def given_study(setup: StudySetup, requirements: design.Requirements) -> Study[design.Candidate]:
     """Return the study of the sensor as it is, judged like a design: one task."""
     return Study([Task("given", given_candidate, (setup, requirements))], lambda found: design.Candidate(**found[0]))
 
 
-def design_study(setup: Setup, requirements: design.Requirements) -> Study[list[design.Candidate]]:
+def design_study(setup: StudySetup, requirements: design.Requirements) -> Study[list[design.Candidate]]:
     """Return the study of the best designs: one task a number of LEDs."""
     return Study(
         [Task(f"{n} LEDs", best_candidate, (setup, replace(requirements, numbers=(n,)))) for n in requirements.numbers],

@@ -7,6 +7,7 @@ own loop stamps PIO edges late, so clocks, loop and USB host are ours.
 
 from collections.abc import Callable
 from functools import partial
+from math import inf
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,6 +17,8 @@ from rp2040py.simulator import Simulator
 from gellight.lab.emulator import clocks, registers
 from gellight.lab.emulator.bootrom import BOOT2_RAM, Function, rom_words
 from gellight.lab.emulator.busy_bus import B2, CHIP_ID, BusyBus
+from gellight.lab.emulator.flash_bus import RAN_ASTRAY, FlashBus, RomFlash
+from gellight.lab.emulator.flash_chip import FlashChip
 from gellight.lab.emulator.usb_host import UsbHost
 from gellight.lab.emulator.waveform import LightTimeline, Strip, WaveformDecoder
 from gellight.ring.firmware.image import FLASH_BASE, boot2_crc
@@ -23,11 +26,13 @@ from gellight.ring.protocol import Configuration
 
 FLASH_BYTES = 2 << 20
 RAM_BASE, RAM_END = 0x20000000, 0x20042000
-PIO0, USB, PSM = 0x50200, 0x50110, 0x40010
+PIO0, USB, PSM, ADC, IO_QSPI = 0x50200, 0x50110, 0x40010, 0x4004C, 0x40018
 """windows (address >> 12)"""
 VTOR = 0xE000ED08
 WATCHDOG_SELECTION, CRYSTAL = 0x8, 1 << 1
 """PSM_WDSEL: what a watchdog resets"""
+OUTPUT_OFF = 1 << 7
+"""of a pad"""
 CRYSTAL_WAIT_NS = 100_000.0
 NEVER_DUE = 1 << 62
 """of the emulator's PIO: no state machine runs, or all of them wait"""
@@ -73,9 +78,11 @@ class EmulatedBoard:
         self.timeline = LightTimeline(strip.leds)
         self.waveform = self.decoder(self.timeline, self.fault, strip)
         self.resets = 0
+        self._rom_flash: RomFlash | None = None
         self.in_bootloader = False
         self._past_ns = self._chip_ns = 0.0
         """before the last start of the chip, and since then"""
+        self.flash_chip = FlashChip(self.flash, unique_id, self._flash_ns, self.fault)
         self._start()
 
     def fault(self, text: str) -> None:
@@ -88,15 +95,20 @@ class EmulatedBoard:
         """Virtual time since the first power-on."""
         return (self._past_ns + self._chip_ns) / 1e3
 
+    def _flash_ns(self) -> float:
+        """What time it is for the flash, also within a function of the boot ROM."""
+        return self._past_ns + self._chip_ns + (self._rom_flash.elapsed_ns if self._rom_flash else 0.0)
+
     def _start(self, scratch: list[int] | None = None, reason: int = 0, crystal: clocks.Crystal | None = None) -> None:
         chip = self.chip = RP2040()
         chip.logger = log_of(self.fault)
         chip.load_bootrom(rom_words())
         chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(ROOM_C)
-        chip.flash[:FLASH_BYTES] = self.flash
         self._simulator = Simulator(rp2040=chip)
         chip.on_break = self._rom_function
         self._watchdog_fired = self._halted = False
+        self._waits_until_ns = 0.0
+        """the processor is inside a function of the boot ROM, which no interrupt ends"""
         chip.watchdog.on_watchdog_trigger = self._note_watchdog
         if scratch:
             chip.watchdog.scratch_data[:] = scratch
@@ -118,7 +130,7 @@ class EmulatedBoard:
         self._boot()
 
     def _install_registers(self, chip: Any) -> None:
-        self.resets_block = registers.Resets(lambda: self.host.unplugged())
+        self.resets_block = registers.Resets(self._usb_held)
         blocks = chip.peripherals
         blocks[0x4000C], blocks[0x40008], blocks[0x40024] = (
             self.resets_block,
@@ -127,13 +139,19 @@ class EmulatedBoard:
         )
         blocks[0x40000] = registers.RegisterBlock({0: self.revision << 28 | CHIP_ID})
         blocks[0x40028], blocks[0x4002C] = self.clocks.pll_sys, self.clocks.pll_usb
-        flash_bus = blocks[0x18000] = registers.FlashBus(self.unique_id, self.clocks.set_flash_divider)
-        chip.qspi[1].add_listener(lambda new, _old: flash_bus.select(not int(new)))
+        blocks[0x18000] = bus = FlashBus(chip, self.flash_chip, self.clocks.set_flash_divider, self.fault)
+        self._rom_flash = RomFlash(bus, blocks[IO_QSPI], lambda: self._cycle_ns, self.fault)
         for window, bit in registers.RESET_BITS.items():
             blocks[window] = registers.Guard(blocks[window], partial(self._held, bit), self.fault)
-        blocks[PIO0] = registers.Guard(blocks[PIO0].inner, self._pio_held, self.fault)
+        blocks[PIO0] = registers.PioGuard(blocks[PIO0].inner, self._pio_held, self.fault)
+        adc_held = partial(self._held, registers.RESET_BITS[ADC])
+        blocks[ADC] = registers.AdcGuard(blocks[ADC].inner, adc_held, self.fault, lambda: self.clocks.adc_hz)
         self.usb_guard = self.usb_block(chip, partial(self._held, registers.RESET_BITS[USB]), self.fault)
         blocks[USB] = self.usb_guard
+
+    def _usb_held(self) -> None:
+        self.usb_guard.unplugged()
+        self.host.unplugged()
 
     def _held(self, bit: int) -> bool:
         return bool(self.resets_block.held >> bit & 1)
@@ -180,7 +198,7 @@ class EmulatedBoard:
         self._watchdog_fired = self._halted = True
 
     def _pin_changed(self, level: int) -> None:
-        if level in (0, 1):
+        if level in (0, 1) and not self.chip.gpio[self.waveform.strip.pin].pad_value & OUTPUT_OFF:
             self.waveform.edge(self._past_ns + (self._pio_ns if self._pio_busy else self._chip_ns), bool(level))
 
     def _switch_changed(self, level: int) -> None:
@@ -189,21 +207,37 @@ class EmulatedBoard:
     def _rom_function(self, number: int) -> None:
         if number == Function.UB:
             self.in_bootloader = self._halted = True
-        elif number in (Function.RE, Function.RP):
-            self._change_flash(number)
-        elif number not in set(Function):
+        elif number == RAN_ASTRAY:
+            self._run_astray()
+        elif number in set(Function):
+            self._call_rom(Function(number))
+        else:
             self.fault(f"breakpoint {number}")
 
-    def _change_flash(self, number: int) -> None:
-        values = self.chip.core.registers
-        if not RAM_BASE <= values[14] < RAM_END:
-            self.fault(f"the flash was changed by code at 0x{values[14]:x}, which is not RAM")
+    def _call_rom(self, function: Function) -> None:
+        """Do what a function of the boot ROM does to the flash, and let the processor wait as long as it takes."""
+        rom, values = self._rom_flash, self.chip.core.registers
+        assert rom is not None
+        if function in (Function.RE, Function.RP):
+            self._check_caller(values[14])
+        if function == Function.RE:
+            rom.erase(values[0], values[1])
+        elif function == Function.RP:
+            rom.program(values[0], bytes(self.chip.read_uint8(values[1] + i) for i in range(values[2])))
+        else:
+            {Function.IF: rom.connect, Function.EX: rom.leave_xip, Function.FC: rom.flush,
+             Function.CX: rom.enter_xip}[function]()  # fmt: skip
+        self._wait(rom.elapsed_ns)
+        rom.elapsed_ns = 0.0
+
+    def _check_caller(self, returns_to: int) -> None:
+        if not RAM_BASE <= returns_to < RAM_END:
+            self.fault(f"the flash was changed by code at 0x{returns_to:x}, which is not RAM")
         if not self.chip.core.pm:
             self.fault("interrupts were on while the flash did not answer")
-        offset, count = (values[0], values[1]) if number == Function.RE else (values[0], values[2])
-        for i in range(count):
-            old = self.chip.flash[offset + i]
-            self.chip.flash[offset + i] = 0xFF if number == Function.RE else old & self.chip.read_uint8(values[1] + i)
+
+    def _wait(self, duration_ns: float) -> None:
+        self._waits_until_ns, self._halted = self._chip_ns + duration_ns, True
 
     def run(self, duration_us: float) -> None:
         """Let virtual time pass."""
@@ -230,6 +264,35 @@ class EmulatedBoard:
             self.waveform.settle(self._past_ns + self._chip_ns)
 
     def _run_slice(self, most_ns: float, steps: int = 32) -> None:
+        if self._chip_ns < self._waits_until_ns:
+            self._pass_time(min(self._chip_ns + most_ns, self._waits_until_ns))
+        else:
+            self._execute(most_ns, steps)
+            if self.chip.core.pc >= RAM_END:
+                self._run_astray()
+        if self._skipped_ns:
+            self._skip()
+        if self._watchdog_fired:
+            self._restart()
+
+    def _run_astray(self) -> None:
+        """A processor that is lost does nothing more, until the watchdog bites."""
+        self.fault(f"the processor runs astray, at 0x{self.chip.core.pc:08x}")
+        self._wait(inf)
+
+    def _pass_time(self, end_ns: float) -> None:
+        """Let the processor wait until something else is due."""
+        self._halted = self.in_bootloader
+        pio, cycle_ns = self.chip.pio[0], self._cycle_ns
+        cycles = self._idle_cycles(pio, end_ns)
+        self.chip.clock.tick(cycles * cycle_ns)
+        if self._pio_busy:
+            self._advance_pio(pio, cycles, cycle_ns)
+        else:
+            self._pio_behind += cycles
+        self._chip_ns += cycles * cycle_ns
+
+    def _execute(self, most_ns: float, steps: int) -> None:
         """Execute some instructions, or sleep until something is due."""
         core, pio, tick = self.chip.core, self.chip.pio[0], self.chip.clock.tick
         execute, chip_ns = core.execute_instruction, self._chip_ns
@@ -246,10 +309,6 @@ class EmulatedBoard:
             self._chip_ns = chip_ns = chip_ns + elapsed_ns
             if asleep or chip_ns >= end_ns or self._halted:
                 break
-        if self._skipped_ns:
-            self._skip()
-        if self._watchdog_fired:
-            self._restart()
 
     def _skip(self) -> None:
         self._halted = self.in_bootloader
@@ -262,6 +321,10 @@ class EmulatedBoard:
         if core.pending_interrupts & core.enabled_interrupts:
             core.waiting = False  # an interrupt that was pending before the WFI ends it at once
             return 1
+        return self._idle_cycles(pio, end_ns)
+
+    def _idle_cycles(self, pio: Any, end_ns: float) -> int:
+        """Cycles until something is due."""
         clock = self.chip.clock
         sleep = max(1, int((end_ns - self._chip_ns) // self._cycle_ns) + 1)
         if clock.has_scheduled_alarm:
@@ -291,7 +354,6 @@ class EmulatedBoard:
         """Start a new chip after the watchdog: flash and scratch registers stay, and so do LEDs and crystal."""
         self.resets += 1
         crystal = None if self.chip.read_uint32(PSM << 12 | WATCHDOG_SELECTION) & CRYSTAL else self.clocks.crystal
-        self.flash = bytearray(self.chip.flash[:FLASH_BYTES])
         scratch, reason = list(self.chip.watchdog.scratch_data), self.chip.watchdog.read_uint32(0x08)
         self._past_ns += self._chip_ns
         self._chip_ns = 0.0

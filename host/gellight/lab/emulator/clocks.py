@@ -25,7 +25,7 @@ CTRL, STATUS, STARTUP = 0x0, 0x4, 0xC
 """of XOSC"""
 CS, PWR, FBDIV, PRIM = 0x0, 0x4, 0x8, 0xC
 """of a PLL"""
-REF_CTRL, REF_SELECTED, SYS_CTRL, SYS_DIV, SYS_SELECTED, USB_CTRL = 0x30, 0x38, 0x3C, 0x40, 0x44, 0x54
+REF_CTRL, REF_SELECTED, SYS_CTRL, SYS_DIV, SYS_SELECTED, USB_CTRL, ADC_CTRL = 0x30, 0x38, 0x3C, 0x40, 0x44, 0x54, 0x60
 """of CLOCKS"""
 
 
@@ -125,7 +125,7 @@ class Generators(RegisterBlock):
 
     def __init__(self, changed: Callable[[], None]) -> None:
         """Tell when a clock may have changed."""
-        super().__init__({REF_CTRL: 0, SYS_CTRL: 0, SYS_DIV: 0x100, USB_CTRL: 0})
+        super().__init__({REF_CTRL: 0, SYS_CTRL: 0, SYS_DIV: 0x100, USB_CTRL: 0, ADC_CTRL: 0})
         self._changed = changed
 
     def read_uint32(self, offset: int) -> int:
@@ -170,7 +170,15 @@ class ClockTree:
     @property
     def usb_hz(self) -> float:
         """Frequency of clk_usb, 0 while it is off."""
-        control = self.generators.values[USB_CTRL]
+        return self._from_plls(USB_CTRL)
+
+    @property
+    def adc_hz(self) -> float:
+        """Frequency of clk_adc, 0 while it is off."""
+        return self._from_plls(ADC_CTRL)
+
+    def _from_plls(self, register: int) -> float:
+        control = self.generators.values[register]
         return {0: self.pll_usb.hz, 1: self.pll_sys.hz}.get(control >> 5 & 7, 0.0) if control >> 11 & 1 else 0.0
 
     def set_flash_divider(self, divider: int) -> None:

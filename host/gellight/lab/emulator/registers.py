@@ -8,6 +8,16 @@ from gellight.lab.emulator.busy_bus import DIRECT, MUXING, OVERRIDE, BusyBus
 FRAME_NS = 1e6
 SOF = 1 << 17
 """start of frame in INTR, INTE and INTS of the USB controller"""
+SOFTWARE_CONNECT, DATA_LINES = 1 << 3, 1 << 2 | 1 << 0
+"""USB_MUXING: the lines are connected, to the pads or to the PHY"""
+VBUS_FORCED = 1 << 3 | 1 << 2
+"""USB_PWR: VBUS is taken to be there, whatever no pin says"""
+PULL_UP, EACH_BUFFER = 1 << 16, 1 << 29
+"""SIE_CTRL, and the control word of an endpoint"""
+TXF0, FSTAT = 0x10, 0x04
+"""of a PIO"""
+ADC_HZ = 48e6
+ADC_ON, ADC_SENSOR, ADC_START, ADC_READY, ADC_TEMPERATURE = 1 << 0, 1 << 1, 1 << 2, 1 << 8, 4
 IO_QSPI, PADS_QSPI, SYSCFG, SYSINFO = 6, 9, 18, 19
 ALL_RESETS = 0x1FFFFFF
 RESET_BITS = {0x50000: 2, 0x40014: 5, 0x4001C: 8, 0x50200: 10, 0x50300: 11, 0x40028: 12, 0x4002C: 13, 0x40054: 21,
@@ -32,7 +42,7 @@ class RegisterBlock:
 
     def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
         """Write, toggle, set or clear bits (data sheet 2.1.2)."""
-        before = self.read_uint32(offset)
+        before = self.read_uint32(offset) if alias else 0
         self.write_uint32(offset, (value, before ^ value, before | value, before & ~value)[alias])
 
     def reset(self) -> None:
@@ -91,23 +101,86 @@ class Guard:
         self.inner.reset()
 
 
+class PioGuard(Guard):
+    """A PIO whose FIFO loses what is written while it is full (data sheet 3.7: FDEBUG, TXOVER)."""
+
+    def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
+        """Write through."""
+        machine = (offset - TXF0) // 4
+        if 0 <= machine < 4 and self.inner.read_uint32(FSTAT) >> 16 + machine & 1:
+            self._report(f"PIO: a word is lost, the FIFO of state machine {machine} is full")
+        super().write_uint32_atomic(offset, value, alias)
+
+
+class AdcGuard(Guard):
+    """The converter, which does nothing without its clock (data sheet 4.9)."""
+
+    def __init__(self, inner: Any, held: Callable[[], bool], report: Callable[[str], None],
+                 clock_hz: Callable[[], float]) -> None:  # fmt: skip
+        """Convert while `clock_hz` is that of clk_adc."""
+        super().__init__(inner, held, report)
+        self._clock_hz = clock_hz
+
+    def read_uint32(self, offset: int) -> int:
+        """Read through; never READY without clock or power."""
+        value = super().read_uint32(offset)
+        works = self._clock_hz() == ADC_HZ and self.inner.cs & ADC_ON
+        return value if offset or works else value & ~ADC_READY
+
+    def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
+        """Write through."""
+        super().write_uint32_atomic(offset, value, alias)
+        if offset == 0 and self.inner.cs & ADC_ON and self._clock_hz() != ADC_HZ:
+            self._report(f"ADC: clk_adc is {self._clock_hz() / 1e6:g} MHz, not 48 MHz")
+        sensor_read = self.inner.cs & ADC_START and self.inner.cs >> 12 & 7 == ADC_TEMPERATURE
+        if offset == 0 and sensor_read and not self.inner.cs & ADC_SENSOR:
+            self._report("ADC: the temperature sensor is read while it has no power")
+
+
 class UsbGuard(Guard):
-    """The USB controller with what the emulator leaves out: the start of a frame (data sheet 4.1)."""
+    """The USB controller with what the emulator leaves out: frames, and what has to be on (data sheet 4.1)."""
 
     def __init__(self, chip: Any, held: Callable[[], bool], report: Callable[[str], None]) -> None:
         """Let a frame begin each millisecond of the emulator's clock."""
         super().__init__(chip.usb_ctrl, held, report)
         self.bus: BusyBus | None = None
         """the hub to which it is plugged, where that matters"""
-        self._clock = chip.clock
+        self._clock, self._dpram = chip.clock, chip.usb_dpram
         self._frame_read = 0
         self._phy: dict[int, int] = {}
+        self._lines, self._attached = 0, False
         self._alarm = self._clock.create_alarm(self._begin_frame)
+        self._announce = self.inner._indicate_buffer_ready
+        self.inner._indicate_buffer_ready = self._buffer_done
+
+    def unplugged(self) -> None:
+        """The controller is held in reset."""
+        self._lines, self._attached = 0, False
+        self._phy.clear()
+
+    def _look_attached(self) -> None:
+        """A host that sees a pull-up resets the bus: controller on, data lines connected, VBUS there, pull-up on."""
+        inner = self.inner
+        lines = self._lines & SOFTWARE_CONNECT and self._lines & DATA_LINES
+        power = inner._usb_pwr & VBUS_FORCED == VBUS_FORCED
+        attached = bool(inner._main_ctrl & 1 and lines and power and inner._sie_ctrl & PULL_UP)
+        if attached and not self._attached:
+            inner.reset_device()
+        self._attached = attached
+
+    def _buffer_done(self, endpoint: int, out: bool) -> None:
+        """Buffers whose interrupt nobody asked for pass without a word."""
+        at = 8 * endpoint + 4 * out
+        control = int.from_bytes(self._dpram[at : at + 4], "little") if endpoint else self.inner._sie_ctrl
+        if control & EACH_BUFFER:
+            self._announce(endpoint, out)
+        else:
+            self._report(f"USB: a buffer of endpoint {endpoint} is done, and no interrupt was asked for")
 
     def read_uint32(self, offset: int) -> int:
         """Read through, but for SOF_RD: the number of the frame; reading it ends the interrupt."""
-        if offset in (DIRECT, OVERRIDE):
-            return self._phy.get(offset, 0)
+        if offset in (DIRECT, OVERRIDE, MUXING):
+            return self._lines if offset == MUXING else self._phy.get(offset, 0)
         value = super().read_uint32(offset)
         if offset == 0x50 and self.bus:
             return self.bus.status(value)
@@ -142,47 +215,10 @@ class UsbGuard(Guard):
             value = self._phy[offset] = (value, before ^ value, before | value, before & ~value)[alias]
         else:
             super().write_uint32_atomic(offset, value, alias)
+        if offset == MUXING:
+            self._lines = (value, self._lines ^ value, self._lines | value, self._lines & ~value)[alias]
         if self.bus and offset in (DIRECT, OVERRIDE, MUXING):
             self.bus.write(offset, value)
+        self._look_attached()
         if offset == 0x90 and self.inner._int_enable & SOF:
             self._await_frame()
-
-
-class FlashBus(RegisterBlock):
-    """The serial interface to the flash as far as the firmware drives it by itself: command 4Bh, the unique number."""
-
-    def __init__(self, unique_id: bytes, divided: Callable[[int], None]) -> None:
-        """Answer 4Bh with this number; `divided` hears by what the clock of the flash is divided."""
-        super().__init__()
-        self._divided = divided
-        self._unique_id = unique_id
-        self._sent = 0
-        self._command = 0
-        self._answers: list[int] = []
-
-    def select(self, selected: bool) -> None:
-        """Chip select: a command begins."""
-        self._sent = 0
-        self._answers.clear()
-
-    def read_uint32(self, offset: int) -> int:
-        """DR0 gives what came back; SR whether there is any."""
-        if offset == 0x28:
-            return 0x6 | (0x8 if self._answers else 0)
-        if offset == 0x60:
-            return self._answers.pop(0) if self._answers else 0
-        return super().read_uint32(offset)
-
-    def write_uint32(self, offset: int, value: int) -> None:
-        """DR0 sends a byte, and one comes back."""
-        super().write_uint32(offset, value)
-        if offset == 0x14:
-            self._divided(value)
-        if offset != 0x60:
-            return
-        if self._sent == 0:
-            self._command = value & 0xFF
-        position = self._sent - 5  # after the command and four dummy bytes
-        known = self._command == 0x4B and 0 <= position < 8
-        self._answers.append(self._unique_id[position] if known else 0xFF)
-        self._sent += 1

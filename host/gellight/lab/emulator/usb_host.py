@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+from gellight.lab.emulator.usb_rules import AVAILABLE, DATA1, STALL, BufferRules, endpoint_kinds
 from gellight.ring import usb_numbers as numbers
 
-AVAILABLE, STALL, DATA1 = 1 << 10, 1 << 11, 1 << 13
 SET_INTERFACE = 11
 ENDPOINT0_BYTES, ENDPOINTS = 64, 16
 BULK_BYTES, READ_BYTES = 64, 128
@@ -70,13 +70,14 @@ class UsbHost:
         self.unsent = bytearray()
         """what the device has not taken yet"""
         self.descriptors: dict[str, bytes] = {}
+        self._rules = BufferRules(controller, report)
         self._connect_callbacks()
 
     def _connect_callbacks(self) -> None:
         usb = self._usb
         self._take = usb.dpram_updated
         usb.dpram_updated = self._buffer_control
-        usb.on_usb_enabled = usb.reset_device
+        usb.on_usb_enabled = None
         usb.on_reset_received = self.enumerate
         usb.on_endpoint_write = self._device_sent
         usb.on_endpoint_read = self._device_ready
@@ -165,14 +166,15 @@ class UsbHost:
         self.configured = True
         if not self._usb.read_uint32(SIE_CTRL) & PULL_UP:
             self._report("USB: the pull-up is off, a real host would not see the device")
-        rest = self.descriptors["configuration"]
-        while rest:
-            if rest[1] == numbers.ENDPOINT and rest[3] & 3 == numbers.BULK:
-                if rest[2] & 0x80:
-                    self.in_endpoint = rest[2] & 15
-                else:
-                    self.out_endpoint = rest[2]
-            rest = rest[rest[0] :] if rest[0] else b""
+        for address, kind in self._kinds.items():
+            if kind == numbers.BULK and address & 0x80:
+                self.in_endpoint = address & 15
+            elif kind == numbers.BULK:
+                self.out_endpoint = address
+
+    @property
+    def _kinds(self) -> dict[int, int]:
+        return endpoint_kinds(self.descriptors.get("configuration", b""))
 
     # ---- the bus ----
 
@@ -180,6 +182,9 @@ class UsbHost:
         """The device hands a buffer over or takes it back."""
         if not 0x80 <= offset < 0x100:
             self._take(offset, value)
+            return
+        self._rules.note(offset, value)
+        if value & AVAILABLE and not self._rules.answers(offset, self._kinds):
             return
         endpoint, device_sends = (offset - 0x80) >> 3, not offset & 4
         if endpoint:
@@ -196,7 +201,7 @@ class UsbHost:
             if endpoint == self.out_endpoint and not device_sends:
                 self._out_data1 = bool(value & DATA1)
             self._take(offset, value)
-        if value & STALL and offset == 0x80 and self._current:
+        if offset == 0x80 and self._current and self._rules.stalls(offset, value):
             self._finish(None)
 
     def _note_stall(self, address: int, value: int) -> None:
@@ -235,6 +240,7 @@ class UsbHost:
         if self.hangs:
             return
         self._follow_toggles(self._current.setup)
+        self._rules.setup()
         self._usb.send_setup_packet(self._current.setup)
 
     def _finish(self, result: bytes | None) -> None:

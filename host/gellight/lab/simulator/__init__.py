@@ -10,6 +10,8 @@ dataset.py             many presses as files, for training other networks
 demo_presses.py        the presses of the demo, computed ahead by finite elements
 sweep.py               independent tasks over processes or a cluster, each result kept at once
 scene.py               what it looks at, computed once for a press
+dragging.py            the gel along its surface, under an object that is moved sideways
+printed_dots.py        marker dots on the gel
 read_noise.py          the noise of its camera
 shutter.py             a rolling shutter under pulsed LEDs
 selfcheck.py           the host judged by the simulator

@@ -11,6 +11,8 @@ from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry
 
 ERROR_SHARE = 0.05
+SIDE_ERROR_SHARE = 0.05
+"""of forces along the gel, which the layer gives as it finds them"""
 ERROR_FLOOR_N = 0.005
 """a gel at rest weighs 0; what presses it less than the threshold of a contact is not felt"""
 JUDGED_N = (0.156, 12.155)
@@ -29,6 +31,8 @@ def known_force(geometry: SensorGeometry) -> dict[str, bytes]:
         error_floor_n=ERROR_FLOOR_N,
         lightest_n=JUDGED_N[0],
         heaviest_n=JUDGED_N[1],
+        side_error_share=SIDE_ERROR_SHARE,
+        camera_height_mm=geometry.camera_height_mm,
         readings=JUDGED,
         source="the simulated gel",
         created=datetime.now(UTC).replace(microsecond=0),

@@ -9,13 +9,25 @@ import scipy.fft
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from gellight.frames.shear import ShearTruth
+from gellight.lab.simulator.dragging import Motion, Sheared, sheared
+from gellight.lab.simulator.printed_dots import PrintedDots, paint, seen_px
 from sim_reference import gel
 from sim_reference.bodies import BODY_NAMES, body
 from sim_reference.camera import CameraResponse, exposure_for, linear_grey
 from sim_reference.deformation import Deformation, GelModel
-from sim_reference.geometry import SensorGeometry
+from sim_reference.fem.gel import FemGel
+from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.imaging import led_irradiance, ring_light
-from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE, Surface, press_object, sample, untouched
+from sim_reference.surface import (
+    GRID_EXTENT_MM,
+    GRID_SIZE,
+    Surface,
+    depth_at,
+    press_object,
+    sample,
+    untouched,
+)
 
 Array = NDArray[np.float64]
 BRIGHTEST_GREY = 200.0
@@ -37,10 +49,18 @@ class Press:
     depth_mm: float
     x_mm: float = 0.0
     y_mm: float = 0.0
+    path: tuple[Motion, ...] = ()
+    """along which it was then moved sideways"""
     turn_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """about x, y and z at once: the axis of the turn, as long as its angle; about the object's origin"""
     within_mm: float = 0.0
     """radius of the circle that the object is cut by; 0: it is whole"""
+
+    @property
+    def place(self) -> Motion:
+        """x, y mm from the image centre and the turn, rad, of the object now."""
+        x, y, turn = self.path[-1] if self.path else (0.0, 0.0, 0.0)
+        return self.x_mm + x, self.y_mm + y, turn
 
     @property
     def is_body(self) -> bool:
@@ -50,16 +70,26 @@ class Press:
     @property
     def pose(self) -> Array:
         """(4, 4) carries points of the object, mm, to x right, y down, z towards the camera from the image centre."""
-        rotation = Rotation.from_rotvec(self.turn_rad).as_matrix()
+        x, y, dragged_rad = self.place
+        rotation = (Rotation.from_rotvec([0, 0, dragged_rad]) * Rotation.from_rotvec(self.turn_rad)).as_matrix()
         top_mm = self.upper_side[1] if self.is_body else 0.0
         pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = rotation, (self.x_mm, self.y_mm, self.depth_mm - top_mm)
+        pose[:3, :3], pose[:3, 3] = rotation, (x, y, self.depth_mm - top_mm)
         return pose
 
     @property
     def upper_side(self) -> tuple[Array, float]:
         """What of the body meets the gel, on a grid of its own, and its top: see `Body.upper_side`."""
         return _upper_side(self.object_name, self.within_mm, self.turn_rad)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Printed:
+    """Dots on the gel, and how an object drags it."""
+
+    dots: PrintedDots
+    friction: float = 0.6
+    """coefficient between object and gel"""
 
 
 @lru_cache(maxsize=2)
@@ -91,15 +121,16 @@ class Scene:
         led_gain: Array | None = None,
         *,
         model: GelModel = gel.press,
+        printed: Printed | None = None,
     ) -> None:
         """Render the untouched gel and choose the exposure that makes its brightest pixel `BRIGHTEST_GREY`.
 
         led_gain: (12,) how bright each LED really is, as a share of its nominal brightness; it does not move the
-        exposure. `model` computes the gel.
+        exposure. `model` computes the gel. printed: the dots on it; without, nothing is computed along the gel.
         """
         self.geometry = geometry
         self.light = ring_light(geometry)
-        self._model = model
+        self._model, self.printed = model, printed
         self.led_gain = np.ones(len(self.light)) if led_gain is None else led_gain
         self._gel = SensorGeometry(
             gel_diameter_mm=geometry.gel_diameter_mm,
@@ -109,7 +140,7 @@ class Scene:
         )
         """what a deformation depends on"""
         self._flat = untouched(geometry).single_precision()
-        self._lit: Lit = None, self._flat, self._light_up(self._flat)
+        self._lit: Lit = None, self._flat, self._light_up(self._flat, None)
         self._untouched_lit = self._lit
         self._ready: dict[Press, Lit] = {}
         self._keeping = threading.Lock()
@@ -149,17 +180,61 @@ class Scene:
     def deformation(self, press: Press) -> Deformation:
         """Return what the press does to the gel, on the grid of the object."""
         if press.is_body:
-            return deformed_by_body(replace(press, x_mm=0.0, y_mm=0.0), self._gel, self._model)
+            return deformed_by_body(replace(press, x_mm=0.0, y_mm=0.0, path=()), self._gel, self._model)
         return deformed(press.object_name, press.depth_mm, self._gel, model=self._model)
 
-    def _compute(self, press: Press) -> Lit:
-        surface = sample(self.deformation(press), self.geometry, press.x_mm, press.y_mm).single_precision()
-        return press, surface, self._light_up(surface)
+    def shear(self, press: Press | None) -> ShearTruth | None:
+        """Return how the gel is moved along itself; None where no dots are printed on it."""
+        if self.printed is None:
+            return None
+        dots_px, dots_mm = self._dots(press)
+        x, y = pixel_grid(self.geometry)
+        shape = self.geometry.image_shape
+        moved, sticks, share, force = np.zeros((*shape, 2), np.float32), np.zeros(shape, bool), 0.0, (0.0, 0.0, 0.0)
+        if press is not None:
+            gel_now = self._sheared(press)
+            grid_x, grid_y = np.broadcast_arrays(x - press.x_mm, y - press.y_mm)
+            moved = gel_now.moved_mm(grid_x, grid_y).astype(np.float32)
+            sticks = gel_now.sampled(gel_now.gel.sticks.astype(np.float64), grid_x, grid_y, order=0) > 0
+            share, force = gel_now.sticking_share, gel_now.force()
+        modulus = FemGel().shear_modulus_mpa(self.geometry)
+        return ShearTruth(
+            dots_px=dots_px,
+            dots_mm=dots_mm,
+            field_mm=moved,
+            force_n=(force[0] * modulus, force[1] * modulus),
+            torque_nmm=force[2] * modulus,
+            sticks=sticks,
+            sticking_share=share,
+        )
 
-    def _light_up(self, surface: Surface) -> NDArray[np.float32]:
-        """(12, H, W) irradiance of every LED, full on."""
+    def _sheared(self, press: Press) -> Sheared:
+        assert self.printed is not None
+        return sheared(self.deformation(press), self._gel, self.printed.friction, press.path)
+
+    def _dots(self, press: Press | None) -> tuple[Array, Array]:
+        """(N, 2) px of the dots in the picture and (N, 2) mm by which the gel has moved them along itself."""
+        assert self.printed is not None
+        places = self.printed.dots.places_mm
+        moved, depth = np.zeros_like(places), np.zeros(len(places))
+        if press is not None:
+            moved = self._sheared(press).moved_mm(places[:, 0] - press.x_mm, places[:, 1] - press.y_mm)
+            now = places + moved
+            depth = depth_at(self.deformation(press), now[:, 0], now[:, 1], *press.place)
+        return seen_px(places + moved, depth, self.geometry), moved
+
+    def _compute(self, press: Press) -> Lit:
+        surface = sample(self.deformation(press), self.geometry, *press.place).single_precision()
+        return press, surface, self._light_up(surface, press)
+
+    def _light_up(self, surface: Surface, press: Press | None) -> NDArray[np.float32]:
+        """(12, H, W) irradiance of every LED, full on, darkened by the dots."""
         lit = [led_irradiance(surface, self.geometry, led) for led in range(len(self.light))]
-        return np.stack(lit).astype(np.float32, copy=False)
+        pictures = np.stack(lit).astype(np.float32, copy=False)
+        if self.printed is not None:
+            dots, size = self.printed.dots, self.geometry.pixel_size_mm
+            paint(pictures, self._dots(press)[0][dots.printed], dots.diameter_mm / size, dots.albedo)
+        return pictures
 
 
 def under_light(lit: NDArray[np.float32], light: Array) -> Array:

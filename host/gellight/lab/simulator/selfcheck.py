@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera
 from gellight.frames.frames import SelfCheckResult, TactileFrame
 from gellight.frames.pixel_grid import block_means
 from gellight.lab.simulator.scene import Scene
 from gellight.lab.simulator.selfcheck_bounds import bounds_of
-from gellight.reconstruction.pipeline import Reconstructor
 from sim_reference.camera import linear_grey
 from sim_reference.imaging import normals, ring_irradiance, ring_light
 from sim_reference.integration import integrate

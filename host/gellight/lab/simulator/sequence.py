@@ -51,7 +51,7 @@ class Sequence(StrictModel):
             return None
         depth, x, y, *turn_deg = step
         turn_x, turn_y, turn_z = (radians(angle) for angle in turn_deg)
-        return Press(self.object_name.upper(), depth, x, y, (turn_x, turn_y, turn_z), self.within_mm)
+        return Press(self.object_name.upper(), depth, x, y, turn_rad=(turn_x, turn_y, turn_z), within_mm=self.within_mm)
 
 
 def read_sequence(path: Path, geometry: SensorGeometry) -> Sequence:

@@ -11,8 +11,10 @@ from the start), `programme=0` (no presses by itself), `board=0` (steady light w
 begins with a strobe on the trigger pin of the board, for `--light-mode ext`); and what makes one sensor differ from
 another: `crosstalk` (share of the other colours in a channel), `led_spread` (standard deviation of
 the LEDs' brightness, as a share), `dim` (all LEDs darker by this share). `gel=fem` computes the gel by finite elements
-with `resolution` mm between vertices: a minute a press, kept on the disk. `sequence=FILE` moves an object as the file
-says, a step a frame, there and back: see `sequence.py`.
+with `resolution` mm between vertices: a minute a press, kept on the disk. `dots=9x7` prints columns and rows of marker
+dots on the gel, `dot_pitch` and `dot_diameter` mm, of `dot_albedo`, of which the share `dots_missing` has come off;
+`friction` is its coefficient for what is dragged over such a gel.
+`sequence=FILE` moves an object as the file says, a step a frame, there and back: see `sequence.py`.
 """
 
 import logging
@@ -30,14 +32,17 @@ from pydantic import BaseModel, ConfigDict, Field
 from gellight.base.allowed import query_of
 from gellight.base.errors import BoardError, CameraError, ConfigError, InputError
 from gellight.frames.camera import Camera
+from gellight.frames.dots import find_dots
 from gellight.frames.frames import CameraFrame, GroundTruth
+from gellight.frames.picture import PictureSteps
 from gellight.frames.timing import CameraTiming
 from gellight.lab.emulator.child import SimulatedBoard
 from gellight.lab.simulator.gel_models import GelKind, gel_model
 from gellight.lab.simulator.known_force import known_force
 from gellight.lab.simulator.memory import check_memory
+from gellight.lab.simulator.printed_dots import PrintedDots
 from gellight.lab.simulator.read_noise import ReadNoise
-from gellight.lab.simulator.scene import Array, Press, Scene
+from gellight.lab.simulator.scene import Array, Press, Printed, Scene
 from gellight.lab.simulator.selfcheck import SelfCheck
 from gellight.lab.simulator.sequence import read_sequence
 from gellight.lab.simulator.shutter import Shutter, row_weights
@@ -46,13 +51,15 @@ from gellight.lab.simulator.stage import Stage
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
 from gellight.ring.wire import MOST_LEDS
-from sim_reference.camera import CameraResponse
+from sim_reference.camera import WHITE, CameraResponse
 from sim_reference.geometry import SensorGeometry
 
 logger = logging.getLogger(__name__)
 DARK_S = 5.0
 """LEDs that the board has made dark are lit again within this time, or never"""
 
+BUFFERS = 3
+"""frames that wait for who reads late, as those of a V4L2 camera do"""
 CLOSE_S = 1.0
 """as long `close` waits for a press that is computed ahead"""
 
@@ -101,6 +108,15 @@ class SimulatedCamera(Camera):
     def bundle_files(self) -> Mapping[str, bytes]:
         """The force of its gel."""
         return known_force(self._scene.geometry)
+
+    @property
+    def picture_files(self) -> Mapping[str, bytes]:
+        """Where its marker dots are; nothing where it has none."""
+        if self._scene.printed is None:
+            return {}
+        untouched = np.clip(self._scene.show(None)[0], 0, WHITE)
+        steps = PictureSteps.of(self._scene.geometry.image_shape, None, find_dots(untouched))
+        return steps.files() if steps else {}
 
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> SelfCheck:
         """Return the judge of what is reconstructed from these frames: the simulator that made them."""
@@ -164,6 +180,7 @@ class SimulatedCamera(Camera):
             return self._press
         with self.stage.computing(press):
             self._scene.prepare(press)
+        self._due_s = time.monotonic()
         return press
 
     def _prepare_ahead(self, press: Press) -> None:
@@ -178,8 +195,7 @@ class SimulatedCamera(Camera):
         """Return when the next frame that is due began, and its light as `_light_since` does."""
         given_up_s = time.monotonic() + DARK_S
         while time.monotonic() < given_up_s:
-            self._due_s = max(self._due_s + self._period_s, time.monotonic())
-            time.sleep(max(self._due_s - time.monotonic(), 0.0))
+            self._wait_until_due()
             begun_s = self._begin()
             seen = self._light_since(begun_s)
             lit_s = self.ring.lit_since_s() + self._shutter.pulse_period_us * 1e-6 if self.ring else 0.0
@@ -187,11 +203,17 @@ class SimulatedCamera(Camera):
                 return begun_s, *seen
         raise BoardError(f"the board of {self.url} keeps its LEDs dark: see `gellight ring info`")
 
+    def _wait_until_due(self) -> None:
+        """Wait for the next frame. The schedule stays: `BUFFERS` frames wait for who reads late, no others."""
+        late = int((time.monotonic() - self._due_s) / self._period_s) - BUFFERS
+        self._due_s += self._period_s * max(late, 1)
+        time.sleep(max(self._due_s - time.monotonic(), 0.0))
+
     def _begin(self) -> float:
-        """Return when the frame that now is in the host began (`time.monotonic`); with a strobe, begin it and wait."""
+        """Return when the frame that now is due began (`time.monotonic`); with a strobe, begin it and wait."""
         taken_s = (self._shutter.duration_us + self._shutter.transfer_us) * 1e-6
         if not self._strobe:
-            return time.monotonic() - taken_s
+            return self._due_s - taken_s
         begun_s = self._board().strobe()
         time.sleep(max(begun_s + taken_s - time.monotonic(), 0.0))
         return begun_s
@@ -225,7 +247,8 @@ class SimulatedCamera(Camera):
                 contact=surface.contact,
                 object_name=press.object_name if press else "",
                 press_depth_mm=press.depth_mm if press else 0.0,
-                place_mm=(press.x_mm, press.y_mm) if press else (0.0, 0.0),
+                place_mm=press.place[:2] if press else (0.0, 0.0),
+                shear=self._scene.shear(press),
                 pose=press.pose if press else None,
             )
             self._shown = press, key, grey, truth
@@ -253,6 +276,26 @@ class SimulatedUrl(BaseModel):
     gel: GelKind = "layer"
     resolution: float = Field(0.3, ge=0.1, le=2.5)
     sequence: str = ""
+    dots: str = Field("", pattern=r"^(\d{1,2}x\d{1,2})?$")
+    dot_pitch: float = Field(2.0, ge=0.5, le=10)
+    dot_diameter: float = Field(0.6, ge=0.1, le=5)
+    dot_albedo: float = Field(0.35, ge=0, le=1)
+    dots_missing: float = Field(0.0, ge=0, lt=1)
+    friction: float = Field(0.6, gt=0, le=5)
+
+    def printed(self) -> Printed | None:
+        """Return the dots on the gel and its friction, None where it has none; InputError for dots that overlap."""
+        if not self.dots:
+            return None
+        columns, rows = map(int, self.dots.split("x"))
+        if not (columns and rows and self.dot_diameter < self.dot_pitch):
+            raise InputError(
+                f"dots={self.dots} of {self.dot_diameter:g} mm, {self.dot_pitch:g} mm apart, cannot be printed: give "
+                "columns x rows, and dots narrower than dot_pitch"
+            )
+        dots = PrintedDots(columns=columns, rows=rows, pitch_mm=self.dot_pitch, diameter_mm=self.dot_diameter,
+                           albedo=self.dot_albedo, missing=self.dots_missing, seed=self.seed)  # fmt: skip
+        return Printed(dots=dots, friction=self.friction)
 
     def response(self) -> CameraResponse:
         """Return the camera: the colours pass its filters in the proportions of the plain camera's crosstalk."""
@@ -284,7 +327,8 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
     if wanted.gel == "fem":
         check_memory(wanted.resolution, sensor)
     model = gel_model(wanted.gel, wanted.resolution)
-    scene = Scene(sensor, wanted.response(), wanted.led_gain(len(sensor.led_colours)), model=model)
+    gain = wanted.led_gain(len(sensor.led_colours))
+    scene = Scene(sensor, wanted.response(), gain, model=model, printed=wanted.printed())
     if wanted.board:
         check_drivable(len(scene.light))
     elif wanted.strobe:

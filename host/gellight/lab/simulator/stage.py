@@ -19,6 +19,8 @@ RETURN_FRAMES = 300
 """after a visitor's last touch until the programme goes on"""
 OFFERED_DEPTH_MM = 0.8
 """where the page's slider stands at first"""
+MOST_TURN_RAD = 0.35
+"""of a drag: the pressure is not turned with the object"""
 PROGRAMME = (
     Press("BALL", 1.0, 0.0, 0.0),
     Press("BALL", 1.5, -9.0, 4.0),
@@ -33,7 +35,9 @@ def moving_peg(steps: int = 20) -> tuple[Press, ...]:
     """Return a peg that slides, turns and tilts, there and back."""
     s = np.linspace(0, 1, steps)
     ways = 1.5 * np.sin(2 * np.pi * s), 1.5 * s, np.radians(2 * np.sin(2 * np.pi * s)), np.radians(12 * s)
-    there = [Press("PEG", 0.8, x, y, (tilt, 0.0, turn)) for x, y, tilt, turn in np.stack(ways, axis=1).tolist()]
+    there = [
+        Press("PEG", 0.8, x, y, turn_rad=(tilt, 0.0, turn)) for x, y, tilt, turn in np.stack(ways, axis=1).tolist()
+    ]
     return (*there, *there[-2:0:-1])
 
 
@@ -107,12 +111,15 @@ class Stage:
             raise InputError(f"no object {object_name!r}: choose one of {', '.join(known)}")
         if not 0 <= depth_mm <= self.max_depth_mm:
             raise InputError(f"press depth {depth_mm} mm: choose 0 to {self.max_depth_mm:g} mm")
+        self._check_place(x_mm, y_mm)
+        return Press(object_name, round(depth_mm, 3), x_mm, y_mm) if depth_mm > 0 else None
+
+    def _check_place(self, x_mm: float, y_mm: float) -> None:
         radius_mm = self._geometry.gel_diameter_mm / 2
         if not hypot(x_mm, y_mm) <= radius_mm:
             raise InputError(
                 f"a press at ({x_mm}, {y_mm}) mm is off the gel: stay within {radius_mm:g} mm of the centre"
             )
-        return Press(object_name, round(depth_mm, 3), x_mm, y_mm) if depth_mm > 0 else None
 
     def prepare(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
         """Compute a press, which takes up to some seconds, while frames go on. Raises as `press` does."""
@@ -146,6 +153,20 @@ class Stage:
         self._want(None)
         self._frames_until_programme = 0 if on else RETURN_FRAMES
 
+    def drag(self, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> None:
+        """Move what is pressed straight to (x, y) from where it was pressed, turned from x towards y.
+
+        Raises InputError where nothing is pressed, and for a place off the gel or a turn beyond `MOST_TURN_RAD`.
+        """
+        with self._lock:
+            press = self._wanted
+        if press is None:
+            raise InputError("nothing is pressed that could be dragged: press an object first")
+        if not abs(turn_rad) <= MOST_TURN_RAD:
+            raise InputError(f"a turn of {turn_rad} rad: choose up to {MOST_TURN_RAD:g} either way")
+        self._check_place(press.x_mm + x_mm, press.y_mm + y_mm)
+        self._want(replace(press, path=(*press.path, (float(x_mm), float(y_mm), float(turn_rad)))))
+
     def release(self) -> None:
         """Lift the object off the gel."""
         self._want(None)
@@ -160,8 +181,9 @@ class Stage:
         with self._lock:
             press, visitor = self._wanted, self._frames_until_programme > 0
         shown = press or Press("", 0.0)
+        x_mm, y_mm, _ = shown.place
         return {
-            "object": shown.object_name, "depth_mm": shown.depth_mm, "x_mm": shown.x_mm, "y_mm": shown.y_mm,
+            "object": shown.object_name, "depth_mm": shown.depth_mm, "x_mm": x_mm, "y_mm": y_mm,
             "visitor": visitor, "preparing": next(iter(self._preparing), ""),
         }  # fmt: skip
 

@@ -12,6 +12,7 @@ rehearsal.py         whether a network can be trained here
 polynomial.py        polynomials of several variables, and their fit
 baselines.py         what simpler models reach on the same presses
 validation.py        errors of a bundle on labelled presses
+votes.py             which labels of the same presses are better
 folds.py             networks that never saw some of the presses
 judged_fit.py        a calibration that tells its errors by them
 cross_validation.py  the same on presses that were not trained on

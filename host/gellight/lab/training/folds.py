@@ -36,12 +36,13 @@ def trained_folds(
     folds: int,
     how: Learning,
     *,
+    first: FirstFits | None = None,
     progress: Progress = silent,
     check: Check = go_on,
 ) -> Iterator[Fold]:
     """Train `folds` times without a part of the images; no response of the light and no network sees what it judges.
 
-    Every fold learns from all prisms.
+    Every fold learns from all prisms. first: the fits of these presses one by one, where they are known.
 
     Raises InputError for too few presses, and as `training.fit`.
     """
@@ -50,11 +51,11 @@ def trained_folds(
     if not 2 <= folds <= images:
         raise InputError(f"{folds} folds of {images} presses: give between 2 and {images}")
     order = np.random.default_rng(_FOLD_SEED).permutation(images)
-    first = FirstFits(reference.image, ball) if how.refine else None
+    refining = (first or FirstFits(reference.image, ball)) if how.refine else None
     with tempfile.TemporaryDirectory(prefix="gellight-folds-") as folder:
         for fold in range(folds):
             part = set(np.flatnonzero(np.isin(numbers, order[fold::folds])).tolist())
-            training, held_out = _divided(presses, part, reference, ball, first)
+            training, held_out = _divided(presses, part, reference, ball, refining)
             bundle = fit(
                 training, reference, ball, Path(folder) / f"fold-{fold}", sensor=f"fold {fold}",
                 how=replace(how, refine=False), progress=progress, check=check,

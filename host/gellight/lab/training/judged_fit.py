@@ -5,20 +5,24 @@ better than what was judged.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.view import View
 from gellight.lab.training.child import Check, Progress, go_on, silent
 from gellight.lab.training.folds import GIVEN, REFINED, trained_folds
+from gellight.lab.training.labelling.refinement import LEAST_PRESSES, FirstFits, refine
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
-from gellight.lab.training.table import images_of
+from gellight.lab.training.table import drift_of_presses, images_of
 from gellight.lab.training.training import Learning, Reference, fit
 from gellight.lab.training.validation import PressError, frame_of, press_errors, summarised
+from gellight.lab.training.votes import votes_apart_deg
 from gellight.reconstruction.confidence import TRAINED_QUANTILE
 from gellight.reconstruction.error_bounds import (
     COVERED,
@@ -30,11 +34,12 @@ from gellight.reconstruction.error_bounds import (
     signs,
 )
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.pipeline import Reconstructor
 
 FOLDS = 3
 MOST_PIXELS = 2000
 """of a press: pixels beside each other are alike"""
+_JUDGES, _CLEARLY = 4, 0.9
+"""presses that decide on the plane at rest, and to which part it has to bring the error of the depth"""
 _RIDGE = 1e-5
 Array = NDArray[np.float64]
 
@@ -54,23 +59,82 @@ def fit_judged(
 ) -> Bundle:  # fmt: skip
     """Do as `training.fit`, and let the bundle say its errors: in `errors.json`, and in `held_out` of its metrics.
 
-    One press is all learnt from: then nobody knows. progress counts the epochs of all trainings.
+    Where circles are to be refined, they are used if presses held out are felt better with them (`votes`), else those
+    that were labelled. One press is all learnt from: then nobody knows. progress counts the epochs of all trainings.
     """
+    first = FirstFits(reference.image, ball)
+    labels = _labels(presses, reference, ball, first) if how.refine else _Labels(presses, refined=False, record={})
     images = int(images_of(presses).max(initial=-1)) + 1
     folds = min(FOLDS, images) if images > 1 else 0
-    report, errors, samples = in_parts(progress, folds + 1), list[PressError](), list[Samples]()
+    # Where a fold has too few presses to refine each other, all of them have done it.
+    apart = labels.refined and images - -(-images // FOLDS) >= LEAST_PRESSES
+    how = replace(how, refine=apart)
+    given = presses if apart else labels.presses
+    report = in_parts(progress, folds + 1)
+    found = [Found(level_plane=False), Found(level_plane=True)]
     if folds:
-        for fold in trained_folds(presses, reference, ball, folds, how, progress=report, check=check):
-            labelled = fold.held_out[REFINED if how.refine else GIVEN]
-            errors += press_errors(fold.bundle, labelled, ball)
-            samples += samples_of(fold.bundle, labelled, ball)
-    verdict = {"held_out": {"folds": folds, **_figures(errors)}} if folds else {}
+        for fold in trained_folds(given, reference, ball, folds, how, first=first, progress=report, check=check):
+            for one in found:
+                one.add(fold.bundle, fold.held_out[REFINED if how.refine else GIVEN], ball)
+    best = found[found[1].better_than(found[0])]
+    verdict = {"held_out": {"folds": folds, "depth_mm": _depth_errors(found), **_figures(best.errors)}} if folds else {}
     return fit(
-        presses, reference, ball, out, sensor=sensor, how=how, view=view,
-        overwrite=overwrite, progress=report, check=check,
-        extra_files={**(extra_files or {}), **(errors_file(fit_errors(samples)) if samples else {})},
-        extra_metrics={**(extra_metrics or {}), **verdict},
+        labels.presses, reference, ball, out, sensor=sensor, how=replace(how, refine=False), view=view,
+        level_plane=best.level_plane, overwrite=overwrite, progress=report, check=check,
+        extra_files={**(extra_files or {}), **(errors_file(fit_errors(best.samples)) if best.samples else {})},
+        extra_metrics={**(extra_metrics or {}), **labels.record, **verdict},
     )  # fmt: skip
+
+
+@dataclass(eq=False)
+class Found:
+    """What presses held out say of frames with or without the plane of `rest_plane` taken off."""
+
+    level_plane: bool
+    errors: list[PressError] = field(default_factory=list)
+    samples: list["Samples"] = field(default_factory=list)
+
+    def add(self, bundle: Bundle, presses: Sequence[Press], ball: Ball) -> None:
+        """Reconstruct presses that the bundle did not learn from."""
+        manifest = bundle.manifest.model_copy(update={"level_plane": self.level_plane})
+        with_plane = replace(bundle, manifest=manifest)
+        self.errors += press_errors(with_plane, presses, ball)
+        self.samples += samples_of(with_plane, presses, ball)
+
+    def depth_mm(self) -> NDArray[np.float64]:
+        """(n,) mean error of the depth of each press, without its mean."""
+        return np.array([one.shape_mm.mean() for one in self.samples])
+
+    def better_than(self, other: "Found") -> bool:
+        """Tell whether the depth is better by a tenth, and in most presses."""
+        ours, theirs = self.depth_mm(), other.depth_mm()
+        return len(ours) >= _JUDGES and bool(ours.mean() < _CLEARLY * theirs.mean() and np.mean(ours < theirs) > 0.5)
+
+
+def _depth_errors(found: Sequence[Found]) -> dict[str, float]:
+    """What the metrics say of the plane."""
+    names = {False: "as_integrated", True: "without_the_plane_at_rest"}
+    return {names[one.level_plane]: round(float(one.depth_mm().mean()), 4) for one in found if one.samples}
+
+
+class _Labels(NamedTuple):
+    """The circles that are learnt from."""
+
+    presses: Sequence[Press]
+    refined: bool
+    record: Mapping[str, object]
+    """what the metrics say of them"""
+
+
+def _labels(presses: Sequence[Press], reference: Reference, ball: Ball, first: FirstFits) -> _Labels:
+    """Refine the circles, and return those by which presses held out are felt better."""
+    refined = refine(presses, reference.image, ball, first=first)
+    follow = drift_of_presses(presses, reference.image) > reference.noise_grey
+    apart = votes_apart_deg([presses, refined.presses], reference.image, ball, follow_light=follow).mean(axis=1)
+    better = bool(apart[1] < apart[0])
+    votes = {"labelled_deg": round(float(apart[0]), 3), "refined_deg": round(float(apart[1]), 3), "refined": better}
+    record = {"refinement": {**refined.record(), "votes": votes}}
+    return _Labels(refined.presses if better else presses, refined=better, record=record)
 
 
 def in_parts(progress: Progress, parts: int) -> Progress:

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.dots import Dots
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.training.label_file import REFUSED, check_image, number_in, read_rows
 from gellight.lab.training.table import RIM, PressTable, TableOptions
 from gellight.reconstruction.light_drift import difference_of
-from gellight.reconstruction.pipeline import Reconstructor
 
 Floats = NDArray[np.float32]
 PRISM_COLUMNS = ("image", "edge_x1_px", "edge_y1_px", "edge_x2_px", "edge_y2_px", "face_px", "angle_deg")

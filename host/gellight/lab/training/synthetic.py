@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.simulator.known_force import known_force
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.child import Progress, run_module, silent
 from gellight.lab.training.trainer import TrainerName, checked_trainer
 from gellight.reconstruction.errors import surface_errors
-from gellight.reconstruction.pipeline import Reconstructor
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import ring_irradiance

@@ -144,6 +144,7 @@ def fit(
     view: View | None = None,
     extra_files: Mapping[str, bytes] | None = None,
     extra_metrics: Mapping[str, object] | None = None,
+    level_plane: bool = False,
     overwrite: bool = False, progress: Progress = silent, check: Check = go_on,
 ) -> Bundle:  # fmt: skip
     """Train on the presses and write the calibration bundle `out`; returns it as it will be loaded.
@@ -154,7 +155,8 @@ def fit(
     whose radius no light decided weighs less, unless `table_options` say otherwise.
     The metrics also say how well the fine pattern of the reference shows in the presses (`fine_pattern`).
     view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more of
-    them, ready for JSON. Raises InputError, TrainingError or BundleError; then `out` is as it was.
+    them, ready for JSON. level_plane: as the manifest has it. Raises InputError, TrainingError or BundleError; then
+    `out` is as it was.
     """
     steps = PictureSteps.of(reference.image_shape, view, reference.dots)
     metrics: dict[str, object] = {"ball_radius_mm": ball.radius_mm, **(extra_metrics or {})}
@@ -172,7 +174,7 @@ def fit(
     return write_bundle(
         out, sensor=sensor, overwrite=overwrite,
         reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
-        rest_grey=rest_grey, follow_light=follow, network=network,
+        rest_grey=rest_grey, follow_light=follow, level_plane=level_plane, network=network,
         pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm), presses=table.arrays(),
         metrics={**metrics, "prisms": len(how.prisms), "training": record},
         extra_files={**(extra_files or {}), **(steps.files() if steps else {})},

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.lab.training.baselines import Baseline
 from gellight.lab.training.presses import (
@@ -22,7 +23,6 @@ from gellight.lab.training.presses import (
 )
 from gellight.reconstruction.integration import angle_deg, integrate, normals
 from gellight.reconstruction.light_drift import difference_of
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.reconstruction.smoothing import Smoother
 from gellight.reconstruction.stages import Stages, tactile_frame
 

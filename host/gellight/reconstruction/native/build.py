@@ -16,11 +16,11 @@ from gellight.base.writing import write_file
 
 FOLDER = Path(__file__).parent
 CHECKSUMS = FOLDER / "libraries.sha256"
-TARGETS = {
-    "x86_64-v4": ("x86_64-linux-musl", "x86_64_v4"),
-    "x86_64-v3": ("x86_64-linux-musl", "x86_64_v3"),
-    "x86_64-v2": ("x86_64-linux-musl", "x86_64_v2"),
-    "aarch64": ("aarch64-linux-musl", "generic"),
+TARGETS: dict[str, tuple[str, ...]] = {
+    "x86_64-v4": ("x86_64-linux-musl", "-mcpu=x86_64_v4", "-mprefer-vector-width=512"),
+    "x86_64-v3": ("x86_64-linux-musl", "-mcpu=x86_64_v3"),
+    "x86_64-v2": ("x86_64-linux-musl", "-mcpu=x86_64_v2"),
+    "aarch64": ("aarch64-linux-musl", "-mcpu=generic"),
 }
 """name of a library: target and processor for the compiler; v4 is AVX-512, v3 AVX2, v2 SSE4.2, aarch64 has NEON"""
 # No -ffast-math: the code has to see NaN, and a library must not change how the whole process treats small numbers.
@@ -47,8 +47,7 @@ def build(name: str) -> bytes:
     """Compile one library; InputError where the compiler is missing or complains."""
     if importlib.util.find_spec("ziglang") is None:
         raise InputError('the compiler is missing: pip install "gellight[firmware]"')
-    target, processor = TARGETS[name]
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", target, f"-mcpu={processor}"]
+    command = [sys.executable, "-m", "ziglang", "cc", "-target", *TARGETS[name]]
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "frame_path.so"
         arguments = [*command, *FLAGS, *_LIBRARY, *sources(), "-o", str(out)]

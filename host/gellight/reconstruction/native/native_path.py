@@ -1,6 +1,6 @@
 """Camera frame to tactile frame on the C library; what it computes is what `numpy_path.NumpyPath` computes.
 
-The transform along the rows stays in SciPy, an unusual network in ONNX Runtime. The NumPy stage takes the lens out.
+An unusual network stays in ONNX Runtime, rows of an unusual length in SciPy. The NumPy stage takes the lens out.
 """
 
 import time
@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, Patch, TactileFrame
@@ -35,10 +34,13 @@ from gellight.reconstruction.linearised import (
     NEAREST_GREY,
     CellNetwork,
 )  # fmt: skip
+from gellight.reconstruction.native.cosine import CosineRows
+from gellight.reconstruction.native.lent_arrays import LentArrays
 from gellight.reconstruction.native.library import Library, NativePathError
 from gellight.reconstruction.native.native_shadows import NativeShadows
 from gellight.reconstruction.native.network import fastest
 from gellight.reconstruction.native.work import WorkMemory
+from gellight.reconstruction.rest_plane import RestPlane, tilt
 from gellight.reconstruction.smoothing import FilterTaps
 from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages
 
@@ -77,12 +79,18 @@ class NativePath:
         self._shadows = shadows and NativeShadows(library, shadows, self._answers, cells.zero, bulge)
         self._height, self._width = bundle.image_shape
         self._taps = FilterTaps.of(smoothing_px) if smoothing_px >= 2 else None
-        self._m = WorkMemory(bundle.image_shape, self._taps)
+        kept_rows = library.call("kept_rows", self._taps.reach) if self._taps else 0
+        self._m = WorkMemory(bundle.image_shape, self._taps, kept_rows)
+        self._cosines = CosineRows(library, bundle.image_shape)
         self._m.coarse_rows[:, 3:] = self._network.coarse_position
         self._m.cell_rows[:, 3:] = cells.middle
+        shape = bundle.image_shape
+        self._differences, self._gradients, self._depths = map(LentArrays, ((*shape, 3), (*shape, 2), shape))
+        self._masks = LentArrays(shape, np.bool_)
         self._reference = np.ascontiguousarray(bundle.reference, np.float32)
         self._limits = np.array(self._network.limits_grey, np.float32)
         self._doubt_limits = np.array([NEAREST_GREY, LIMIT_BEND, LIMIT_MISFIT], np.float32)
+        self._plane = RestPlane() if bundle.manifest.level_plane else None
         self._clock = clock
         self.network_rows = NetworkRows()
         self._flat = FlatMaps(bundle.image_shape, stages=STAGES if undistortion is None else (*STAGES, "lens"))
@@ -106,10 +114,10 @@ class NativePath:
         touched_pixels = self._without_lens()
         if touched_pixels is not None:
             stages.end("lens")
-        depth_mm = self._depth(touched_pixels, far)
+        depth_mm = self._depth(touched_pixels, far, camera_frame.time_s)
         stages.end("depth")
         self._smooth_adaptively(self._m.touched if touched_pixels is None else touched_pixels)
-        gradient_map, normal_map = self._normals(depth_mm)
+        gradient_map = self._gradient_map(depth_mm)
         stages.end("normals")
         contact, contacts = self._felt(self._contact(depth_mm), depth_mm, gradient_map, touched_pixels)
         stages.end("contact")
@@ -117,7 +125,6 @@ class NativePath:
             camera_frame=camera_frame,
             difference=difference,
             gradient_map=gradient_map,
-            normal_map=normal_map,
             depth_mm=depth_mm,
             contact=contact,
             contacts=tuple(contacts),
@@ -128,7 +135,7 @@ class NativePath:
         m, image = self._m, np.ascontiguousarray(image)
         if self._bundle.manifest.follow_light:
             m.shift[:] = drift_of(image, self._reference)
-        difference = np.empty((self._height, self._width, 3), np.float32)
+        difference = self._differences.take()
         self._run("difference_and_means", image, self._reference, m.shift, difference, m.means, m.work)
         return difference
 
@@ -201,19 +208,27 @@ class NativePath:
         if self._undistortion is None:
             return None
         m = self._m
-        touched = spread_blocks(m.touched.view(np.bool_), CELL_PX, self._bundle.image_shape)
-        slopes, touched = self._undistortion.apply(np.ascontiguousarray(np.moveaxis(m.measured, 0, 2)), touched)
+        slopes, touched = self._undistortion.apply(np.ascontiguousarray(np.moveaxis(m.measured, 0, 2)), self._pixels())
         m.measured[:] = np.moveaxis(slopes, 2, 0)
         return touched
 
-    def _depth(self, touched_pixels: Bools | None, far: Bools) -> Floats:
+    def _pixels(self) -> Bools:
+        """The pixels that are touched, before the lens is taken out."""
+        return spread_blocks(self._m.touched.view(np.bool_), CELL_PX, self._bundle.image_shape)
+
+    def _depth(self, touched_pixels: Bools | None, far: Bools, time_s: float) -> Floats:
         """Integrate the measured slopes; also differentiate the depth into `surface` of the work memory."""
         m, size, bulge = self._m, self._bundle.pixel_size_mm, self._bundle.manifest.bulge
-        depth = np.empty(self._bundle.image_shape, np.float32)
+        depth = self._depths.take()
         self._run("divergence", m.measured, depth, *size, m.work)
-        waves = fft.dct(depth, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1)
+        waves = self._cosines.forwards(depth)
         self._run("solve_columns", waves, m.factors, m.column)
-        depth = np.ascontiguousarray(fft.idct(waves, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1))
+        depth = self._cosines.backwards(waves)
+        if self._plane:
+            touched = self._pixels() if touched_pixels is None else touched_pixels
+            plane = self._plane.following(depth, touched, time_s)
+            m.measured -= np.asarray(plane / size, np.float32)[:, None, None]
+            depth -= tilt(plane, depth.shape)
         if touched_pixels is None:
             level = level_of_sample(depth, self._resting(depth, far), bulge)
         else:
@@ -241,20 +256,20 @@ class NativePath:
         top, left = (span.start * side // CELL_PX * CELL_PX for span in (rows, columns))
         bottom, right = min(rows.stop * side, self._height), min(columns.stop * side, self._width)
         slopes, filters = (m.surface, m.measured, m.noise), (taps.wider, taps.reach, taps.energies)
-        sizes = (m.kept_rows, left, top, right, bottom)
-        self._run("smooth_adaptively", *slopes, *filters, m.small, m.changes, m.work, *sizes)
+        box = (left, top, right, bottom)
+        self._run("smooth_adaptively", *slopes, *filters, m.small, m.changes, m.work, m.flags, *box)
 
-    def _normals(self, depth_mm: Floats) -> tuple[Floats, Floats]:
+    def _gradient_map(self, depth_mm: Floats) -> Floats:
         m = self._m
         if self._undistortion is not None:
             depth_mm[~self._undistortion.seen], m.surface[:, ~self._undistortion.seen] = 0, 0
-        gradient_map, normal_map = (np.empty((self._height, self._width, k), np.float32) for k in (2, 3))
-        self._run("slopes_and_normals", m.surface, gradient_map, normal_map)
-        return gradient_map, normal_map
+        gradient_map = self._gradients.take()
+        self._run("gradient_map", m.surface, gradient_map)
+        return gradient_map
 
     def _contact(self, depth_mm: Floats) -> Contact:
         m, (size_x, size_y) = self._m, self._bundle.pixel_size_mm
-        mask = np.empty(self._bundle.image_shape, np.bool_)
+        mask = self._masks.take()
         self._run(
             "find_contact", depth_mm, THRESHOLD_MM, size_x / size_y, mask, m.found, m.blocks, m.label, m.parent,
             m.deepest, m.slot, m.histogram, m.work,
@@ -278,7 +293,7 @@ class NativePath:
             count = self._run("measure_parts", *maps, SMALLEST_PATCH_PX, m.runs, m.parts)
             if count >= 0:
                 return contact, patches_of(m.parts[:count], contact.mask.shape, pixel_size)
-            touched = spread_blocks(m.touched.view(np.bool_), CELL_PX, self._bundle.image_shape)
+            touched = self._pixels()
         contact = without_untouched(contact, touched, depth_mm, pixel_size)
         return contact, measure_patches(contact.mask, depth_mm, gradient_map, pixel_size)
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 from gellight.reconstruction.at_rest import free_and_far
 from gellight.reconstruction.cast_shadows import EDGE_MM, FEWEST_CELLS, LEAST_LOST, CastShadows
 from gellight.reconstruction.gelnet import BLOCK_ROWS, CELL_PX, COARSE_PX
 from gellight.reconstruction.integration import rest_level
+from gellight.reconstruction.native.cosine import CosineRows
 from gellight.reconstruction.native.library import Library
 from gellight.reconstruction.native.network import SlopeNetwork
 from gellight.reconstruction.native.work import WorkMemory, elimination
@@ -26,6 +26,7 @@ class NativeShadows:
         h, w = shadows.cells
         turned = np.ascontiguousarray(shadows.shares.swapaxes(2, 3))
         self._shares = np.concatenate([shadows.shares.ravel(), turned.ravel()])
+        self._cosines = CosineRows(library, (h, w))
         self._factors, self._column = elimination((h, w)), np.zeros(h)
         self._means, self._change = np.zeros((2, 2, h, w), np.float32)
         self._lost, self._work = np.zeros((3, h, w), np.float32), np.zeros(8 * h * w + 4 * (w + h + 64), np.float32)
@@ -57,9 +58,9 @@ class NativeShadows:
         (h, w), size = self._parts.cells, self._parts.cell_mm
         depth = np.empty((h, w), np.float32)
         self._c.call("divergence", self._means, depth, *size, m.work, w, h)
-        waves = fft.dct(depth, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1)
+        waves = self._cosines.forwards(depth)
         self._c.call("solve_columns", waves, self._factors, self._column, w, h)
-        depth = np.ascontiguousarray(fft.idct(waves, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1))
+        depth = self._cosines.backwards(waves)
         at_rest = free_and_far(~m.touched.view(np.bool_), far, COARSE_PX // CELL_PX)
         depth -= rest_level(depth, at_rest, self._bulge)
         return depth

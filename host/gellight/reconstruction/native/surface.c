@@ -1,4 +1,4 @@
-/* Slopes to depth and back, and normals: `integration.py` has the formulas. */
+/* Slopes to depth and back: `integration.py` has the formulas. */
 #include "frame_path.h"
 
 /* Integral of a slope over the edge between two samples, a and the next, with two more on both sides, in pixels. */
@@ -131,17 +131,13 @@ EXPORT void level_and_slopes(float *depth, float level, float *slopes, float siz
     }
 }
 
-/* Two planes of slopes to (height, width, 2), and to unit normals (-gx, -gy, 1) / sqrt(1 + gx^2 + gy^2). */
-EXPORT void slopes_and_normals(const float *slopes, float *gradient_map, float *normal_map, int width, int height) {
+/* Two planes of slopes to (height, width, 2). */
+EXPORT void gradient_map(const float *slopes, float *map, int width, int height) {
     const ptrdiff_t count = (ptrdiff_t)width * height;
     const float *restrict gx = slopes, *restrict gy = slopes + count;
-    float *restrict g = gradient_map, *restrict n = normal_map;
+    float *restrict g = map;
     for (ptrdiff_t at = 0; at < count; at++) {
-        const float scale = 1 / __builtin_sqrtf(1 + gx[at] * gx[at] + gy[at] * gy[at]);
         g[2 * at] = gx[at];
         g[2 * at + 1] = gy[at];
-        n[3 * at] = -gx[at] * scale;
-        n[3 * at + 1] = -gy[at] * scale;
-        n[3 * at + 2] = scale;
     }
 }

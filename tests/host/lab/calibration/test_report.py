@@ -92,7 +92,6 @@ def example(raised_mm: float) -> Example:
         camera_frame=CameraFrame(image=image, time_s=0.0, sequence=0),
         difference=np.zeros((*SHAPE, 3), np.float32),
         gradient_map=np.zeros((*SHAPE, 2), np.float32),
-        normal_map=np.zeros((*SHAPE, 3), np.float32),
         depth_mm=depth,
         contact=Contact(mask=depth > 0, area_mm2=1.0, indentation_mm=float(depth.max()), centroid_mm=(0.0, 0.0)),
     )

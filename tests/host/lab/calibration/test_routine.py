@@ -138,7 +138,7 @@ def test_the_bundle_knows_its_light_its_camera_and_its_report(calibrated: tuple[
     report = BundleStore(folder / "store").add(bundle).report().decode()
     assert "Section through the centre of the ball" in report
     assert report.count("<img") >= 10
-    # Without the pictures: four letters come by chance in so many.
+    # Without the pictures: four letters come by chance in that many.
     words = re.sub(r'"data:image/png;base64,[^"]*"', "", report)
     assert "http" not in words.replace("http://www.w3.org/2000/svg", "")
 

@@ -4,7 +4,7 @@ import io
 import re
 import sys
 from dataclasses import replace
-from math import cos, hypot, pi, radians
+from math import cos, degrees, hypot, pi, radians
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -25,17 +25,9 @@ GEOMETRY = SensorGeometry()
 
 def test_the_strip_is_the_unrolled_cone() -> None:
     flat = parts.strip(GEOMETRY)
-    assert {name: value for name, value, _ in parts.strip_facts(flat)} == pytest.approx(
-        {
-            "sector": 314.863,
-            "inner radius": 21.332,
-            "middle radius": 24.582,
-            "outer radius": 27.832,
-            "pitch of the LEDs": 26.239,
-            "height of the cone": 3.151,
-        },
-        abs=6e-4,
-    )
+    assert (degrees(flat.sector_rad), degrees(flat.pitch_rad)) == pytest.approx((314.863, 26.239), abs=6e-4)
+    radii = flat.inner_radius_mm, flat.middle_radius_mm, flat.outer_radius_mm
+    assert (*radii, flat.rise_mm) == pytest.approx((21.332, 24.582, 27.832, 3.151), abs=6e-4)
     # Rolled up, the middle line closes on the ring.
     assert flat.sector_rad * flat.middle_radius_mm == pytest.approx(2 * pi * GEOMETRY.ring_radius_mm)
 

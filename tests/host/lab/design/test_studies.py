@@ -10,28 +10,27 @@ from typing import Any
 import numpy as np
 import platformdirs
 import pytest
-from typer.testing import CliRunner
 
 from gellight.base.errors import ConfigError, GellightError, InputError
-from gellight.cli.main import app
 from gellight.lab.design import benchmark_files, studies
 from gellight.lab.design.geometry import read_geometry
 from gellight.lab.simulator.sweep import SweepOptions, run_study
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
 from sim_reference.optimizer import sensitivity
 from sim_reference.optimizer.exposing import LightGroups
+from tests.helpers.command_line import invoke
 from tests.helpers.studies import setup
 from tests.paper.variants import variant_errors
 
 
-def invoke(*arguments: str) -> Any:
-    result = CliRunner().invoke(app, ["optimize", *arguments], catch_exceptions=False)
+def optimize(*arguments: str) -> Any:
+    result = invoke("optimize", *arguments, catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return json.loads(result.stdout)
 
 
 def test_the_coarse_study_writes_json_and_charts(tmp_path: Path) -> None:
-    answer = invoke("coarse", "--size", "96", "--workers", "1", "--out", str(tmp_path / "out"), "--json")
+    answer = optimize("coarse", "--size", "96", "--workers", "1", "--out", str(tmp_path / "out"), "--json")
     assert answer["best_angle_deg"] == 29
     assert 29 <= answer["mean_best_angle_deg"] <= 37
     assert list(answer["best_angle_by_object"]) == list(BENCHMARK_NAMES)
@@ -40,7 +39,7 @@ def test_the_coarse_study_writes_json_and_charts(tmp_path: Path) -> None:
     assert means["3"] > means["6"] > means["12"] == 1
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {"coarse.json", "mean.svg", "TSTEP.svg"}
     assert (tmp_path / "out/TSTEP.svg").read_text().count("<rect") == 77
-    again = invoke("coarse", "--size", "96", "--workers", "1", "--json")
+    again = optimize("coarse", "--size", "96", "--workers", "1", "--json")
     assert again == answer
 
 
@@ -63,13 +62,13 @@ def test_a_study_by_finite_elements_presses_once_and_differs_from_the_layers(opt
 
 
 def test_a_shard_alone_says_that_it_is_not_all(tmp_path: Path) -> None:
-    answer = invoke("coarse", "--size", "32", "--workers", "1", "--shard", "2/5", "--json")
+    answer = optimize("coarse", "--size", "32", "--workers", "1", "--shard", "2/5", "--json")
     assert answer["complete"] is False
     assert len(list(Path(answer["store"]).iterdir())) == 2
 
 
 def test_the_ball_is_printed_as_json() -> None:
-    answer = invoke("ball", "--json")
+    answer = optimize("ball", "--json")
     assert answer["radius_mm"] == 4
     assert answer["elevation_deg"] == pytest.approx(60, abs=1e-9)
     assert answer["elevation_by_press_deg"]["3"][0] is None
@@ -78,7 +77,7 @@ def test_the_ball_is_printed_as_json() -> None:
 def test_a_design_comes_with_its_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(studies, "DESIGN_SAMPLING", replace(studies.DESIGN_SAMPLING, size_px=48))
     out = tmp_path / "out"
-    answer = invoke("design", "--lights", "6", "--workers", "1", "--size", "64", "--out", str(out), "--json")
+    answer = optimize("design", "--lights", "6", "--workers", "1", "--size", "64", "--out", str(out), "--json")
     assert answer["chosen"]["leds"] == 6
     assert answer["chosen"]["top1_deg"] > answer["chosen"]["mae_deg"] > 0
     files = {"design.json", "gellight.toml", "leds.csv", "ring.svg", "strip.dxf", "strip.svg"}
@@ -111,7 +110,7 @@ def test_a_design_comes_with_its_parts(tmp_path: Path, monkeypatch: pytest.Monke
     ],
 )
 def test_what_is_impossible_is_refused_with_the_reason(arguments: list[str], reason: str) -> None:
-    result = CliRunner().invoke(app, ["optimize", *arguments])
+    result = invoke("optimize", *arguments)
     assert isinstance(result.exception, GellightError)
     assert re.search(reason, str(result.exception))
 
@@ -144,9 +143,7 @@ def test_geometry_that_cannot_be_built_is_refused(tmp_path: Path, text: str, rea
 def test_what_only_the_simulator_can_refuse_is_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "gellight.toml"
     path.write_text("[geometry]\nbeam_angle_deg = 0.001\n")
-    result = CliRunner().invoke(
-        app, ["optimize", "design", "--lights", "6", "--geometry", str(path), "--size", "32", "--workers", "1"]
-    )
+    result = invoke("optimize", "design", "--lights", "6", "--geometry", str(path), "--size", "32", "--workers", "1")
     assert isinstance(result.exception, InputError)
     assert "this sensor cannot be simulated: no LED lights the gel" in str(result.exception)
 
@@ -156,13 +153,13 @@ def test_ctrl_c_says_where_to_go_on(monkeypatch: pytest.MonkeyPatch, tmp_path: P
         raise KeyboardInterrupt
 
     monkeypatch.setattr(studies, "coarse_study", interrupted)
-    result = CliRunner().invoke(app, ["optimize", "coarse", "--store", str(tmp_path / "here")])
+    result = invoke("optimize", "coarse", "--store", str(tmp_path / "here"))
     assert result.exit_code == 130
     assert f"what is done is kept in {tmp_path / 'here'}" in result.stderr
 
 
 def test_help_says_what_is_taken_by_default() -> None:
-    text = CliRunner().invoke(app, ["optimize", "coarse", "--help"], env={"COLUMNS": "160"}).stdout
+    text = invoke("optimize", "coarse", "--help", env={"COLUMNS": "160"}).stdout
     assert "[default: (the default sensor)]" in text
     assert "[default: 0.9]" in text
 

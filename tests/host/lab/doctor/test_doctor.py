@@ -8,10 +8,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from gellight.base.errors import BoardError, CameraError, InputError
-from gellight.cli.main import app
 from gellight.lab.doctor import examination, sensor_checks
 from gellight.lab.doctor.examination import examine
 from gellight.lab.doctor.sensor_checks import check_shutter, check_stamps
@@ -25,6 +23,7 @@ from gellight.sensor.v4l2.options import parse_url
 from gellight.sensor.v4l2.stamps import StampMeaning
 from gellight.sensor.v4l2.stream import Picture
 from gellight.sensor.v4l2.video_camera import V4l2Camera
+from tests.helpers.command_line import invoke
 from tests.helpers.sensor_bench import Bench, BenchRing
 from tests.helpers.v4l2_pictures import jpeg, scene
 from tests.helpers.virtual_sensor import virtual_sensor
@@ -318,10 +317,6 @@ def test_a_camera_without_a_ring_can_be_examined_by_its_node(clinic: Clinic, tmp
 
 
 # ---- the verbs ----
-
-
-def invoke(*arguments: str) -> Any:
-    return CliRunner().invoke(app, list(arguments))
 
 
 def test_find_lists_sensors_and_what_is_left_over(clinic: Clinic, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from distributed import LocalCluster
-from typer.testing import CliRunner
 
 from gellight.base.errors import InputError
-from gellight.cli.main import app
 from gellight.lab.design import studies
 from gellight.lab.simulator.sweep import ResultStore, SweepOptions, run, run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer.exposing import LightGroups
+from tests.helpers.command_line import invoke
 
 GROUPS = LightGroups(numbers=(3, 12), angles_rad=tuple(np.radians([21.0, 29.0, 37.0])))
 
@@ -25,8 +24,8 @@ def cluster() -> Iterator[LocalCluster]:
         yield started
 
 
-def setup() -> studies.Setup:
-    return replace(studies.setup_of(SensorGeometry(), 0.9, 1.0, 48), names=("TSTEP", "WAVE"))
+def setup() -> studies.StudySetup:
+    return replace(studies.study_setup(SensorGeometry(), 0.9, 1.0, 48), names=("TSTEP", "WAVE"))
 
 
 def test_a_cluster_gives_the_results_of_this_machine(cluster: LocalCluster, tmp_path: Path) -> None:
@@ -48,9 +47,7 @@ def test_what_a_cluster_computed_is_kept(cluster: LocalCluster, tmp_path: Path) 
 
 def test_a_cluster_that_is_not_there_is_named(tmp_path: Path) -> None:
     options = SweepOptions(store=ResultStore(tmp_path), scheduler="tcp://127.0.0.1:1")
-    result = CliRunner().invoke(
-        app, ["optimize", "coarse", "--scheduler", "tcp://127.0.0.1:1", "--store", str(tmp_path)]
-    )
+    result = invoke("optimize", "coarse", "--scheduler", "tcp://127.0.0.1:1", "--store", str(tmp_path))
     assert isinstance(result.exception, InputError)
     assert "no Dask scheduler at tcp://127.0.0.1:1" in str(result.exception)
     assert run([], options) == []

@@ -8,15 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from gellight.base.errors import InputError
-from gellight.cli.main import app
 from gellight.lab.simulator.dataset import DatasetRequest, make_dataset, store_in
 from gellight.lab.simulator.sweep import Shard, SweepIncomplete, SweepOptions
 from sim_reference import gel
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import press_object
+from tests.helpers.command_line import invoke
 
 SMALL = SensorGeometry(image_width_px=80, image_height_px=60, pixel_size_mm=0.4)
 REQUEST = DatasetRequest(presses=3, objects=("BALL", "WAVE"), geometry=SMALL, seed=5)
@@ -133,7 +132,7 @@ def test_another_data_set_is_not_mixed_in(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_made_is_refused(tmp_path: Path, arguments: list[str], reason: str) -> None:
-    result = CliRunner().invoke(app, ["simulate", "dataset", "--out", str(tmp_path / "out"), *arguments])
+    result = invoke("simulate", "dataset", "--out", str(tmp_path / "out"), *arguments)
     assert isinstance(result.exception, InputError)
     assert reason in str(result.exception)
 
@@ -141,6 +140,6 @@ def test_what_cannot_be_made_is_refused(tmp_path: Path, arguments: list[str], re
 def test_the_verb_says_what_it_wrote(tmp_path: Path) -> None:
     out = tmp_path / "out"
     arguments = ["--out", str(out), "--presses", "1", "--object", "ball", "--workers", "1", "--json"]
-    result = CliRunner().invoke(app, ["simulate", "dataset", *arguments])
+    result = invoke("simulate", "dataset", *arguments)
     assert json.loads(result.stdout)["presses"] == 1, result.output
     assert json.loads((out / "dataset.json").read_text())["request"]["objects"] == ["BALL"]

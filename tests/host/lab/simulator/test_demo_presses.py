@@ -4,15 +4,14 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from gellight.cli.main import app
 from gellight.lab.simulator import stage
 from gellight.lab.simulator.scene import Press
 from gellight.opening import open_camera
 from sim_reference.deformation import NotConverged
 from sim_reference.fem.gel import FemGel
 from sim_reference.objects import OBJECT_NAMES
+from tests.helpers.command_line import invoke
 
 COMMAND = ["simulate", "demo", "--resolution-mm", "2", "--workers", "1", "--json"]
 
@@ -30,7 +29,7 @@ def failing(*given, **options):  # type: ignore[no-untyped-def]
 
 
 def test_the_demo_finds_what_was_pressed_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
-    result = CliRunner().invoke(app, COMMAND)
+    result = invoke(*COMMAND)
     assert result.exit_code == 0, result.output
     made = json.loads(result.stdout)
     assert made["presses"] == 7, "five depths of the programme's ball, and both objects as the page offers them"
@@ -41,12 +40,12 @@ def test_the_demo_finds_what_was_pressed_ahead(monkeypatch: pytest.MonkeyPatch) 
         truth = camera.read().truth
     assert truth is not None
     assert truth.depth_mm.max() > 0.7
-    assert CliRunner().invoke(app, COMMAND).exit_code == 0, "what is kept is not computed again"
+    assert invoke(*COMMAND).exit_code == 0, "what is kept is not computed again"
 
 
 def test_what_is_not_found_is_said_and_does_not_end_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FemGel, "press", failing)
-    result = CliRunner().invoke(app, COMMAND)
+    result = invoke(*COMMAND)
     assert result.exit_code == 1
     made = json.loads(result.stdout)
     assert made["presses"] == 0
@@ -57,5 +56,5 @@ def test_what_is_not_found_is_said_and_does_not_end_the_others(monkeypatch: pyte
 
 
 def test_a_mesh_that_does_not_fit_is_refused() -> None:
-    result = CliRunner().invoke(app, ["simulate", "demo", "--resolution-mm", "0.1", "--workers", "100"])
+    result = invoke("simulate", "demo", "--resolution-mm", "0.1", "--workers", "100")
     assert "in each of 100 --workers needs about" in str(result.exception)

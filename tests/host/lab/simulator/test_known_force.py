@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from gellight.bundle.bundle import load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.picture import PictureSteps, PreparedCamera
 from gellight.frames.view import View
 from gellight.lab.simulator.known_force import ERROR_SHARE, known_force
 from gellight.lab.simulator.simulated_camera import open_simulated
 from gellight.reconstruction.force_file import FILE_NAME, ForceRecord, read_force
-from gellight.reconstruction.pipeline import Reconstructor
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.fem_presses import NAMES, force_n, picture
 from tests.helpers.small_bundles import SHAPE, ordinary, with_files

@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from gellight.base.errors import InputError
-from gellight.cli.main import app
 from gellight.lab.design.benchmark_files import solid_stl
 from gellight.lab.simulator.one_press import PressRequest, object_heights, press_once
 from sim_reference.fem.newton import Step
 from sim_reference.geometry import SensorGeometry
+from tests.helpers.command_line import invoke
 
 GEOMETRY = SensorGeometry()
 BALL = PressRequest(object_name="ball", depth_mm=0.4, force_n=None, gel="fem", resolution_mm=1.25, friction=0.0)
@@ -25,7 +24,7 @@ class Interrupted(Exception):  # noqa: N818 - what Ctrl-C does
 
 def test_the_verb_writes_surface_and_report(tmp_path: Path) -> None:
     command = ["simulate", "press", "--object", "ball", "--depth-mm", "0.4", "--resolution-mm", "1.25", "--json"]
-    result = CliRunner().invoke(app, [*command, "--out", str(tmp_path / "p")])
+    result = invoke(*command, "--out", str(tmp_path / "p"))
     assert result.exit_code == 0, result.output
     report = json.loads(result.stdout)
     assert report["depth_mm"] == pytest.approx(0.4, abs=1e-3)
@@ -39,7 +38,7 @@ def test_the_verb_writes_surface_and_report(tmp_path: Path) -> None:
         assert force == pytest.approx(report["force_n"], rel=1e-5)
         assert written["tangential_mm"].shape == (512, 512, 2)
     assert json.loads((tmp_path / "p/report.json").read_text()) == report
-    again = CliRunner().invoke(app, [*command, "--out", str(tmp_path / "p")])
+    again = invoke(*command, "--out", str(tmp_path / "p"))
     assert again.exit_code == 2
     assert "exists" in again.output
 
@@ -104,7 +103,7 @@ def test_a_free_object_says_how_it_stands_also_after_an_interruption(tmp_path: P
     with np.load(tmp_path / "p/state.npz") as kept:
         assert np.abs(kept["matrix"] - np.eye(3)).max() > 0.03
     command = ["simulate", "press", "--object", "ball", "--force-n", "0.3", "--free", "--load-at", "0", "0.2"]
-    result = CliRunner().invoke(app, [*command, "--resolution-mm", "1.25", "--json", "--out", str(tmp_path / "p")])
+    result = invoke(*command, "--resolution-mm", "1.25", "--json", "--out", str(tmp_path / "p"))
     assert result.exit_code == 0, result.output
     report = json.loads(result.stdout)
     assert report["force_n"] == pytest.approx(0.3, rel=1e-3)
@@ -145,7 +144,7 @@ def test_a_solid_from_a_file_is_an_object(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_pressed_is_refused_with_what_works(tmp_path: Path, given: list[str], reason: str) -> None:
-    result = CliRunner().invoke(app, ["simulate", "press", *given, "--out", str(tmp_path / "new/p")])
+    result = invoke("simulate", "press", *given, "--out", str(tmp_path / "new/p"))
     assert result.exit_code != 0
     assert isinstance(result.exception, InputError)
     assert reason in str(result.exception)

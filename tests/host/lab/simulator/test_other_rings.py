@@ -47,7 +47,7 @@ def test_the_record_of_a_simulated_board_is_the_one_that_the_firmware_writes(led
     with LightRing(VirtualTransport(written), keep_alive_s=None) as ring:
         ring.set_supply(external=bool(wanted.external_supply), channel_ua=wanted.channel_ua)
         ring.configure(wanted, save=True)
-        flash = bytes(written.chip.flash[: 2 << 20])
+        flash = bytes(written.flash)
     record = with_configuration(committed_image(), wanted)
     assert record == flash[: len(record)]
 

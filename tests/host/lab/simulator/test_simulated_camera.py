@@ -10,7 +10,7 @@ import pytest
 from gellight.base.errors import BoardError, CameraError, InputError
 from gellight.frames.camera import Camera
 from gellight.lab.simulator.scene import Press
-from gellight.lab.simulator.simulated_camera import SimulatedCamera
+from gellight.lab.simulator.simulated_camera import BUFFERS, SimulatedCamera, open_simulated
 from gellight.lab.simulator.stage import PROGRAMME, RETURN_FRAMES, Stage, programme_of_presses
 from gellight.opening import open_camera
 from sim_reference.geometry import SensorGeometry
@@ -251,3 +251,17 @@ def test_frames_go_on_while_a_press_of_the_programme_is_computed() -> None:
         while time.monotonic() < deadline_s and not camera.read().truth.contact.any():  # type: ignore[union-attr]
             pass
         assert time.monotonic() < deadline_s, "the press is shown when it is computed"
+
+
+def test_the_schedule_stays_where_frames_are_read_late() -> None:
+    """Some that came meanwhile wait, those before are left out, and the next ones come when they would have."""
+    with open_simulated("sim://?board=0&programme=0&fps=50") as camera:
+        first_s = camera.read().time_s
+        time.sleep(0.25)
+        begun_s = time.monotonic()
+        late_s = [camera.read().time_s for _ in range(BUFFERS)]
+        assert begun_s - late_s[0] > BUFFERS * 0.02
+        assert time.monotonic() - begun_s < 0.25
+        steps = np.diff([first_s, *late_s, camera.read().time_s]) / 0.02
+    assert steps == pytest.approx(np.round(steps), abs=1e-6)
+    assert steps[1:].tolist() == pytest.approx([1] * BUFFERS, abs=1e-6)

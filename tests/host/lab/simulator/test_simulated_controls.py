@@ -11,7 +11,6 @@ from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.lab.simulator.simulated_camera import SimulatedUrl
 from gellight.opening import open_camera
-from gellight.reconstruction.integration import normals
 from sim_reference.camera import CameraResponse
 
 GEOMETRY = {"image_width_px": 64, "image_height_px": 48, "pixel_size_mm": 0.588}
@@ -107,7 +106,6 @@ def perfect(frame: CameraFrame) -> TactileFrame:
         camera_frame=frame,
         difference=np.zeros((*truth.depth_mm.shape, 3), np.float32),
         gradient_map=truth.gradient_map,
-        normal_map=normals(truth.gradient_map),
         depth_mm=truth.depth_mm,
         contact=Contact(mask=truth.contact, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
     )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gellight.bundle.bundle import Bundle, write_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.training.gel_at_rest import rest_of_presses
@@ -15,12 +16,11 @@ from gellight.lab.training.presses import Ball, Press, distance_px
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.image_noise import noise_of_one
 from gellight.reconstruction.light_drift import difference_of
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 from tests.helpers.linear_sensor import linear_network
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import real
 
-DIGIT, MINI = REAL_IMAGES / "digit_ball", REAL_IMAGES / "gelsight_mini_ball"
+DIGIT, MINI = real("digit_ball"), real("gelsight_mini_ball")
 MINI_BALL = Ball(radius_mm=2.35, pixel_size_mm=0.05107)
 DIGIT_BALL = Ball(radius_mm=3.0, pixel_size_mm=0.06)
 MINUTES = 3
@@ -63,7 +63,7 @@ def shares(presses: list[Press], reference: np.ndarray, rest_grey: float) -> tup
     return view, contact, far
 
 
-@pytest.mark.real_images
+@pytest.mark.real_images("digit_ball")
 def test_on_a_digit_the_contact_and_its_skirt_are_touched_and_not_the_whole_view() -> None:
     reference = read_image(DIGIT / "background_scripts_0000.png").astype(np.float32)
     presses = digit_presses(range(1, 41, 3))
@@ -78,7 +78,7 @@ def test_on_a_digit_the_contact_and_its_skirt_are_touched_and_not_the_whole_view
     assert shares(others, reference, 0.0)[0] > 0.97, "the noise of a pixel says nothing of the gel at rest"
 
 
-@pytest.mark.real_images
+@pytest.mark.real_images("gelsight_mini_ball")
 def test_on_a_mini_the_corners_are_at_rest() -> None:
     """Its gel is soft: at 2.5 contact radii the colours still change by a fifth of what they do in contact."""
     reference = read_image(MINI / "background.png").astype(np.float32)
@@ -91,7 +91,7 @@ def test_on_a_mini_the_corners_are_at_rest() -> None:
     assert shares(presses[1::2], reference, 0.0)[0] > 0.99
 
 
-@pytest.mark.real_images
+@pytest.mark.real_images("digit_ball")
 @pytest.mark.parametrize("measured", [True, False])
 def test_minutes_of_real_drift_are_no_touch_and_the_zero_follows(tmp_path: Path, measured: bool) -> None:
     """From one picture of the untouched gel to another of the same sensor on another day, by two fifths of the way."""

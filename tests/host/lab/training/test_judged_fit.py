@@ -1,7 +1,9 @@
 """A calibration that tells its errors: nine in ten pixels keep the bound, and one press is all learnt from."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -9,9 +11,10 @@ import pytest
 from scipy.stats import spearmanr
 
 from gellight.bundle.bundle import Bundle
+from gellight.lab.training import judged_fit
 from gellight.lab.training.judged_fit import FOLDS, Samples, fit_errors, fit_judged, in_parts
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
-from gellight.lab.training.training import Learning, Reference, TrainingOptions
+from gellight.lab.training.training import Learning, Reference, TrainingOptions, fit
 from gellight.reconstruction.error_bounds import DEG_FLOOR, MM_FLOOR, ErrorRecord, quadratic, read_errors
 from tests.helpers.linear_sensor import GREY_PER_SLOPE
 
@@ -48,17 +51,17 @@ def test_nine_in_ten_pixels_of_other_presses_keep_the_bound(count: int) -> None:
         assert spearmanr(bound, error)[0] > 0.3
 
 
-def kept(count: int, folder: Path) -> Bundle:
+def kept(count: int, folder: Path, how: Learning = SHORT) -> Bundle:
     """Of balls pressed into a sensor whose colours are linear in the slope."""
     presses = []
     for number in range(count):
-        x, y = RANDOM.uniform((16, 16), (48, 32)).tolist()
+        x, y = RANDOM.uniform((16, 16), (48, 32)).round().tolist()
         press = Press(image=folder / f"{number}.png", center_x_px=x, center_y_px=y, contact_radius_px=11.0)
         slope = np.where(contact_circle(press, SHAPE)[..., None], sphere_gradient(press, BALL, SHAPE), 0.0)
         cv2.imwrite(str(press.image), np.clip(120 + slope @ GREY_PER_SLOPE.T, 0, 255).astype(np.uint8)[..., ::-1])
         presses.append(press)
     reference = Reference(image=np.full((*SHAPE, 3), 120, np.float32), frames=1, noise_grey=1.0)
-    return fit_judged(presses, reference, BALL, folder / "bundle", sensor="S", how=SHORT)
+    return fit_judged(presses, reference, BALL, folder / "bundle", sensor="S", how=how)
 
 
 def test_each_press_is_judged_once_and_the_bundle_says_how(tmp_path: Path) -> None:
@@ -75,6 +78,55 @@ def test_of_one_press_nobody_knows_the_error(tmp_path: Path) -> None:
     bundle = kept(1, tmp_path)
     assert "held_out" not in bundle.metrics
     assert read_errors(bundle) is None
+
+
+@pytest.mark.parametrize(("count", "better"), [(6, True), (8, True), (8, False)])
+def test_refined_circles_are_learnt_from_where_presses_held_out_say_so(
+    count: int, better: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    learnt: list[Sequence[Press]] = []
+
+    def spying_fit(presses: Sequence[Press], *rest: Any, **options: Any) -> Bundle:
+        learnt.append(presses)
+        return fit(presses, *rest, **options)
+
+    monkeypatch.setattr(judged_fit, "fit", spying_fit)
+    monkeypatch.setattr(judged_fit, "votes_apart_deg", lambda *_, **__: np.array([[2.0], [1.0 if better else 3.0]]))
+    bundle = kept(count, tmp_path, replace(SHORT, refine=True))
+    assert bundle.metrics["refinement"]["votes"]["refined"] is better
+    assert bundle.metrics["held_out"]["presses"] == count
+    moved = [(press.center_x_px, press.center_y_px) for press in learnt[0]]
+    assert all(x.is_integer() for x, _ in moved) is not better
+
+
+def samples(*shape_mm: float) -> list[Samples]:
+    return [Samples(signs=np.zeros((9, 3)), normal_deg=np.ones(9), shape_mm=np.full(9, mm)) for mm in shape_mm]
+
+
+@pytest.mark.parametrize(
+    ("tilted", "level", "better"),
+    [
+        ([0.1] * 4, [0.05] * 4, True),
+        ([0.1] * 4, [0.095] * 4, False),  # too little
+        ([0.1, 0.1, 0.1, 0.5], [0.11, 0.11, 0.11, 0.1], False),  # one press alone
+        ([0.1] * 3, [0.05] * 3, False),  # too few
+        ([], [], False),
+    ],
+)
+def test_the_plane_is_taken_off_where_presses_held_out_are_clearly_better(
+    tilted: list[float], level: list[float], better: bool
+) -> None:
+    one, other = (judged_fit.Found(level_plane=plane) for plane in (False, True))
+    one.samples, other.samples = samples(*tilted), samples(*level)
+    assert other.better_than(one) is better
+
+
+@pytest.mark.parametrize("better", [False, True])
+def test_the_bundle_remembers_the_plane(better: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(judged_fit.Found, "better_than", lambda *_: better)
+    bundle = kept(2, tmp_path)
+    assert bundle.manifest.level_plane is better
+    assert set(bundle.metrics["held_out"]["depth_mm"]) == {"as_integrated", "without_the_plane_at_rest"}
 
 
 def test_several_trainings_are_reported_as_one() -> None:

@@ -9,11 +9,11 @@ from gellight.base.errors import BundleError
 from gellight.base.settings import ReconstructionSettings, Settings
 from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.daemon.configuration import mode_config
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.lens.lens_file import FILE_NAME, LensRecord, has_lens
 from gellight.reconstruction.lens.model import Lens
 from gellight.reconstruction.lens.undistortion import Undistortion, circle_on_gel
-from gellight.reconstruction.pipeline import Reconstructor
 from tests.benchmarks.frame_times import frame_times
 from tests.helpers.distorted import TrueLens
 from tests.helpers.linear_sensor import linear_bundle, photograph

@@ -23,7 +23,7 @@ TIMING = CameraTiming(pulse_period_s=0.0005)
 
 
 def follow(sequenced: SequencedCamera, camera: VirtualCamera, frames: int) -> Counter:
-    """Count (truth, label) of so many frames; "right" where a clean label has the right group."""
+    """Count (truth, label) of that many frames; "right" where a clean label has the right group."""
     counts: Counter = Counter()
     for _ in range(frames):
         frame = sequenced.read()

@@ -3,9 +3,11 @@
 The layer of `reconstruction.force` makes of a depth map the integral q of its pressure for a modulus of 1, so a force
 is F = E q. E is fitted to all readings, each weighed by the share of error that a force has. What the fit leaves is the
 error: readings above a fifth of the heaviest give its share, the lighter ones and those without contact its floor. The
-share is never below `SHAPE_SHARE`: one object says nothing of how well another one is weighed.
+share is never below `SHAPE_SHARE`: one object says nothing of how well another one is weighed. Where several objects
+were weighed, each is left out in turn, and its forces are told by the others.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +25,8 @@ FEWEST = 3
 LEAST_RANK = 0.8
 """correlation of the ranks of forces and answers, where the forces differ by `SPREAD`: they must rise together"""
 SPREAD = 1.5
+BETTER_BY = 0.9
+"""another thickness than the one that is given must leave less than this share of the error"""
 MOST_SHARE = 0.3
 """a worse fit than that is no calibration"""
 LIGHT_SHARE = 0.2
@@ -44,16 +48,16 @@ class ForceFit:
     heaviest_n: float
 
 
-def fit_force(force_n: Array, integral_mm2: Array, source: str) -> ForceFit:
+def fit_force(force_n: Array, integral_mm2: Array, source: str, *, least_share: float = 0.0) -> ForceFit:
     """Fit the modulus to (n,) forces and the (n,) integrals of the pressure for a modulus of 1.
 
-    Raises InputError, naming `source` and the reason, for readings that cannot be explained by one modulus.
+    least_share: of the error, which is known to be so large on other objects. Raises InputError, naming `source` and
+    the reason, for readings that cannot be explained by one modulus.
     """
     felt = (integral_mm2 > 0) & (force_n > 0)
     heaviest = float(force_n.max())
     _check_contact(force_n, integral_mm2, felt, heaviest, source)
-    weights = 1 / np.maximum(force_n[felt], LIGHT_SHARE * heaviest) ** 2
-    modulus = float((weights * force_n[felt] * integral_mm2[felt]).sum() / (weights * integral_mm2[felt] ** 2).sum())
+    modulus = _modulus(force_n[felt], integral_mm2[felt], heaviest)
     left = force_n - modulus * integral_mm2
     heavy = force_n >= LIGHT_SHARE * heaviest
     share = float(np.sqrt(np.mean((left[heavy] / force_n[heavy]) ** 2)))
@@ -65,12 +69,52 @@ def fit_force(force_n: Array, integral_mm2: Array, source: str) -> ForceFit:
     light = left[~heavy]
     return ForceFit(
         youngs_modulus_mpa=modulus,
-        error_share=float(np.hypot(share, SHAPE_SHARE)),
+        error_share=max(float(np.hypot(share, SHAPE_SHARE)), least_share),
         error_floor_n=float(np.sqrt(np.mean(light**2))) if light.size else LIGHT_SHARE * share * heaviest,
         readings=int(felt.sum()),
         lightest_n=float(force_n[felt].min()),
         heaviest_n=heaviest,
     )
+
+
+def chosen_layer(force_n: Array, integral_mm2: Array, objects: Sequence[str]) -> int:
+    """Return which of the layers, (n, layers) integrals, tells objects best that were left out; 0 is the one given."""
+    scores = [_rms(_told_by_others(force_n, column, objects)) for column in integral_mm2.T]
+    best = int(np.argmin(scores))
+    return best if scores[best] < BETTER_BY * scores[0] else 0
+
+
+def left_out_share(force_n: Array, integral_mm2: Array, objects: Sequence[str]) -> float:
+    """Return the error on an object by modulus and layer of the others, as a share of the force, rms over objects."""
+    names, left = np.array(objects), []
+    for name in sorted(set(objects)):
+        own = names == name
+        others = names[~own].tolist()
+        layer = chosen_layer(force_n[~own], integral_mm2[~own], others) if len(set(others)) > 1 else 0
+        told = _told_by_others(force_n, integral_mm2[:, layer], objects)
+        left.append(told[own & (force_n >= LIGHT_SHARE * force_n.max())])
+    return float(np.sqrt(np.mean([_rms(part) ** 2 for part in left if part.size])))
+
+
+def _told_by_others(force_n: Array, integral_mm2: Array, objects: Sequence[str]) -> Array:
+    """Return the error of each reading by the modulus of the other objects, as a share of its force."""
+    names, heaviest = np.array(objects), float(force_n.max())
+    error = np.zeros(len(force_n))
+    for name in set(objects):
+        own = names == name
+        modulus = _modulus(force_n[~own], integral_mm2[~own], heaviest)
+        error[own] = modulus * integral_mm2[own] / np.maximum(force_n[own], LIGHT_SHARE * heaviest) - 1
+    return np.where(force_n >= LIGHT_SHARE * heaviest, error, 0.0)
+
+
+def _modulus(force_n: Array, integral_mm2: Array, heaviest: float) -> float:
+    weights = 1 / np.maximum(force_n, LIGHT_SHARE * heaviest) ** 2
+    square = float((weights * integral_mm2**2).sum())
+    return float((weights * force_n * integral_mm2).sum()) / square if square else 0.0
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _check_contact(force_n: Array, integral_mm2: Array, felt: NDArray[np.bool_], heaviest: float, source: str) -> None:

@@ -1,6 +1,9 @@
-"""What the sensor felt while forces were recorded: the integral of the pressure for a modulus of 1, in each picture."""
+"""What the sensor felt while forces were recorded: in each picture the integral of the pressure for a modulus of 1.
 
-from collections.abc import Iterator
+It is found for several layers, so that the forces can tell which one the gel is like.
+"""
+
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,12 +11,12 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import ImageCamera
 from gellight.frames.picture import prepared
 from gellight.lab.calibration.force.record import Array, ForceReadings
 from gellight.reconstruction.force import Layer, indenting
-from gellight.reconstruction.pipeline import Reconstructor
 from gellight.recording.recording_file import Recording
 
 MOST_FRAMES = 600
@@ -28,29 +31,32 @@ class Felt:
 
     force_n: Array
     integral_mm2: Array
-    """the force for a modulus of 1 N / mm2"""
+    """(n, layers) the force for a modulus of 1 N / mm2"""
+    objects: tuple[str, ...] = ()
+    """what pressed, n names; empty where the record does not say"""
     lag_s: float = 0.0
     """by which the forces came later than the pictures"""
 
 
-def felt_in_images(readings: ForceReadings, bundle: Bundle, layer: Layer) -> Felt:
+def felt_in_images(readings: ForceReadings, bundle: Bundle, layers: Sequence[Layer]) -> Felt:
     """Return what is felt in the picture of each reading; InputError for a press that the view cuts off."""
-    feel = _Feeling(bundle, layer)
+    feel = _Feeling(bundle, layers)
     with prepared(ImageCamera(readings.images), bundle) as camera:
         integrals = [feel.integral_mm2(camera.read()) for _ in readings.images]
     for image, integral in zip(readings.images, integrals, strict=True):
-        if np.isnan(integral):
-            raise InputError(f"{image}: the touch reaches the border of the view: press nearer to its middle")
-    return Felt(force_n=readings.force_n, integral_mm2=np.array(integrals))
+        if np.isnan(integral).any():
+            raise InputError(f"{image}: the load goes on beyond the border of the view: press nearer to its middle")
+    return Felt(force_n=readings.force_n, integral_mm2=np.array(integrals), objects=readings.objects)
 
 
-def felt_in_recording(readings: ForceReadings, recording: Recording, bundle: Bundle, layer: Layer) -> Felt:
+def felt_in_recording(readings: ForceReadings, recording: Recording, bundle: Bundle, layers: Sequence[Layer]) -> Felt:
     """Return what is felt in the frames of a recording while the load cell read; the lag of its clock is found.
 
-    Frames whose touch the view cuts off are left out. Raises InputError where recording and readings are of other
+    Frames whose load goes on beyond the view are left out. Raises InputError where recording and readings are of other
     times.
     """
-    unix_s, integral = _of_frames(recording, bundle, layer, readings)
+    unix_s, integrals = _of_frames(recording, bundle, layers, readings)
+    integral = integrals[:, 0]
     lags = np.arange(-MOST_LAG_S, MOST_LAG_S + LAG_STEP_S / 2, LAG_STEP_S)
     left = []
     for lag in lags:
@@ -58,40 +64,45 @@ def felt_in_recording(readings: ForceReadings, recording: Recording, bundle: Bun
         modulus = float(force @ integral) / max(float(integral @ integral), 1e-30)
         left.append(float(((force - modulus * integral) ** 2).sum()))
     lag_s = float(lags[int(np.argmin(left))])
+    nearest = np.searchsorted(readings.unix_s, unix_s + lag_s).clip(0, len(readings.unix_s) - 1)
     return Felt(
-        force_n=np.interp(unix_s + lag_s, readings.unix_s, readings.force_n), integral_mm2=integral, lag_s=lag_s
+        force_n=np.interp(unix_s + lag_s, readings.unix_s, readings.force_n),
+        integral_mm2=integrals,
+        objects=tuple(readings.objects[number] for number in nearest) if readings.objects else (),
+        lag_s=lag_s,
     )
 
 
 class _Feeling:
     """The frame path of one bundle, asked for the integral of the pressure."""
 
-    def __init__(self, bundle: Bundle, layer: Layer) -> None:
-        self._reconstructor, self._layer = Reconstructor(bundle), layer
+    def __init__(self, bundle: Bundle, layers: Sequence[Layer]) -> None:
+        self._reconstructor, self._layers = Reconstructor(bundle), layers
         self._pixel_size_mm = bundle.pixel_size_mm
 
-    def integral_mm2(self, frame: CameraFrame) -> float:
-        """NaN where the view cuts the touch off."""
-        found = indenting(self._reconstructor.reconstruct(frame).depth_mm, self._pixel_size_mm, self._layer)
-        return np.nan if found.at_border else found.integral_mm2
+    def integral_mm2(self, frame: CameraFrame) -> list[float]:
+        """One for each layer; NaN where the load goes on beyond the view."""
+        depth_mm = self._reconstructor.reconstruct(frame).depth_mm
+        found = [indenting(depth_mm, self._pixel_size_mm, layer) for layer in self._layers]
+        return [np.nan if one.at_border else one.integral_mm2 for one in found]
 
 
 def _of_frames(
-    recording: Recording, bundle: Bundle, layer: Layer, readings: ForceReadings
+    recording: Recording, bundle: Bundle, layers: Sequence[Layer], readings: ForceReadings
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(n,) Unix time and integral of the frames that were taken while the load cell read."""
+    """(n,) Unix time and (n, layers) integrals of the frames that were taken while the load cell read."""
     feelings: dict[str, _Feeling] = {}
     times, integrals = [], []
     for unix_s, zero, frame in _frames(recording, readings):
         if zero not in feelings:
-            feelings[zero] = _Feeling(_with_zero(bundle, recording.bundles[zero]), layer)
+            feelings[zero] = _Feeling(_with_zero(bundle, recording.bundles[zero]), layers)
         times.append(unix_s)
         integrals.append(feelings[zero].integral_mm2(frame))
-    kept = np.isfinite(integrals)
+    kept = np.isfinite(integrals).all(axis=1) if integrals else np.zeros(0, np.bool_)
     if not kept.any():
         raise InputError(
             f"no frame of {recording.path} was taken while {readings.path} reads, from {readings.unix_s[0]:.3f} to "
-            f"{readings.unix_s[-1]:.3f} s Unix time, and shows its touch whole: give files of the same time"
+            f"{readings.unix_s[-1]:.3f} s Unix time, and shows its load whole: give files of the same time"
         )
     return np.array(times)[kept], np.array(integrals, np.float64)[kept]
 

@@ -2,6 +2,8 @@
 
 image,force_n      one reading for each picture, whose name is beside the file: known weights
 unix_s,force_n     a load cell's readings on the clock of `time.time`, beside a recording of the same time
+
+A column `object` names what pressed: then the error on objects that were not weighed is told.
 """
 
 from dataclasses import dataclass
@@ -14,7 +16,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.lab.training.label_file import number_in, read_csv
 
-FORCE, IMAGE, TIME = "force_n", "image", "unix_s"
+FORCE, IMAGE, TIME, OBJECT = "force_n", "image", "unix_s", "object"
 NEGATIVE_SHARE = 0.05
 """of the largest force: a load cell that was not set to zero may read this share below it"""
 Array = NDArray[np.float64]
@@ -30,6 +32,8 @@ class ForceReadings:
     images: tuple[Path, ...]
     unix_s: Array
     """(n,), rising"""
+    objects: tuple[str, ...] = ()
+    """what pressed in each reading; empty where the file does not say"""
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -43,15 +47,16 @@ class ForceReadings:
             raise InputError(f"{path}: its first line must be {IMAGE},{FORCE} or {TIME},{FORCE}")
         force_n = np.array([number_in(row, FORCE, f"{path}, line {line}") for line, row in rows])
         _check_forces(force_n, path)
+        objects = tuple((row[OBJECT] or "").strip() for _, row in rows) if OBJECT in columns else ()
         if at == IMAGE:
             images = tuple(_image(row[IMAGE], path, line) for line, row in rows)
-            return cls(path=path, force_n=force_n, images=images, unix_s=np.zeros(0))
+            return cls(path=path, force_n=force_n, images=images, unix_s=np.zeros(0), objects=objects)
         unix_s = np.array([number_in(row, TIME, f"{path}, line {line}") for line, row in rows])
         if (falling := np.flatnonzero(np.diff(unix_s) <= 0)).size:
             raise InputError(
                 f"{path}, line {rows[falling[0] + 1][0]}: {TIME} does not rise: give a line for each reading, in order"
             )
-        return cls(path=path, force_n=force_n, images=(), unix_s=unix_s)
+        return cls(path=path, force_n=force_n, images=(), unix_s=unix_s, objects=objects)
 
 
 def _image(text: str | None, path: Path, line: int) -> Path:

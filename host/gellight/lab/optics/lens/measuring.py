@@ -9,6 +9,7 @@ import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, extend_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.optics.lens.lens_fit import Floats, LensFit, fit_lens, read_pins, spacing_px
@@ -18,7 +19,6 @@ from gellight.lab.report.record import Record
 from gellight.lab.training.training import read_reference
 from gellight.reconstruction.lens.lens_file import FILE_NAME, LensRecord
 from gellight.reconstruction.lens.undistortion import Undistortion
-from gellight.reconstruction.pipeline import Reconstructor
 
 
 class LensFigures(Record):

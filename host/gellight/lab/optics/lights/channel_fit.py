@@ -46,7 +46,8 @@ def fit_channels(
     lights = lights_from_balls(balls.series, balls.untouched, ball, balls.noise_grey)
     if balls.groups is not None:
         lights = replace(lights, groups=balls.groups)
-    network, record = train(channel_table(balls.series, lights.untouched, ball), wanted, progress=progress, check=check)
+    table = channel_table(balls.series, lights.untouched, ball)
+    network, record = train(table, wanted, progress=progress, check=check)
     return write_bundle(
         out,
         sensor=balls.sensor,
@@ -55,6 +56,7 @@ def fit_channels(
         noise_grey=balls.noise_grey,
         pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm),
         network=network,
+        presses=shown(table, lights.untouched).arrays(),
         metrics={
             "ball_radius_mm": ball.radius_mm,
             "held_out": {"network": felt.as_json(), "least_squares": solved.as_json()},
@@ -63,6 +65,20 @@ def fit_channels(
         extra_files={FILE_NAME: lights.content()},
         overwrite=overwrite,
         camera=balls.camera,
+    )
+
+
+def shown(table: PressTable, untouched: Floats) -> PressTable:
+    """Return the rows in contact as the picture of a frame shows them: changes of red, green, blue, grey levels."""
+    touched = np.flatnonzero(table.rows[:, -2:].any(axis=1))
+    rows = table.rows[touched]
+    x, y = rows[:, -4].astype(int), rows[:, -3].astype(int)
+    change = np.asarray(rows[:, :-4].T / 100 * untouched[:, y, x], np.float32)
+    colours = as_rgb(change[:, None])[0]
+    return PressTable(
+        rows=np.concatenate([colours, rows[:, -4:]], axis=1).astype(np.float32),
+        image=table.image[touched],
+        image_size=table.image_size,
     )
 
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.lab.training.presses import Ball, Floats, Press, distance_px
 from gellight.lab.training.validation import frame_of
-from gellight.reconstruction.pipeline import Reconstructor
 
 TOLERANCE = 0.12
 """relative difference of radii from which a ball counts as another one"""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.calibration.force.fit import SHAPE_SHARE, fit_force
+from gellight.lab.calibration.force.fit import SHAPE_SHARE, chosen_layer, fit_force, left_out_share
 
 FELT = np.array([0.0, 1.0, 2.0, 4.0, 8.0])
 
@@ -51,3 +51,28 @@ def test_a_record_that_one_modulus_cannot_explain_is_refused(
 ) -> None:
     with pytest.raises(InputError, match=reason):
         fit_force(np.array(force), np.array(felt), "record")
+
+
+def objects_of(share: float) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Three objects; the second layer tells all by one modulus, the first each by another, `share` apart."""
+    force = np.tile([0.5, 1.0, 1.5], 3)
+    right = force / 0.2
+    given = right * np.repeat([1 - share, 1.0, 1 + share], 3)
+    return force, np.stack([given, right], axis=1), list(np.repeat(["ball", "punch", "prism"], 3))
+
+
+def test_objects_that_are_left_out_choose_the_layer_and_tell_its_error() -> None:
+    assert chosen_layer(*objects_of(0.2)) == 1
+    assert left_out_share(*objects_of(0.2)) == pytest.approx(0, abs=1e-9)
+    force, felt, objects = objects_of(0.2)
+    assert left_out_share(force, felt[:, :1], objects) > 0.2
+
+
+def test_the_layer_that_is_given_stays_where_another_is_hardly_better() -> None:
+    force, felt, objects = objects_of(0.2)
+    felt[:, 1] = force / 0.2 * np.repeat([0.81, 1.0, 1.19], 3)
+    assert chosen_layer(force, felt, objects) == 0
+
+
+def test_the_error_is_no_smaller_than_on_objects_left_out() -> None:
+    assert fit_force(0.2 * FELT, FELT, "record", least_share=0.12).error_share == pytest.approx(0.12)

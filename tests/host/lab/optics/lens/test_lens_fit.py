@@ -7,6 +7,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.optics.lens.lattice import find_lattice
 from gellight.lab.optics.lens.lens_fit import LensFit, fit_lens, read_pins, spacing_px
@@ -14,7 +15,6 @@ from gellight.lab.optics.lens.pins import dimples, spots
 from gellight.lab.simulator.scene import Press as Pressed
 from gellight.lab.simulator.scene import Scene
 from gellight.reconstruction.lens.model import middle_px
-from gellight.reconstruction.pipeline import Reconstructor
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.distorted import (

@@ -2,23 +2,19 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
 from gellight.base.errors import InputError
-from gellight.cli.calibrate.verbs import app
-from gellight.cli.reconstruct import command
 from gellight.frames.image_files import read_grey
 from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
 from gellight.lab.optics.lights.ball_series import BallSeries, divided
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
 from gellight.photometric.directions import LightDirections, view_places
 from gellight.reconstruction.integration import normals
+from tests.helpers.command_line import invoke
 from tests.helpers.places import REAL_CROPS
 
 SHAPE = (150, 200)
@@ -32,8 +28,6 @@ OEM = REAL_CROPS / "oem_six_lights"
 OEM_BALL = Ball(radius_mm=0.2465, pixel_size_mm=0.0136138)
 OEM_CENTRES = [(74.27 + 146.89 * i - 2.65 * j, 62.29 + 2.54 * i + 147.16 * j) for j in range(3) for i in range(4)]
 """of the balls, from the maker's file, in pixels half as large"""
-reconstruct = typer.Typer()
-reconstruct.command()(command)
 
 
 def surface(presses: list[Press]) -> np.ndarray:
@@ -113,7 +107,7 @@ def test_six_real_lights_in_16_bit_are_found_on_balls_and_feel_others(tmp_path: 
     sizes = ["--ball-radius-mm", str(OEM_BALL.radius_mm), "--pixel-size-mm", str(OEM_BALL.pixel_size_mm)]
     series = ["--balls", f"{tmp_path}/balls_*.png", "--untouched", f"{tmp_path}/flat_*.png", "--white", "1020"]
     given = ["directions", *series, *sizes, "--presses", tmp_path / "p.csv", "--out", tmp_path / "l.npz", "--json"]
-    result = run(app, *given)
+    result = invoke("calibrate", *given)
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)
     assert found["held_out"]["balls"] == 3
@@ -123,7 +117,7 @@ def test_six_real_lights_in_16_bit_are_found_on_balls_and_feel_others(tmp_path: 
     steps = np.diff(np.array([*found["azimuth_deg"], found["azimuth_deg"][0]])) % 360
     assert np.abs(np.minimum(steps, 360 - steps) - 60).max() < 12
     asked = [f"{tmp_path}/balls_*.png", "--lights", tmp_path / "l.npz", "--white", "1020", "--out", tmp_path / "out"]
-    assert run(reconstruct, *asked, "--json").exit_code == 0
+    assert invoke("reconstruct", *asked, "--json").exit_code == 0
     with np.load(tmp_path / "out/balls_light1.npz") as maps:
         depth_mm = maps["depth_mm"]
     for x, y in OEM_CENTRES:
@@ -141,14 +135,10 @@ def test_a_series_of_another_number_or_size_is_refused(tmp_path: Path, vectors: 
     lights.write(tmp_path / "l.npz")
     cv2.imwrite(str(tmp_path / "a.png"), np.full((8, 9), 511, np.uint16))
     assert read_grey(tmp_path / "a.png", 1022.0)[0, 0] == pytest.approx(127.5)
-    result = run(reconstruct, tmp_path / "a.png", "--lights", tmp_path / "l.npz", "--out", tmp_path / "out")
+    result = invoke("reconstruct", tmp_path / "a.png", "--lights", tmp_path / "l.npz", "--out", tmp_path / "out")
     assert "1 images and 5 lights: give one image for each light" in str(result.exception)
-    neither = run(reconstruct, tmp_path / "a.png", "--out", tmp_path / "out")
+    neither = invoke("reconstruct", tmp_path / "a.png", "--out", tmp_path / "out")
     assert "give either --calibration or --lights" in str(neither.exception)
     (tmp_path / "other.npz").write_bytes(b"none")
-    wrong = run(reconstruct, tmp_path / "a.png", "--lights", tmp_path / "other.npz", "--out", tmp_path / "out")
+    wrong = invoke("reconstruct", tmp_path / "a.png", "--lights", tmp_path / "other.npz", "--out", tmp_path / "out")
     assert "holds no lights" in str(wrong.exception)
-
-
-def run(group: typer.Typer, *arguments: object) -> Any:
-    return CliRunner().invoke(group, [str(argument) for argument in arguments])

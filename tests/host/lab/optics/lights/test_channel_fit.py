@@ -6,25 +6,27 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from gellight.base.errors import BundleError, ConfigError, GellightError, InputError
 from gellight.base.settings import LightingSettings, Settings
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.cli.main import app
 from gellight.daemon.assembly import open_session
+from gellight.frame_path.pipeline import Reconstructor
+from gellight.frames.image_files import read_grey
 from gellight.lab.calibration.preparing import full_colours
-from gellight.lab.optics.lights.ball_series import BallSeries, read_series
+from gellight.lab.optics.lights.ball_series import BallSeries, LitBalls, read_series
 from gellight.lab.optics.lights.channel_fit import channel_table, fit_channels
 from gellight.lab.optics.lights.live_series import take_series
-from gellight.lab.training.presses import Ball, Press
+from gellight.lab.training.presses import Ball, Press, contact_circle
 from gellight.lab.training.table import TableOptions
 from gellight.lab.training.training import TrainingOptions
 from gellight.opening import open_camera
 from gellight.photometric.directions import levels_of, lights_of
-from gellight.reconstruction.pipeline import Reconstructor
+from gellight.reconstruction.measures import BundleMeasures
 from gellight.ring.light_groups import colour_triples, single_leds
-from gellight.series.single_light_path import SingleLightPath, read_directions
+from gellight.series.recorded import frame_of_lights
+from gellight.series.single_light_path import SingleLightPath, read_directions, slopes_by
+from tests.helpers.command_line import invoke
 from tests.helpers.places import REAL_CROPS
 
 OEM = REAL_CROPS / "oem_six_lights"
@@ -36,7 +38,7 @@ RING = full_colours("RRRRGGGGBBBB")
 
 
 def run(*arguments: object) -> Any:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+    return invoke(*arguments)
 
 
 def circles(path: Path, centres: list[tuple[float, float]], ball: Ball, image: str) -> Path:
@@ -66,6 +68,8 @@ def test_a_network_of_six_real_lights_in_16_bit_is_trained_judged_and_used(tmp_p
         assert done.exit_code == 0, done.output
         with np.load(tmp_path / f"out{len(how)}/balls_light1.npz") as maps:
             depth_mm = maps["depth_mm"]
+            assert maps["confidence"].shape == depth_mm.shape
+            assert not maps["findings"].size
         true = BALL.radius_mm - np.sqrt(BALL.radius_mm**2 - (12 * BALL.pixel_size_mm) ** 2)
         for x, y in CENTRES:
             column, row = round(x / 2), round(y / 2)
@@ -78,6 +82,38 @@ def test_a_network_of_six_real_lights_in_16_bit_is_trained_judged_and_used(tmp_p
         Reconstructor(bundle)
     with pytest.raises(BundleError, match="does not tell how a ring shows them"):
         SingleLightPath(bundle, "network")
+
+
+def test_half_a_plate_is_no_calibration_of_the_other_half(tmp_path: Path) -> None:
+    """A network of the left half is wrong in the right one, and says that it has not learnt there."""
+    levels, untouched = (np.stack([read_grey(OEM / f"{kind}_light{n}.png", 1020) for n in range(1, 7)])
+                         for kind in ("balls", "flat"))  # fmt: skip
+    presses = [
+        Press(image=Path("balls"), center_x_px=x / 2, center_y_px=y / 2, contact_radius_px=0.95 * BALL.radius_px)
+        for x, y in CENTRES
+    ]
+    left = [BallSeries(levels=levels, presses=(press,)) for press in presses if press.center_x_px < 150]
+    balls = LitBalls(ball=BALL, series=left, untouched=untouched, noise_grey=0.5, sensor="six lights")
+    bundle = fit_channels(balls, tmp_path / "b")
+    paths = [OEM / f"balls_light{number}.png" for number in range(1, 7)]
+    for mode in ("network", "photometric"):
+        lights = read_directions(bundle)
+        frame = frame_of_lights(
+            lights, paths, 1020, slopes=slopes_by(bundle, lights, mode),
+            measures=BundleMeasures(bundle, from_network=mode == "network"),
+        )  # fmt: skip
+        assert frame.confidence is not None
+        guess, shape = frame.confidence.not_learnt, levels.shape[1:]
+        sides = {"left": [p for p in presses if p.center_x_px < 150], "right": presses[3::4]}
+        told = {
+            side: np.mean([guess[contact_circle(press, shape)].mean() for press in some])
+            for side, some in sides.items()
+        }
+        if mode == "photometric":
+            assert told == {"left": 0, "right": 0}, "what is measured is no guess"
+        else:
+            assert told["left"] < 0.05
+            assert told["right"] > 0.8
 
 
 def test_the_rows_are_the_pixels_of_the_balls_and_of_flat_gel() -> None:

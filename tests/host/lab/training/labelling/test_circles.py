@@ -18,15 +18,15 @@ from gellight.lab.training.presses import Ball
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import ObjectParameters
-from sim_reference.surface import press_object
+from sim_reference.surface import press_object, sample
+from tests.benchmarks.measured_response import MeasuredResponse
 from tests.helpers.derivatives import slope
-from tests.helpers.places import REAL_IMAGES
+from tests.helpers.places import REAL_CROPS, real
 
 SHAPE = (200, 260)
 BALL = Ball(radius_mm=4.0, pixel_size_mm=0.1)
 LIGHTS = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])
 """(3, 2) grey levels per component of the normal: three lights 120 degrees apart"""
-DATA = REAL_IMAGES
 
 
 def reference() -> np.ndarray:
@@ -165,9 +165,9 @@ def test_an_object_that_is_no_ball_is_refused() -> None:
         find_circle(image.astype(np.uint8), reference(), ball=BALL)
 
 
-@pytest.mark.real_images
+@pytest.mark.real_images("gelsight_mini_ball")
 def test_on_a_real_sensor_every_press_is_found_where_a_hand_put_it() -> None:
-    folder = DATA / "gelsight_mini_ball"
+    folder = real("gelsight_mini_ball")
     ball, untouched = Ball(radius_mm=2.35, pixel_size_mm=0.05107), read_image(folder / "background.png")
     apart = []
     for line in (folder / "presses.csv").read_text().splitlines()[1:]:
@@ -179,9 +179,9 @@ def test_on_a_real_sensor_every_press_is_found_where_a_hand_put_it() -> None:
     assert max(apart) < 9
 
 
-@pytest.mark.real_images
+@pytest.mark.real_images("gelslam_ball")
 def test_on_a_real_sensor_half_a_circle_is_found_where_the_whole_one_is() -> None:
-    folder, ball = DATA / "gelslam_ball", Ball(radius_mm=3.155, pixel_size_mm=0.0634)
+    folder, ball = real("gelslam_ball"), Ball(radius_mm=3.155, pixel_size_mm=0.0634)
     untouched, apart, told = read_image(folder / "background.png"), [], []
     for number in (1, 5, 9, 13, 16, 21, 25, 29):
         image = read_image(folder / f"{number:04}.png")
@@ -202,11 +202,10 @@ def test_on_a_real_sensor_half_a_circle_is_found_where_the_whole_one_is() -> Non
     assert (np.array(apart) < 2 * np.array(told)).mean() > 0.7
 
 
-@pytest.mark.real_images
 @pytest.mark.parametrize(("sensor", "x", "y"), [(1, 243, 188), (2, 283, 173)])
 def test_it_is_found_under_white_light_too(sensor: int, x: float, y: float) -> None:
-    folder = DATA / f"ninedtact/sensor_{sensor}/depth_calibration"
-    image, untouched = (read_image(folder / f"rectify_crop_{name}.png") for name in ("sample", "ref"))
+    folder = REAL_CROPS / "ninedtact"
+    image, untouched = (read_image(folder / f"{sensor}_upright_{name}.png") for name in ("press", "untouched"))
     circle = find_circle(image, untouched, ball=Ball(radius_mm=4.0, pixel_size_mm=0.0505))
     assert np.hypot(circle.center_x_px - x, circle.center_y_px - y) < 5
 
@@ -215,3 +214,19 @@ def test_a_picture_read_from_a_file_has_its_colours_in_order(tmp_path: Path) -> 
     cv2.imwrite(str(tmp_path / "a.png"), photograph((130, 100, 24))[..., ::-1])
     circle = find_circle(read_image(tmp_path / "a.png"), reference(), ball=BALL)
     assert circle.center_x_px == pytest.approx(130, abs=0.3)
+
+
+@pytest.mark.parametrize(("press_mm", "x_mm", "y_mm"), [(0.8, 4.0, 2.0), (1.5, 4.0, 2.0), (2.2, 7.0, -4.0)])
+def test_a_golf_ball_whose_contact_is_cut_off_is_found(press_mm: float, x_mm: float, y_mm: float) -> None:
+    """Radius 21 mm in a view of 16 x 12 mm, by the light of a real sensor; 43 to 67 % of the view are in contact."""
+    geometry = SensorGeometry(image_width_px=320, image_height_px=240, pixel_size_mm=0.05, gel_thickness_mm=4.0)
+    deformed = press_object(
+        "BALL", press_mm, geometry, parameters=ObjectParameters(calibration_ball_radius_mm=21.0)
+    )  # fmt: skip
+    response, random = MeasuredResponse.read("polycalib"), np.random.default_rng(0)
+    surface = sample(deformed, geometry, x_mm, y_mm)
+    image, untouched = (response.photograph(one, random, geometry.image_shape) for one in (surface, None))
+    circle = find_circle(image, untouched, ball=Ball(radius_mm=21.0, pixel_size_mm=0.05), least_view=ARC)
+    apart = np.hypot(circle.center_x_px - x_mm / 0.05 - 159.5, circle.center_y_px - y_mm / 0.05 - 119.5)
+    assert apart < max(2 * circle.center_error_px, 3)
+    assert circle.center_error_px < 0.07 * 420

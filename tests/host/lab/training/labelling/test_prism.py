@@ -210,7 +210,7 @@ def felt_as(surface: Surface) -> TactileFrame:
     gradient_map, depth = surface.gradient_map.astype(np.float32), surface.depth_mm.astype(np.float32)
     return TactileFrame(
         camera_frame=camera_frame, difference=np.zeros((*SHAPE, 3), np.float32), gradient_map=gradient_map,
-        normal_map=normals(gradient_map), depth_mm=depth,
+        depth_mm=depth,
         contact=Contact(mask=surface.contact, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
     )  # fmt: skip
 

@@ -9,7 +9,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.lab.training.labelling.pattern import PressShape, response, sampled_around
-from gellight.lab.training.labelling.refinement import GivenResponse, refine, refine_others
+from gellight.lab.training.labelling.refinement import FirstFits, GivenResponse, refine, refine_others
 from gellight.lab.training.presses import Ball, Press
 from tests.helpers.derivatives import slope
 
@@ -134,7 +134,7 @@ def test_a_response_is_never_learnt_from_the_image_it_corrects(
     solved: list[np.ndarray] = []
     solve = refinement._solve
     monkeypatch.setattr(
-        refinement, "_solve", lambda square, right: solved.append(square.copy()) or solve(square, right)
+        refinement, "_solve", lambda square, right, count: solved.append(square.copy()) or solve(square, right, count)
     )
     monkeypatch.setattr(refinement, "_ROUNDS", 1)
     refine(truth, REFERENCE, BALL)
@@ -142,6 +142,21 @@ def test_a_response_is_never_learnt_from_the_image_it_corrects(
     assert len(others) == len(truth)
     # Summed over all, each image is counted once less than there are images: that mean is what all of them say.
     assert all(np.trace(square) < 0.99 * np.trace(sum(others)) / (len(truth) - 1) for square in others)
+
+
+def test_few_presses_refine_each_other_under_light_that_changes_over_the_view(truth: list[Press]) -> None:
+    refined = refine(clicked(truth[:5]), REFERENCE, BALL)
+    off = circles(refined.presses) - circles(truth[:5])
+    assert np.abs(off[:, :2] - off[:, :2].mean(axis=0)).max() < 0.5
+
+
+def test_each_radius_is_that_of_its_own_image_times_what_all_have_in_common(truth: list[Press]) -> None:
+    labels = clicked(truth)
+    first = FirstFits(REFERENCE, BALL)
+    refined = refine(labels, REFERENCE, BALL, first=first)
+    alone = [first.of(press).shape.contact_radius for press in labels]
+    np.testing.assert_allclose(circles(refined.presses)[:, 2] / alone, refined.alone_share)
+    assert refined.alone_share == pytest.approx(1.0, abs=0.02)
 
 
 def test_too_few_presses_cannot_vouch_for_each_other(truth: list[Press]) -> None:

@@ -1,0 +1,155 @@
+"""The frame path: camera frame in, tactile frame out."""
+
+import logging
+import time
+from dataclasses import replace
+from enum import StrEnum
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import BundleError
+from gellight.bundle.bundle import Bundle
+from gellight.frame_path.numpy_path import NumpyPath
+from gellight.frame_path.picture_path import check_image
+from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.frames.status import PathStatus
+from gellight.photometric.directions import FILE_NAME
+from gellight.reconstruction.cast_shadows import CastShadows
+from gellight.reconstruction.gelnet import GradientNetwork
+from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
+from gellight.reconstruction.lens.undistortion import Undistortion
+from gellight.reconstruction.linearised import CellNetwork
+from gellight.reconstruction.measures import BundleMeasures
+from gellight.reconstruction.native.judge import refuse_disagreement
+from gellight.reconstruction.native.library import NativePathError, fitting_library
+from gellight.reconstruction.native.native_path import NativePath
+from gellight.reconstruction.smoothing import NARROWEST_PX
+from gellight.reconstruction.stages import Clock, NetworkRows, TactilePath
+
+logger = logging.getLogger(__name__)
+Floats = NDArray[np.float32]
+
+
+class FramePath(Protocol):
+    """What turns the frames of one sensor into tactile frames."""
+
+    bundle: Bundle
+
+    def reconstruct(self, camera_frame: CameraFrame, /) -> TactileFrame:
+        """Return the maps and the contact of one frame."""
+
+    def status(self) -> PathStatus:
+        """Return `mode`, and what else is known of the way it is computed, ready for JSON."""
+
+
+class Form(StrEnum):
+    """How a frame is computed. On a ball all forms agree within 0.1 degrees and a micrometre in every pixel."""
+
+    NATIVE = "native"
+    """in C, the network at the means of cells: the fastest; NumPy where no library fits this machine"""
+    CELLS = "cells"
+    """in NumPy, the network at the means of cells: fast"""
+    PIXELS = "pixels"
+    """in NumPy, the network at every touched pixel: the judge of the others"""
+
+
+class Reconstructor:
+    """Everything that stays the same between the frames of one sensor.
+
+    Nothing that was returned changes later: each result owns its arrays, but for the maps of untouched gel, which are
+    read-only and shared. One reconstructor serves one thread.
+    """
+
+    def __init__(
+        self,
+        bundle: Bundle,
+        *,
+        threads: int = 1,
+        smoothing_px: int = NARROWEST_PX,
+        masked: bool = True,
+        undistorted: bool = True,
+        cast_shadows: bool = True,
+        form: Form = Form.NATIVE,
+        clock: Clock = time.perf_counter,
+    ) -> None:
+        """Prepare for the frames of the calibrated sensor; takes one dense run of the network.
+
+        threads: of the network. smoothing_px: half width of the narrowest filter that smooths the gradient map. masked:
+        run the network only where the image differs from the reference; without, everywhere, pixel by pixel.
+        undistorted: take the lens out of the maps where the bundle has one; without, they lie over the picture, as
+        labels do. cast_shadows: give pixels the light back that the surface keeps from them, where the bundle knows
+        its LEDs. form: how to compute; what the native form cannot do is computed by NumPy.
+        clock: that times the stages. Raises BundleError.
+        """
+        _refuse_series(bundle)
+        self.bundle = bundle
+        self.masked = masked
+        self._measures = BundleMeasures(bundle)
+        self._network = GradientNetwork(
+            bundle.network,
+            bundle.image_shape,
+            noise_grey=bundle.manifest.noise_grey,
+            rest_grey=bundle.manifest.rest_grey,
+            threads=threads,
+            source=bundle.source,
+        )
+        cells = CellNetwork(self._network) if masked and form is not Form.PIXELS else None
+        lens = read_undistortion(bundle) if undistorted and has_lens(bundle) else None
+        shadows = CastShadows.of_bundle(bundle, self._network) if cast_shadows else None
+        self.cast_shadows = shadows is not None
+        numpy_path = NumpyPath(
+            bundle, self._network, cells, lens, shadows, smoothing_px=smoothing_px, masked=masked, clock=clock
+        )
+        self._path: TactilePath = numpy_path
+        self._computed_by = f"NumPy, {'cells' if cells else 'pixels'}"
+        if form is Form.NATIVE and cells:
+            self._go_native(numpy_path, (cells, lens, shadows), smoothing_px, clock)
+
+    def _go_native(
+        self,
+        judge: NumpyPath,
+        parts: tuple[CellNetwork, Undistortion | None, CastShadows | None],
+        smoothing_px: int,
+        clock: Clock,
+    ) -> None:
+        """Compute natively where a library fits this machine and answers as NumPy does; else say so in the log."""
+        try:
+            name, library = fitting_library()
+            path = NativePath(library, self.bundle, *parts, smoothing_px=smoothing_px, clock=clock)
+            refuse_disagreement(path, judge, self.bundle)
+        except NativePathError as reason:
+            logger.warning("frames are computed by NumPy, which takes longer: %s", reason)
+            return
+        self._path, self._computed_by = path, f"C, {name}"
+
+    def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
+        """Reconstruct gradient, normal and depth map and the contact from one frame.
+
+        Depth is 0 where the gel is at rest: see `at_rest.far_from_touch`, and `reconstruction.integrate` for a view
+        that is touched all over. Raises InputError for an image of another size or type than the calibration's.
+        """
+        check_image(camera_frame, self.bundle)
+        return replace(self._path.reconstruct(camera_frame), measures=self._measures)
+
+    def status(self) -> PathStatus:
+        """Return the mode and what computes, ready for JSON."""
+        return {"mode": "network", "computed_by": self._computed_by}
+
+    @property
+    def network_rows(self) -> NetworkRows:
+        """How often the network was asked for the latest frame."""
+        return self._path.network_rows
+
+    def touched(self, difference: Floats) -> NDArray[np.bool_]:
+        """Mark the (H, W) pixels that go through the network; see `gelnet.GradientNetwork`."""
+        return self._network.touched(difference)
+
+
+def _refuse_series(bundle: Bundle) -> None:
+    if FILE_NAME in bundle.files:
+        raise BundleError(
+            f"{bundle.source} is of lights shown one after the other ({FILE_NAME}), a single picture says nothing: "
+            "give `gellight run` or `reconstruct` a series of them, or the bundle of a calibration by colours"
+        )

@@ -1,0 +1,106 @@
+"""What is known of the gel along its surface: where its marker dots are, how it is moved and pulled."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.field_docs import with_field_docs
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+class Unseen(IntEnum):
+    """Why a marker dot is not seen."""
+
+    SEEN = 0
+    """it is seen"""
+    MISSING = 1
+    """nothing is dark where it should be: hidden, or come off"""
+    BEYOND_VIEW = 2
+    """it has moved out of the picture"""
+    MERGED = 3
+    """it cannot be told from the dot beside it"""
+    DARK = 4
+    """the gel is not lit"""
+
+
+@with_field_docs
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DotsSeen:
+    """The marker dots of one picture, each in the row of its name."""
+
+    rest_px: Floats
+    """(N, 2) x, y of the dots on the untouched gel"""
+    places_px: Floats
+    """(N, 2) x, y of the dots now; a guess from their neighbours where they are not seen"""
+    reasons: NDArray[np.uint8]
+    """(N,) 0 for a dot that is seen, else why it is not: `Unseen`"""
+    problem: str = ""
+    """why the dots tell nothing of the gel, as on another gel; empty where they do"""
+
+    @property
+    def seen(self) -> Bools:
+        """(N,) which dots are seen."""
+        return np.asarray(self.reasons == Unseen.SEEN)
+
+
+FEW_DOTS = "few_dots"
+"""flag: hardly a dot is in the contact or beside it, so the force is mostly a guess; its error says how much of one"""
+PERSPECTIVE = "perspective"
+"""flag: the bundle does not say how high the camera is, so what perspective moves is still in the displacement"""
+
+
+@with_field_docs
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shear:
+    """How the gel is moved and pulled along its surface, by its marker dots."""
+
+    dots: DotsSeen
+    field_mm: Floats
+    """(N, 2) x, y by which the gel under each dot has moved along itself; NaN where a dot is not seen"""
+    force_n: tuple[float, float] | None = None
+    """x, y of the force that pulls the gel along itself; None where it is unknown"""
+    force_error_n: tuple[float, float] | None = None
+    """one standard deviation of each"""
+    torque_nmm: float | None = None
+    """about the centre of the pressure, from x towards y"""
+    torque_error_nmm: float | None = None
+    centre_mm: tuple[float, float] | None = None
+    """x, y of the centre of the pressure, from the image centre; None where nothing touches, or it is unknown"""
+    flags: tuple[str, ...] = ()
+    """`few_dots`, `perspective`, and `beyond_view` as of the normal force"""
+    unknown: str = ""
+    """why the force is unknown; empty where it is known"""
+    traction_of: Callable[[], NDArray[np.float32] | None] | None = field(default=None, repr=False)
+    """computes the traction map; None where nothing pulls, or it is unknown"""
+
+    @cached_property
+    def traction_mpa(self) -> NDArray[np.float32] | None:
+        """(H, W, 2) force along the gel on its area, MPa (N / mm2), constant over cells; None where it is unknown."""
+        return self.traction_of() if self.traction_of else None
+
+
+@with_field_docs
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ShearTruth:
+    """How a simulated gel is moved along its surface: what only a simulator can know."""
+
+    dots_px: Floats
+    """(N, 2) x, y of the middle of each dot in the picture, px; they may lie beyond it"""
+    dots_mm: Floats
+    """(N, 2) by which the gel under each dot has moved along itself"""
+    field_mm: NDArray[np.float32] = field(repr=False)
+    """(H, W, 2) the same of the gel that lay under each pixel when it was at rest"""
+    force_n: tuple[float, float]
+    """x and y of the force that pulls the gel"""
+    torque_nmm: float
+    """of that force about the centre of the pressure, from x towards y"""
+    sticks: Bools = field(repr=False)
+    """(H, W) where the gel is touched and does not slip, over the gel at rest"""
+    sticking_share: float
+    """of the contact; 0 where nothing touches"""

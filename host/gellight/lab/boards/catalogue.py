@@ -1,0 +1,84 @@
+"""What is ordered for the boards, by maker and the maker's part number."""
+
+from dataclasses import dataclass
+
+from gellight.base.errors import InputError
+from gellight.lab.boards.footprints import LED_2020, LED_5050
+from gellight.lab.boards.model import Footprint, Item
+from gellight.ring.boards import LEDS
+
+CAPACITOR_100N = Item("100 nF 50 V X7R", "Samsung", "CL10B104KB8NNNC")
+CAPACITOR_1U = Item("1 uF 25 V X7R", "Samsung", "CL10B105KA8NNNC")
+CAPACITOR_2N2 = Item("2.2 nF 50 V X7R", "Samsung", "CL10B222KB8NNNC")
+CAPACITOR_470U = Item("470 uF 10 V", "Panasonic", "EEE-FK1A471P")
+RESISTOR_330 = Item("330", "Yageo", "RC0603FR-07330RL")
+RESISTOR_1K = Item("1 k", "Yageo", "RC0603FR-071KL")
+RESISTOR_10K = Item("10 k", "Yageo", "RC0603FR-0710KL")
+THERMISTOR = Item("NTC 10 k, B 3380 K", "Murata", "NCP18XH103F03RB")
+LEVEL_SHIFTER = Item("74AHCT125", "Nexperia", "74AHCT125D,118")
+LOAD_SWITCH = Item("TPS22918", "Texas Instruments", "TPS22918DBVR")
+POLYFUSE_500MA = Item("polyfuse 500 mA", "Bourns", "MF-MSMF050-2")
+CLAMP = Item("BAT54S", "Nexperia", "BAT54S,215")
+STATUS_LED = Item("green LED", "Wuerth Elektronik", "150060VS75000")
+SOCKET_FFC = Item("FFC socket, 6 x 1.0 mm", "Molex", "200528-0060")
+PLUG_XH = Item("trigger connector, 4 pins", "JST", "B4B-XH-A", mounted=False)
+TAIL = Item("tail of the strip", "", "", mounted=False)
+
+
+OTHERS = (
+    (Item("USB camera, board of 32 x 32 mm, M12 lens", "innomaker", "U20CAM-1080P-S1"), 1, 1.0),
+    (Item("M12 lens, 50 degrees horizontally on that camera", "any", ""), 1, 1.0),
+    (Item("USB hub with a power supply of its own, 4 ports, 2 A", "any", ""), 1, 1.0),
+    (Item("USB cable for the controller", "any", ""), 1, 1.0),
+    (Item("disc of clear cast acrylic, 50 x 3 mm, film on both faces", "any", ""), 1, 1.0),
+    (Item("clear silicone XP-565, g", "Silicones, Inc.", "XP-565"), 30, 15.0),
+    (Item("silicone ink, grey, with activator and diluent, g", "Raw Material Suppliers", "Print-On"), 10, 3.0),
+    (Item("release agent, spray can", "Mann", "Ease Release 200"), 1, 0.1),
+    (Item("black ASA filament, g", "any", ""), 100, 80.0),
+    (Item("cable gland M12 x 1.5", "any", ""), 1, 1.0),
+    (Item("self-tapping screw 2 x 6 mm", "any", ""), 4, 4.0),
+    (Item("pin header 2.54 mm, 20 pins", "any", ""), 2, 2.0),
+    (Item("bearing ball of 4 mm radius", "any", ""), 1, 0.1),
+)
+"""what a sensor needs besides the boards' parts: how much for one, and for each of many"""
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """An LED that the strip may carry."""
+
+    item: Item
+    footprint: Footprint
+    pins: dict[str, str]
+    """number of the pad by what it is: VDD, GND, DIN, DOUT"""
+    height_mm: float
+    """of its package"""
+    kind: str
+    """its preset of the firmware, for its current"""
+    node_mm: float
+    """from its middle to where its data leaves the pads for the middle line of the strip"""
+    capacitor_mm: float
+    """from its middle to its capacitor"""
+
+    @property
+    def white_ma(self) -> float:
+        """What it draws when it is white, 1 mA of its own included."""
+        return 3 * LEDS[self.kind] / 1000 + 1
+
+
+_PINS_2020 = {"DOUT": "1", "GND": "2", "DIN": "3", "VDD": "4"}
+_PINS_5050 = {"VDD": "1", "DOUT": "2", "GND": "3", "DIN": "4"}
+LAMPS = {
+    "2020": Lamp(
+        Item("WS2812B-2020", "Worldsemi", "WS2812B-2020"), LED_2020, _PINS_2020, 0.84, "ws2812b-2020", 1.45, 2.0
+    ),
+    "5050": Lamp(Item("WS2812B", "Worldsemi", "WS2812B-B/W"), LED_5050, _PINS_5050, 1.6, "ws2812b", 3.3, 4.2),
+}
+"""by package"""
+
+
+def find_lamp(package: str) -> Lamp:
+    """Return the LED of a package; InputError for one that is not listed."""
+    if package not in LAMPS:
+        raise InputError(f"there is no LED in a package {package!r}: choose {' or '.join(LAMPS)}")
+    return LAMPS[package]

@@ -1,0 +1,213 @@
+"""The layer's forces in place of MuJoCo's contact: gels that hold, lift and let slip.
+
+A body in a gel has six springs at the centre of pressure, in the gel's frame. Those along the normal and of the two
+tilts come from the layer: its force a little deeper, and the spread of its pressure. Those of the two ways along the
+gel and of the spin are a bristle that sticks until Coulomb's limit. Tangential over normal stiffness is
+2 (1 - nu) / (2 - nu), as for a sphere on a half space (Mindlin, J. Appl. Mech. 16, 1949).
+
+Explicit forces of such stiff springs throw light bodies out. So the forces f at the end of the step are solved for,
+all gels together:
+
+    f = f0 - A J v',   v' = v + dt (a + M^-1 J' f),   A = (dt + tau) K
+
+with the acceleration a without gels, and tau the gel's loss time. Then friction is cut to the cone.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.lab.touch.mujoco_gap import MM
+from gellight.lab.touch.mujoco_gels import MujocoGel, MujocoGels
+
+Floats = NDArray[np.float64]
+DEEPER_MM = 0.05
+"""over which the stiffness is found; over less the layer's tolerance shows"""
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What one gel does to one body in a step."""
+
+    gel: str
+    body: int
+    force_n: Floats
+    """(3,) on the body, in the gel's frame: along x, along y, out of the gel"""
+    torque_nmm: Floats
+    """(3,) on the body about `point_m`, in the gel's frame"""
+    layer_force_n: float
+    """of the layer as the body lies in it"""
+    sticks: bool
+    point_m: Floats
+    """(3,) where the force acts, in the world"""
+
+
+@dataclass(eq=False)
+class _Spring:
+    """One body in one gel, during a step."""
+
+    gel: str
+    body: int
+    holder: int
+    axes: Floats
+    point: Floats
+    jacobian: Floats
+    stiffness: Floats
+    """(6,) N/m and N m/rad"""
+    at_rest: Floats
+    """(6,) force and torque if nothing moved"""
+    reach: Floats
+    """(2,) m: how far from its centre the pressure can move, in y and x"""
+    radius: float
+
+
+class Carrying:
+    """Steps a model whose gels carry what touches them."""
+
+    def __init__(
+        self, gels: MujocoGels, *, friction: float = 0.8, loss_time_s: float = 2e-3, sliding_ratio: float | None = None
+    ) -> None:
+        """Take the gels; friction: Coulomb's coefficient. sliding_ratio: tangential over normal stiffness.
+
+        Raises InputError for an integrator that cannot be stepped in two halves, and where MuJoCo's own contact acts
+        between a gel and what it carries.
+        """
+        model = gels.model
+        if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+            raise InputError('gels cannot carry under integrator="RK4": use "implicitfast"')
+        for name, gel in gels.items():
+            _check_excluded(model, name, gel)
+        self.gels, self._model, self._friction, self._loss_time_s = gels, model, friction, loss_time_s
+        poisson = next(iter(gels.values())).sensor.geometry.poisson_ratio
+        self._ratio = 2 * (1 - poisson) / (2 - poisson) if sliding_ratio is None else sliding_ratio
+        self._bristles: dict[tuple[str, int], Floats] = {}
+        """by gel and body: how far the body has moved since it stuck, x and y in m, spin in rad"""
+
+    def step(self, data: mujoco.MjData) -> list[Held]:
+        """Step the model with the gels' forces, and return them; raises as `TouchSensor.feel`."""
+        mujoco.mj_step1(self._model, data)
+        others = data.xfrc_applied.copy()
+        held = self._apply(data)
+        mujoco.mj_step2(self._model, data)
+        data.xfrc_applied[:] = others
+        return held
+
+    def _apply(self, data: mujoco.MjData) -> list[Held]:
+        springs = [spring for name, gel in self.gels.items() for spring in self._springs(name, gel, data)]
+        there = {(spring.gel, spring.body) for spring in springs}
+        self._bristles = {key: bristle for key, bristle in self._bristles.items() if key in there}
+        if not springs:
+            return []
+        mujoco.mj_fwdActuation(self._model, data)
+        mujoco.mj_fwdAcceleration(self._model, data)
+        forces = self._solve(data, springs).reshape(-1, 6)
+        return [self._give(data, spring, force) for spring, force in zip(springs, forces, strict=True)]
+
+    def _springs(self, name: str, gel: MujocoGel, data: mujoco.MjData) -> list[_Spring]:
+        gap = gel.gap.gap_mm(data)
+        if gap.min() >= 0:
+            return []
+        layer, bodies = gel.sensor.layer, gel.gap.bodies()
+        deeper = layer.pressure_mpa(gap - np.float32(DEEPER_MM))
+        pressure = layer.pressure_mpa(gap)
+        found = np.unique(bodies[pressure > 0])
+        return [self._spring(name, gel, data, int(body), np.where(bodies == body, pressure, 0),
+                             float(deeper[bodies == body].sum(dtype=np.float64)))
+                for body in found]  # fmt: skip
+
+    def _spring(
+        self, name: str, gel: MujocoGel, data: mujoco.MjData, body: int, pressure: NDArray[np.float32], deeper: float
+    ) -> _Spring:
+        layer = gel.sensor.layer
+        at, cell = layer.at_mm * MM, layer.spacing_mm * MM
+        force = layer.force_n(pressure)
+        total = float(pressure.sum(dtype=np.float64))
+        x, y = pressure.sum(axis=0) @ at / total, pressure.sum(axis=1) @ at / total
+        rows, columns = np.nonzero(pressure)
+        from_x, from_y = at[columns] - x, at[rows] - y
+        axes = gel.gap.rotation(data)
+        point = data.site_xpos[gel.gap.site] + axes @ [x, y, 0.0]
+        normal = max((deeper * layer.spacing_mm**2 - force) / (DEEPER_MM * MM), 0.0)
+        along, radius = self._ratio * normal, float(np.sqrt(len(rows) / np.pi)) * cell
+        tilts = normal * (np.array([np.mean(from_y**2), np.mean(from_x**2)]) + cell**2 / 12)
+        stiffness = np.array([along, along, normal, *tilts, along * radius**2 / 2])
+        jacobian = self._relative(data, axes, point, body, gel.body)
+        bristle = self._bristles.setdefault((name, body), np.zeros(3))
+        bristle += self._model.opt.timestep * (jacobian @ data.qvel)[[0, 1, 5]]
+        at_rest = np.array([0.0, 0.0, force, 0.0, 0.0, 0.0])
+        at_rest[[0, 1, 5]] = -stiffness[[0, 1, 5]] * bristle
+        reach = np.array([np.abs(from_y).max(), np.abs(from_x).max()]) + cell / 2
+        return _Spring(name, body, gel.body, axes, point, jacobian, stiffness, at_rest, reach, radius)
+
+    def _relative(self, data: mujoco.MjData, axes: Floats, point: Floats, body: int, holder: int) -> Floats:
+        """Return the Jacobian (6, nv) of body against gel at a point, in the gel's frame: translation, rotation."""
+        parts = []
+        for one in (body, holder):
+            move, turn = np.zeros((3, self._model.nv)), np.zeros((3, self._model.nv))
+            mujoco.mj_jac(self._model, data, move, turn, point, one)
+            parts.append(np.vstack([axes.T @ move, axes.T @ turn]))
+        return np.asarray(parts[0] - parts[1])
+
+    def _solve(self, data: mujoco.MjData, springs: list[_Spring]) -> Floats:
+        dt = self._model.opt.timestep
+        jacobian = np.vstack([spring.jacobian for spring in springs])
+        damping = (dt + self._loss_time_s) * np.concatenate([spring.stiffness for spring in springs])
+        moved = np.zeros_like(jacobian)
+        mujoco.mj_solveM(self._model, data, moved, jacobian)
+        free = jacobian @ (data.qvel + dt * data.qacc_smooth)
+        at_rest = np.concatenate([spring.at_rest for spring in springs])
+        system = np.eye(len(damping)) + dt * damping[:, None] * (jacobian @ moved.T)
+        return np.asarray(np.linalg.solve(system, at_rest - damping * free))
+
+    def _give(self, data: mujoco.MjData, spring: _Spring, force: Floats) -> Held:
+        """Cut a force to the cone of friction, let the bristle slip as far, and give it to both bodies."""
+        force[2] = max(force[2], 0.0)
+        limit = self._friction * force[2]
+        sticks = _cut(force[:2], limit)
+        force[3:5] = np.clip(force[3:5], -force[2] * spring.reach, force[2] * spring.reach)
+        most = 2 / 3 * limit * spring.radius
+        sticks &= bool(abs(force[5]) <= most)
+        force[5] = np.clip(force[5], -most, most)
+        bristle, stiffness = self._bristles[spring.gel, spring.body], spring.stiffness
+        _cut(bristle[:2], limit / max(stiffness[0], 1e-9))
+        bristle[2] = np.clip(bristle[2], *(np.array([-1, 1]) * most / max(stiffness[5], 1e-9)))
+        push, turn = spring.axes @ force[:3], spring.axes @ force[3:]
+        for body, sign in ((spring.body, 1), (spring.holder, -1)):
+            data.xfrc_applied[body, :3] += sign * push
+            data.xfrc_applied[body, 3:] += sign * (np.cross(spring.point - data.xipos[body], push) + turn)
+        return Held(
+            spring.gel, spring.body, force[:3].copy(), force[3:] / MM, float(spring.at_rest[2]), sticks, spring.point
+        )
+
+
+def _cut(vector: Floats, longest: float) -> bool:
+    """Shorten a vector in place to a length at most; return whether it was no longer."""
+    length = float(np.linalg.norm(vector))
+    if length <= longest:
+        return True
+    vector *= longest / length
+    return False
+
+
+def _check_excluded(model: mujoco.MjModel, name: str, gel: MujocoGel) -> None:
+    excluded = {(int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature}
+    own = [geom for geom in range(model.ngeom) if model.geom_bodyid[geom] == gel.body]
+    for geom in gel.geoms:
+        body = int(model.geom_bodyid[geom])
+        pair = (gel.body, body)
+        if pair in excluded or pair[::-1] in excluded:
+            continue
+        if any(_collide(model, geom, mine) for mine in own):
+            first, second = (mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, one) for one in pair)
+            raise InputError(
+                f"gel {name} is to carry body {second}, but MuJoCo's contact does so too: add "
+                f'<contact><exclude body1="{first}" body2="{second}"/></contact> to the model'
+            )
+
+
+def _collide(model: mujoco.MjModel, one: int, other: int) -> bool:
+    kinds, affinities = model.geom_contype, model.geom_conaffinity
+    return bool(kinds[one] & affinities[other] or kinds[other] & affinities[one])

@@ -1,0 +1,110 @@
+"""The picture of a gel surface, in milliseconds: what `simulator.scene` computes, from tables of the light.
+
+A surface is a cubic spline over the layer's grid: at fixed pixels that is a product with two fixed matrices. Equation 3
+of the paper, summed over the LEDs of a channel, is linear in the slopes; over the depth each coefficient is a parabola
+through three depths. What a LED cannot reach is taken off: gel that is turned away from it, pixel by pixel where the
+slope is that steep, and cast shadows, found on 160 x 120 cells by the sweep of the frame path.
+"""
+
+from math import isclose
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from gellight.lab.touch.layer import Floats
+from gellight.lab.touch.shade import Shade
+from sim_reference.geometry import SensorGeometry, led_axes, led_positions, pixel_grid
+from sim_reference.imaging import ring_light
+
+DEPTHS_MM = (0.0, 1.0, 2.0)
+"""where the light is computed; between and beyond it is a parabola"""
+
+
+class Tables:
+    """Coefficients of the light at every pixel, for the light of the ring as designed."""
+
+    def __init__(self, geometry: SensorGeometry) -> None:
+        """Compute them for all LEDs of each channel."""
+        self._geometry, self._light = geometry, ring_light(geometry)
+        self._leds, self._axes = led_positions(geometry), led_axes(geometry)
+        self._x, self._y = pixel_grid(geometry)
+        sampled = np.stack([self._coefficients(depth) for depth in DEPTHS_MM])
+        through = np.linalg.inv(np.vander(DEPTHS_MM, increasing=True))
+        self._powers = np.einsum("kd,d...->k...", through, sampled).astype(np.float32)
+        """(3, 3, 3, H, W): power of the depth; constant, d/dx and d/dy; channel"""
+        self.least_turned = self._least_turned()
+
+    def irradiance(self, depth_mm: Floats, across: Floats, down: Floats) -> Floats:
+        """Return the light in each channel, (3, H, W), without cast shadows; depth and slopes are (H, W)."""
+        a, b, c = self._powers
+        fixed, on_x, on_y = (a[term] + depth_mm * (b[term] + depth_mm * c[term]) for term in range(3))
+        light = fixed + on_x * across + on_y * down
+        turned = np.flatnonzero(across**2 + down**2 > self.least_turned**2)
+        if len(turned):
+            self._take_off(light.reshape(3, -1), turned, depth_mm.ravel(), across.ravel(), down.ravel())
+        light /= np.sqrt(1 + across**2 + down**2)
+        return np.asarray(light)
+
+    def _coefficients(self, depth_mm: float) -> NDArray[np.float64]:
+        """(3, 3, H, W): the terms of the light at one depth, for each channel."""
+        total = np.zeros((3, 3, *self._geometry.image_shape))
+        for led in range(len(self._leds)):
+            to_x, to_y, to_z, strength = self._led(led, self._x, self._y, depth_mm)
+            terms = np.stack(np.broadcast_arrays(strength * to_z, -strength * to_x, -strength * to_y))
+            total += terms[:, None] * self._light[led][:, None, None]
+        return total
+
+    def _led(self, led: int, x: Floats, y: Floats, z: Floats | float) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return the way to a LED, and its light on a surface that faces it, over that way's length."""
+        position, axis, m = self._leds[led], self._axes[led], self._geometry.emission_exponent
+        to_x, to_y, to_z = position[0] - x, position[1] - y, position[2] - z
+        squared = to_x**2 + to_y**2 + to_z**2
+        leaving = np.maximum(-(to_x * axis[0] + to_y * axis[1] + to_z * axis[2]), 0)
+        if isclose(m, 1):
+            return to_x, to_y, to_z, position[2] ** 2 * leaving / squared**2
+        return to_x, to_y, to_z, position[2] ** 2 * (leaving / np.sqrt(squared)) ** m / squared**1.5
+
+    def _least_turned(self) -> float:
+        """Return the slope below which no pixel is turned away from any LED, down to the deepest press."""
+        far = max(np.hypot(led[0] - self._x, led[1] - self._y).max() for led in self._leds)
+        return float((self._leds[:, 2].min() - self._geometry.deepest_press_mm) / far)
+
+    def _take_off(self, light: Floats, at: NDArray[np.int64], depth: Floats, across: Floats, down: Floats) -> None:
+        """Take off what LEDs behind the surface would give: negative light."""
+        x = np.broadcast_to(self._x, self._geometry.image_shape).ravel()[at]
+        y = np.broadcast_to(self._y, self._geometry.image_shape).ravel()[at]
+        for led in range(len(self._leds)):
+            to_x, to_y, to_z, strength = self._led(led, x, y, depth[at])
+            behind = np.minimum(to_z - across[at] * to_x - down[at] * to_y, 0) * strength
+            for channel in np.flatnonzero(self._light[led]):
+                light[channel, at] -= behind * self._light[led, channel]
+
+
+class Pictures:
+    """Pictures of surfaces that are given on the layer's grid."""
+
+    def __init__(self, geometry: SensorGeometry, grid_mm: NDArray[np.float64], *, cast_shadows: bool = True) -> None:
+        """Prepare for depth maps on a square grid with coordinates `grid_mm` (n,); beyond it the gel is flat."""
+        x, y = pixel_grid(geometry)
+        spline = make_interp_spline(grid_mm, np.eye(len(grid_mm)), k=3, bc_type="natural")
+        self._across, self._d_across, self._down, self._d_down = (
+            np.asarray(spline(at, order) * (np.abs(at) <= grid_mm[-1])[:, None], np.float32)
+            for at in (x[0], y[:, 0])
+            for order in (0, 1)
+        )
+        self.tables = Tables(geometry)
+        self._shade = Shade.of(geometry) if cast_shadows else None
+
+    def surface(self, depth_mm: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return depth (mm) and slopes in x and y on the pixels, (H, W) each, of a depth map (n, n) on the grid."""
+        rows, d_rows = self._down @ depth_mm, self._d_down @ depth_mm
+        return rows @ self._across.T, rows @ self._d_across.T, d_rows @ self._across.T
+
+    def irradiance(self, depth_mm: Floats) -> Floats:
+        """Return the light in each channel, (3, H, W), of a depth map (n, n) on the grid."""
+        depth, across, down = self.surface(depth_mm)
+        light = self.tables.irradiance(depth, across, down)
+        if self._shade is not None and np.hypot(across, down).max() > self.tables.least_turned:
+            self._shade.take_off(light, depth, across, down)
+        return np.maximum(light, 0)

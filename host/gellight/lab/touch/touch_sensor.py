@@ -1,0 +1,158 @@
+"""A simulated sensor that feels whatever a robot simulator presses into it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.lab.simulator.read_noise import ReadNoise
+from gellight.lab.touch.layer import Floats, Layer
+from gellight.lab.touch.picture import Pictures
+from sim_reference.camera import CameraResponse, exposure_for, linear_grey
+from sim_reference.fem.gel import FemGel
+from sim_reference.geometry import SensorGeometry
+from sim_reference.surface import GRID_EXTENT_MM
+
+BRIGHTEST_GREY = 200.0
+"""of the untouched gel, as in `simulator.scene`"""
+SINKING_ERROR = 1e-3
+"""of the force that a layer is to carry"""
+MOST_SINKING = 40
+"""solutions of the layer until it carries a force"""
+
+
+@dataclass(frozen=True, eq=False)
+class Felt:
+    """A gel under what presses it, on the layer's grid: rows along y, columns along x, from the gel's centre."""
+
+    pressure_mpa: Floats
+    """(n, n), 0 outside of the contact"""
+    depth_mm: Floats
+    """(n, n) positive into the sensor, of the coated gel"""
+    at_mm: NDArray[np.float64]
+    """(n,) coordinates of rows and columns"""
+
+    @property
+    def contact(self) -> NDArray[np.bool_]:
+        """(n, n) where something touches."""
+        return np.asarray(self.pressure_mpa > 0)
+
+    @property
+    def force_n(self) -> float:
+        """The normal force, N."""
+        return float(self.pressure_mpa.sum(dtype=np.float64)) * float(self.at_mm[1] - self.at_mm[0]) ** 2
+
+    @property
+    def centre_mm(self) -> tuple[float, float]:
+        """Where the normal force acts, (x, y) mm; the middle of the gel where nothing touches."""
+        total = float(self.pressure_mpa.sum(dtype=np.float64))
+        if total == 0:
+            return 0.0, 0.0
+        along_x, along_y = self.pressure_mpa.sum(axis=0), self.pressure_mpa.sum(axis=1)
+        return float(along_x @ self.at_mm) / total, float(along_y @ self.at_mm) / total
+
+
+class TouchSensor:
+    """One gel and its camera; it draws the noise of its camera, so it serves one gel and one thread."""
+
+    def __init__(
+        self,
+        geometry: SensorGeometry | None = None,
+        *,
+        size: int = 128,
+        extent_mm: float = GRID_EXTENT_MM,
+        youngs_modulus_mpa: float = FemGel.youngs_modulus_mpa,
+        response: CameraResponse | None = None,
+        cast_shadows: bool = True,
+        seed: int = 0,
+    ) -> None:
+        """Prepare a gel of `size` x `size` points over `extent_mm` mm.
+
+        geometry: of the sensor, default: as in the paper. response: of its camera. Without cast_shadows steep walls
+        cast none. Raises InputError for a grid that cannot be.
+        """
+        self.geometry = SensorGeometry() if geometry is None else geometry
+        if size < 16 or not extent_mm > 0 or not youngs_modulus_mpa > 0:
+            raise InputError(
+                f"a grid of {size} points over {extent_mm:g} mm, Young's modulus {youngs_modulus_mpa:g} MPa: give 16 "
+                "points or more, and lengths and moduli above 0"
+            )
+        shear_modulus_mpa = youngs_modulus_mpa / 2 / (1 + self.geometry.poisson_ratio)
+        self.layer = Layer(self.geometry, size, extent_mm, shear_modulus_mpa)
+        self._shadows = cast_shadows
+        self._given = CameraResponse() if response is None else response
+        self._pictures: Pictures | None = None
+        self._noise = ReadNoise(np.random.default_rng(seed))
+
+    def seed(self, seed: int) -> None:
+        """Begin the noise of the pictures anew: the same seed and the same touches give the same bytes."""
+        self._noise = ReadNoise(np.random.default_rng(seed))
+
+    def feel(self, gap_mm: Floats) -> Felt:
+        """Return the gel under objects at the distance `gap_mm` (n, n) from its surface at rest, mm.
+
+        A gap is negative where an object would penetrate, `layer.NOTHING` where none is. Raises ValueError for a gap
+        that is none, or an object deeper than 60 % of the gel, and NotConverged.
+        """
+        pressure = self.layer.pressure_mpa(gap_mm)
+        return Felt(pressure, self.layer.depth_mm(pressure), self.layer.at_mm)
+
+    def sink(self, gap_mm: Floats, force_n: float) -> Felt:
+        """Return the gel under objects that were moved along its normal until it carries `force_n` N.
+
+        The force of a contact with a flat gel is monotonous in depth, so a secant within bounds finds it. Raises
+        ValueError where the force is negative or beyond what the gel carries at its deepest, and as `feel`.
+        """
+        if not force_n >= 0:
+            raise ValueError(f"a force of {force_n:g} N: give 0 or more")
+        gap = np.asarray(gap_mm, np.float32)
+        nearest = float(gap.min())
+        if force_n == 0:
+            return self.feel(gap - min(nearest, 0))
+        low, high, at_low, at_high = 0.0, self.geometry.deepest_press_mm, -force_n, None
+        depth = min(max(-nearest, 0.05), high)
+        for _ in range(MOST_SINKING):
+            felt = self.feel(gap - np.float32(nearest + depth))
+            over = felt.force_n - force_n
+            if abs(over) <= SINKING_ERROR * force_n:
+                return felt
+            if over < 0:
+                if depth >= self.geometry.deepest_press_mm:
+                    raise ValueError(
+                        f"the gel carries {felt.force_n:.3g} N at its deepest, {force_n:.3g} N are too much"
+                    )
+                low, at_low = depth, over
+            else:
+                high, at_high = depth, over
+            depth = 2 * depth if at_high is None else _between(low, high, at_low, at_high)
+            depth = min(depth, self.geometry.deepest_press_mm)
+        raise ValueError(f"no depth was found at which the gel carries {force_n:.3g} N")
+
+    def picture(self, felt: Felt, *, noise: bool = True) -> NDArray[np.uint8]:
+        """Return what the camera sees, (H, W, 3) uint8 RGB."""
+        grey = self.grey(felt)
+        return self._noise.digitise(grey, self._given.noise_grey if noise else 0.0)
+
+    def grey(self, felt: Felt) -> Floats:
+        """Return the picture before noise, (H, W, 3) grey levels."""
+        light = np.moveaxis(self._drawing().irradiance(felt.depth_mm), 0, 2)
+        return linear_grey(light, self._response).astype(np.float32)
+
+    def depth_map_mm(self, felt: Felt) -> Floats:
+        """Return the depth on the pixels of the camera, (H, W) mm."""
+        return self._drawing().surface(felt.depth_mm)[0]
+
+    def _drawing(self) -> Pictures:
+        """Prepare the tables of the light when the first picture is asked for."""
+        if self._pictures is None:
+            self._pictures = Pictures(self.geometry, self.layer.at_mm, cast_shadows=self._shadows)
+            rest = np.moveaxis(self._pictures.irradiance(np.zeros((self.layer.size,) * 2, np.float32)), 0, 2)
+            self._response = replace(self._given, exposure=exposure_for(rest, self._given, BRIGHTEST_GREY))
+        return self._pictures
+
+
+def _between(low: float, high: float, at_low: float, at_high: float) -> float:
+    """Return where a line through both ends is 0, but no nearer to either than a twentieth of the way."""
+    share = -at_low / (at_high - at_low)
+    return low + (high - low) * min(max(share, 0.05), 0.95)

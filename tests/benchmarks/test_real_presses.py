@@ -1,0 +1,86 @@
+"""No change makes real presses worse unseen: a part of `real_presses` is measured again and held against its record."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gellight.lab.training.training import TrainingOptions
+from tests.benchmarks import real_presses
+from tests.benchmarks.real_judging import GIVEN, PLAIN, Errors, folds_of, judged, learnt, means
+from tests.benchmarks.real_presses import FIRST, GATE, PICTURES, Row, measure, rows
+from tests.benchmarks.real_record import Record, Recorded, worse
+from tests.benchmarks.real_sets import SETS
+
+ROWS = [Row(name, FIRST, None, circles, way) for name, circles, way in GATE]
+
+
+def of_row(row: Row) -> object:
+    marks = [pytest.mark.real_images(PICTURES[row.set])] if row.set in PICTURES else []
+    return pytest.param(row, marks=marks, id=str(row))
+
+
+@pytest.mark.parametrize("row", [of_row(row) for row in ROWS])
+def test_real_presses_are_felt_no_worse_than_recorded(row: Row) -> None:
+    """Where this fails on purpose, measure the row again (`--only ... --seeds 5 --again`) and say so in the commit."""
+    measured, presses = measure(row, seed=0)
+    recorded = Record().rows[str(row)]
+    assert presses == recorded.presses
+    assert worse(str(row), measured, recorded) == []
+
+
+def test_circles_a_pixel_off_are_worse(tmp_path: Path) -> None:
+    images = SETS["three_lights_crop"](tmp_path)
+    fold = next(folds_of(images))
+    moved = [replace(press, center_x_px=press.center_x_px + 1) for press in fold.training]
+    felt = learnt(moved, images, PLAIN, TrainingOptions(recipe="thorough"))
+    errors = {GIVEN: means(judged(felt, images, {GIVEN: fold.held_out})[GIVEN])}
+    told = worse("moved", errors, Record().rows[str(ROWS[0])])
+    assert any("normals_deg is" in line for line in told)
+
+
+def test_what_is_worse_is_what_lies_beyond_the_spread_of_the_seeds() -> None:
+    seeds = {seed: {GIVEN: Errors(deg, 4.0, 0.05, 1.0)} for seed, deg in enumerate((5.0, 5.1, 5.2))}
+    recorded = Recorded(seeds=seeds, presses=7)
+    assert worse("row", {GIVEN: Errors(5.35, 4.0, 0.05, 0.5)}, recorded) == []
+    (line,) = worse("row", {GIVEN: Errors(5.45, 4.03, 0.05, 1.0)}, recorded)
+    assert line == "row, as given: normals_deg is 5.45, worse than 5.4, which the record and its spread allow"
+    with pytest.raises(ValueError, match="2 seeds tell no spread"):
+        worse("row", seeds[0], Recorded(seeds={0: seeds[0], 1: seeds[1]}, presses=7))
+
+
+def test_a_record_keeps_each_seed_as_it_comes(tmp_path: Path) -> None:
+    path = tmp_path / "record.json"
+    for seed in (0, 1):
+        Record(path).add("a row", seed, {GIVEN: Errors(5.0 + seed, 4.0, 0.05, 1.0)}, presses=7)
+    again = Record(path)
+    assert [again.has("a row", seed) for seed in (0, 1, 2)] == [True, True, False]
+    assert again.rows["a row"].figures(GIVEN, "normals_deg") == [5.0, 6.0]
+
+
+def test_a_run_measures_what_is_not_recorded_and_prints_what_was_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    measured: list[tuple[str, int]] = []
+
+    def noted(row: Row, seed: int) -> tuple[dict[str, Errors], int]:
+        measured.append((str(row), seed))
+        return {GIVEN: Errors(5.0, 4.0, 0.05, 1.0)}, 3
+
+    monkeypatch.setattr(real_presses, "measure", noted)
+    monkeypatch.setattr(real_presses, "Record", lambda: Record(tmp_path / "record.json"))
+    monkeypatch.setattr("sys.argv", ["real_presses", "--only", "first fold", "--seeds", "2"])
+    here = [str(row) for row in ROWS if real_presses.is_here_all(row)]
+    for _ in range(2):
+        real_presses.main()
+    assert measured == [(name, seed) for name in here for seed in (0, 1)]
+    capsys.readouterr()
+    monkeypatch.setattr("sys.argv", ["real_presses"])
+    real_presses.main()
+    printed = capsys.readouterr().out.splitlines()
+    assert len(printed) == 1 + len(rows())
+    assert sum("not run" in line for line in printed) == len(rows()) - len(here)
+
+
+def test_the_record_has_rows_of_the_table_alone() -> None:
+    assert set(Record().rows) <= {str(row) for row in rows()}

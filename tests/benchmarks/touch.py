@@ -1,0 +1,182 @@
+"""What touch in a robot simulator costs, and how true it is: `python -m tests.benchmarks.touch [PART ...]`.
+
+speed: gap, layer and picture, ms of processor time, and how many a second on one core. truth: depth, force and picture
+against the simulated sensor's own (512 points a side). lift: a gripper holds balls, boxes and cylinders. energy: bodies
+are thrown at a gel; by how much kinetic and potential energy grow from one flight to the next.
+"""
+
+import argparse
+import time
+from collections.abc import Callable, Iterator
+
+import mujoco
+import numpy as np
+
+from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.touch import GRIPPER, Felt, TouchSensor
+from gellight.lab.touch.mujoco_carry import Carrying
+from gellight.lab.touch.mujoco_gels import MujocoGels
+from sim_reference.camera import CameraResponse
+from sim_reference.geometry import SensorGeometry
+from sim_reference.objects import OBJECT_NAMES, object_height
+
+DEPTH_MM = 0.9
+STEP_S = 0.002
+SHAPES = {"ball": 'type="sphere" size=".008"', "box": 'type="box" size=".008 .006 .006"',
+          "cylinder": 'type="cylinder" size=".008 .006"'}  # fmt: skip
+
+
+def sized(width: int) -> SensorGeometry:
+    return SensorGeometry(image_width_px=width, image_height_px=width * 3 // 4, pixel_size_mm=0.0588 * 640 / width)
+
+
+def least_ms(work: Callable[[], object], times: int = 9) -> float:
+    """Return the least processor time of a call, ms."""
+    taken = []
+    for _ in range(times):
+        begun = time.process_time()
+        work()
+        taken.append(time.process_time() - begun)
+    return min(taken) * 1e3
+
+
+def sphere_mesh(rings: int = 96) -> str:
+    """Return the corners of a ball of 4 mm, some 18,000 faces, as MuJoCo reads them; it makes the hull."""
+    polar, turn = np.linspace(0, np.pi, rings)[:, None], np.linspace(0, 2 * np.pi, rings, endpoint=False)[None, :]
+    corners = np.stack(np.broadcast_arrays(np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)))
+    return " ".join(f"{value:.6f}" for value in (0.004 * corners).reshape(3, -1).T.ravel())
+
+
+def speed() -> Iterator[str]:
+    geoms = {"sphere": 'type="sphere" size=".004"', "box": 'type="box" size=".004 .004 .004"',
+             "mesh": 'type="mesh" mesh="ball"'}  # fmt: skip
+    for width in (320, 640):
+        for name, geom in geoms.items():
+            parts = parts_ms(width, geom)
+            each = ", ".join(f"{ms:.1f}" for ms in parts)
+            yield f"{width} px, {name:<7} gap, layer, picture {each} ms: {1e3 / sum(parts):.0f} a second"
+
+
+def parts_ms(width: int, geom: str) -> list[float]:
+    model = mujoco.MjModel.from_xml_string(
+        f'''<mujoco><asset><mesh name="ball" vertex="{sphere_mesh()}"/></asset><worldbody>
+        <body name="finger"><geom type="box" size=".02 .02 .002" pos="0 0 -.002"/><site name="gel"/></body>
+        <body name="object" pos=".001 0 {0.004 - DEPTH_MM / 1e3}"><freejoint/><geom {geom} mass=".01"/></body>
+        </worldbody></mujoco>'''
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    gel = MujocoGels(model, ["gel"], touching=["object"], sensor=lambda: TouchSensor(sized(width)))["gel"]
+    gap = gel.gap.gap_mm(data)
+    felt = gel.sensor.feel(gap)
+    gel.sensor.picture(felt)
+    return [
+        least_ms(lambda: gel.gap.gap_mm(data)),
+        least_ms(lambda: gel.sensor.feel(gap)),
+        least_ms(lambda: gel.sensor.picture(felt)),
+    ]
+
+
+def truth() -> Iterator[str]:
+    geometry = sized(320)
+    scene, touch, fine = Scene(geometry, CameraResponse()), TouchSensor(geometry), TouchSensor(geometry, size=512)
+    for name in OBJECT_NAMES:
+        shown, surface = scene.show(Press(name, DEPTH_MM))
+        felt, felt_fine = pressed(touch, name), pressed(fine, name)
+        depth_um = np.abs(touch.depth_map_mm(felt) - surface.depth_mm) * 1e3
+        grey, grey_fine = np.abs(touch.grey(felt) - shown).mean(), np.abs(fine.grey(felt_fine) - shown).mean()
+        yield (
+            f"{name:<9} depth {depth_um.mean():5.1f} um (most {depth_um.max():4.0f}); "
+            f"force {felt.force_n / felt_fine.force_n:.3f}; grey {grey:.2f}, on 512 points {grey_fine:.2f}"
+        )
+
+
+def pressed(touch: TouchSensor, name: str) -> Felt:
+    at = touch.layer.at_mm
+    return touch.feel(-(object_height(name, at[None, :], at[:, None]) + DEPTH_MM))
+
+
+def lift(steps: int = 1500) -> Iterator[str]:
+    for shape in SHAPES:
+        for mass_kg in (0.002, 0.02, 0.1):
+            log, taken_ms = lifted(shape, mass_kg, steps)
+            end = log[-steps // 4 :]
+            creep = (end[-1, 0] - end[0, 0]) / (len(end) * STEP_S)
+            yield (
+                f"{shape:<8} {mass_kg * 1e3:3.0f} g: force / weight {end[:, 1].mean() / mass_kg / 9.81:.5f}, "
+                f"layer / grip {end[:, 3].mean() / end[:, 2].mean():.5f}, creep {creep:.2f} um/s, "
+                f"kinetic {end[:, 4].max():.0e} J, {taken_ms:.1f} ms a step"
+            )
+
+
+def lifted(shape: str, mass_kg: float, steps: int) -> tuple[np.ndarray, float]:
+    """Return height (um), force upwards, grip, layer's force (N) and kinetic energy (J) of each step; ms a step."""
+    text = GRIPPER.read_text()
+    geom = f'{SHAPES[shape]} mass="{mass_kg}"'
+    model = mujoco.MjModel.from_xml_string(text.replace('type="sphere" size=".008" mass=".02"', geom))
+    data, log = mujoco.MjData(model), np.zeros((steps, 5))
+    gels = MujocoGels(model, ["left", "right"], touching=["object"], sensor=lambda: TouchSensor(size=64, extent_mm=32))
+    carry, begun_s = Carrying(gels), time.process_time()
+    for step in range(steps):
+        now_s = step * STEP_S
+        data.ctrl[:] = [np.clip((now_s - 0.8) * 0.05, 0, 0.05), *[2.0 * min(now_s / 0.5, 1)] * 2]
+        held = carry.step(data)
+        up_n = sum((gels[one.gel].gap.rotation(data) @ one.force_n)[2] for one in held)
+        left = [(one.force_n[2], one.layer_force_n) for one in held if one.gel == "left"] or [(0, 0)]
+        moving_j = mass_kg / 2 * float(np.sum(data.qvel[-6:-3] ** 2))
+        log[step] = data.body("object").xpos[2] * 1e6, up_n, *left[0], moving_j
+    return log, (time.process_time() - begun_s) / steps * 1e3
+
+
+def energy(scenes: int = 200) -> Iterator[str]:
+    grown = [grows(np.random.default_rng(seed)) for seed in range(scenes)]
+    whole = [growth for growth in grown if growth is not None]
+    yield (
+        f"{len(whole)} bodies thrown: between flights energy grew by at most {max(whole):.1e} of that at the start; "
+        f"{scenes - len(whole)} more went deeper than 60 % of the gel and were refused"
+    )
+
+
+def grows(rng: np.random.Generator) -> float | None:
+    """Throw a body at a gel; return by what share its energy grew from one flight to a later one, None if refused."""
+    kind, size = rng.choice(["box", "ellipsoid", "capsule"]), rng.uniform(0.003, 0.006, 3)
+    model = mujoco.MjModel.from_xml_string(
+        f'''<mujoco><option timestep="{rng.choice([0.001, 0.002])}" integrator="implicitfast">
+        <flag energy="enable"/></option><worldbody><body name="finger"><site name="gel"/></body>
+        <body name="object" pos="0 0 .015"><freejoint/>
+        <geom type="{kind}" size="{" ".join(map(str, size))}" mass="{rng.uniform(0.002, 0.1)}"/></body>
+        </worldbody></mujoco>'''
+    )
+    data = mujoco.MjData(model)
+    gels = MujocoGels(model, ["gel"], touching=["object"], sensor=lambda: TouchSensor(size=32, extent_mm=32.0))
+    carry = Carrying(gels, friction=rng.uniform(0.1, 1.2))
+    data.qpos[3:7], data.qvel[:] = rng.normal(size=4), rng.normal(size=6) * [0.05, 0.05, 0.05, 8, 8, 8]
+    mujoco.mj_forward(model, data)
+    begun, least, worst = float(data.energy.sum()), np.inf, 0.0
+    for _ in range(400):
+        try:
+            held = carry.step(data)
+        except ValueError:
+            return None
+        if not held:
+            mujoco.mj_energyPos(model, data)
+            mujoco.mj_energyVel(model, data)
+            now = float(data.energy.sum())
+            worst, least = max(worst, (now - least) / begun), min(least, now)
+    return worst
+
+
+PARTS = {"speed": speed, "truth": truth, "lift": lift, "energy": energy}
+
+
+def main() -> None:
+    """Print what was asked for."""
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.touch", description=__doc__)
+    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], default=list(PARTS))
+    for part in parser.parse_args().parts or list(PARTS):
+        for line in PARTS[part]():
+            print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,400 @@
+"""Short checks of a firmware image in the emulator; a sound image passes all of them."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import islice, pairwise
+
+import numpy as np
+
+from gellight.base.errors import BoardError
+from gellight.lab.emulator.busy_bus import B1, B2, DATA_PLUS
+from gellight.lab.emulator.chip import VTOR
+from gellight.lab.emulator.flash_chip import WORN_ERASE_NS
+from gellight.lab.emulator.usb_host import ADDRESS
+from gellight.lab.emulator.waveform import Strip
+from gellight.ring import protocol as p
+from gellight.ring.enumerations import ColourOrder, Dark, OutputAt, ResetReason, SyncMode
+from gellight.ring.light_ring import LightRing, Step
+from gellight.ring.wire import Packet, encode
+from tests.helpers import usb_requests as usb
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
+
+PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97
+STATUS_PIN, SWITCH_PIN = 16, 6
+TRIGGER_DELAY_US, EDGE_TOLERANCE_US = 300.0, 3.0
+
+
+def examine(image: bytes, check: str) -> list[str]:
+    """Return what is wrong with an image by one check, which stops at the first problem; empty for a sound image."""
+    board = BenchBoard(image)
+    try:
+        ring = LightRing(VirtualTransport(board), keep_alive_s=None, timeout_s=0.03, attempts=2)
+        problems = list(islice(CHECKS[check](board, ring), 1))
+    except (BoardError, IndexError, AssertionError) as error:  # no frame on the pin, or no answer to a request
+        problems = [str(error) or "nothing came"]
+    return board.faults + problems
+
+
+def _dark(board: BenchBoard) -> bool:
+    board.run(8_000)
+    return not board.timeline.at(board.now_us).any()
+
+
+def _reopen(board: BenchBoard) -> LightRing:
+    board.run_until(lambda: board.host.configured, 200_000)
+    return LightRing(VirtualTransport(board), keep_alive_s=None, timeout_s=0.03, attempts=2)
+
+
+def _colours(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    if board.usb_text("serial") != board.unique_id.hex().upper():
+        yield "unique number"
+    ring.set_leds(PATTERN)
+    ring.set_leds(PATTERN)
+    board.run(3_000)
+    if not np.array_equal(board.timeline.at(board.now_us), PATTERN):
+        yield "colours"
+
+
+def _sequence(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    ring.load_sequence([PATTERN], [Step(group=0, dwell_us=2_011)])
+    ring.set_sync(SyncMode.FREE)
+    since = len(board.waveform.frame_starts_us)
+    ring.start()
+    for number in range(800):  # so that the interrupt of USB is busy when a step falls due; then quiet
+        board.host.send(encode(Packet(p.COMMANDS["CLOCK"].code, number & 255, bytes(8))))
+    board.run(90_000)
+    times = np.array(board.waveform.frame_starts_us[since:])
+    ring.blank()
+    board.run(3_000)
+    planned = times[:1] + 2_011 * np.arange(len(times))
+    if len(times) < 8 or np.abs(times - planned).max() > 1:
+        yield "steps are not on time"
+
+
+def _trigger(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    ring.load_sequence([PATTERN], [Step(group=0, dwell_us=2_011)])
+    ring.set_sync(SyncMode.EXT, delay_us=round(TRIGGER_DELAY_US))
+    ring.start()
+    board.run(3_000)
+    since = len(board.waveform.frame_starts_us)
+    board.set_trigger(True)
+    edge = board.now_us
+    board.run(3_000)
+    board.set_trigger(False)
+    ring.blank()
+    late = board.waveform.frame_starts_us[since] - edge - TRIGGER_DELAY_US
+    if abs(late) > EDGE_TOLERANCE_US:
+        yield f"trigger off by {late} us"
+
+
+def _configuration(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    """Twice, first on a worn chip, which takes as long to erase as any may; and read the flash after it."""
+    board.run(3_000)
+    before = bytes(board.flash[: 1 << 20])
+    ring.timeout_s, board.flash_chip.erase_ns = 0.6, WORN_ERASE_NS
+    ring.configure(p.Configuration(900, 410, 1000, 20000, 300, 0, 0, b"worn".ljust(16, b"\0")), save=True)
+    if board.resets or ring.self_test().failed:
+        yield "the watchdog bites while the flash is erased, or the flash cannot be read afterwards"
+    ring.configure(p.Configuration(900, 400, 1000, 20000, 300, 0, 0, b"mutant".ljust(16, b"\0")), save=True)
+    if bytes(board.flash[: 1 << 20]) != before:
+        yield "the image in flash was changed"
+    board.power_off()
+    board.power_on()
+    again = _reopen(board)
+    if again.configuration().name.rstrip(b"\0") != b"mutant":
+        yield "configuration lost"
+
+
+def _flood(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    before = ring.counters()
+    code = p.COMMANDS["SELFTEST"].code  # 60 ms of work, while bytes pile up
+    board.run(3_000)
+    board.host.send(encode(Packet(code, 200, b"")))
+    for number in range(150):
+        board.host.send(encode(Packet(p.COMMANDS["CLOCK"].code, number, bytes(8))))
+    board.run_until(lambda: not board.host.unsent, 400_000)
+    board.run(40_000)
+    after = ring.counters()
+    damaged = after.bad_framing + after.bad_crc - before.bad_framing - before.bad_crc
+    if after.packets - before.packets != 152 or damaged:
+        yield "packets lost"
+
+
+def _suspend(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    ring.set_leds(PATTERN)
+    board.run(3_000)
+    board.suspend()
+    if not _dark(board):
+        yield "lit while suspended"
+    _reopen(board)
+
+
+def _close(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    for after_us in (1_300, 2_000):  # at one of them both happens while the main loop is busy
+        ring.set_leds(PATTERN)
+        for number in range(30):
+            board.host.send(encode(Packet(p.COMMANDS["COMMIT"].code, number, p.Commit(0, 0, 32).pack())))
+        board.run(after_us)
+        board.host.close()
+        board.host.open()
+        if not _dark(board):
+            yield "lit after closing"
+        ring = _reopen(board)
+
+
+def _short_packets(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    """Answers of 192 bytes pile up behind one that the host fetches late: packets of 64 bytes would end no read."""
+    group = p.SetGroup(15, bytes(36)).pack()
+    piled = [("HELLO", b"")] * 3 + [("SET_GROUP", group)] * 2 + [("CLOCK", bytes(8))] * 2
+    for _ in range(3):  # at different places of a USB frame
+        ring.clock()
+        board.run(290)
+        board.host.received.clear()
+        board.host.latency_us = 3_000.0
+        for number, (name, record) in enumerate(piled):
+            board.host.send(encode(Packet(p.COMMANDS[name].code, 210 + number, record)))
+        board.run(20_000)
+        board.host.latency_us = 0.0
+        if board.host.received.count(0) != len(piled):
+            yield "an answer waits for the next one"
+        late = bytes(board.host.received).split(b"\0")[1:]
+        if sum(len(answer) + 1 for answer in late if answer) % 64:
+            yield "what piles up is no whole number of packets of 64 bytes: choose other answers"
+
+
+def _long_rest(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    """What the board says after ten seconds in which nobody said anything has to wait for its place in a USB frame."""
+    ring.configure(replace(ring.configuration(), host_timeout_ms=10_100))
+    for place_us in range(0, 1000, 200):
+        ring.set_leds(PATTERN)
+        board.run(1000 - (board.now_us - place_us) % 1000)
+        ring.clock()
+        board.run(10_130_000)
+        if not board.host.opened:
+            yield "a controller that works is reset as one that hangs"
+        if ring.status().dark != Dark.HOST_SILENT:
+            yield "lit without a host"
+
+
+def _heat(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    for celsius, dimmed in ((20.0, 0), (70.0, 1)):
+        board.set_temperature(celsius)
+        for _ in range(8):
+            ring.clock()
+            board.run(900_000)
+        status = ring.status()
+        if abs(status.temperature / 10 - celsius) > 0.5 or status.dimmed != dimmed:
+            yield f"says {status} at {celsius} degrees"
+    board.set_temperature(20.0)
+
+
+def _watchdog(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    """Let the processor hang with interrupts off."""
+    resets, core = board.resets, board.chip.core
+    board.chip.write_uint32(0x2003FF00, 0xE7FEE7FE)
+    core.pc, core.pm, core.waiting = 0x2003FF00, True, False
+    if not board.run_until(lambda: board.resets > resets, 150_000):
+        yield "the watchdog does not bite"
+    _reopen(board)
+
+
+def _break_down(board: BenchBoard) -> None:
+    """Enter what the vector of HardFault points to."""
+    board.chip.core.pc = board.chip.read_uint32(board.chip.read_uint32(VTOR) + 12) & ~1
+    board.chip.core.waiting = False
+
+
+def _fault(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    ring.set_leds(PATTERN)
+    board.run(3_000)
+    resets = board.resets
+    ring.set_leds(PATTERN)
+    board.run_until(lambda: board.waveform.frame_starts_us[-1] > board.now_us - 100, 1_000)
+    _break_down(board)
+    board.run_until(lambda: board.resets > resets, 150_000)
+    if board.timeline.at(board.now_us).any():
+        yield "lit after a fault"
+    again = _reopen(board)
+    if again.hello.reset_reason != ResetReason.FAULT:
+        yield "the fault is not told"
+
+
+def _start_fault(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    board.power_off()
+    board.power_on()
+    resets = board.resets
+    board.run(30_000)
+    _break_down(board)
+    if not board.run_until(lambda: board.resets > resets, 1_000):
+        yield "a fault at the start does not start anew"
+        return
+    again = _reopen(board)
+    if again.hello.reset_reason != ResetReason.FAULT:
+        yield "a fault at the start is not told"
+
+
+def _reflash(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    ring.enter_bootloader()
+    board.run_until(lambda: board.in_bootloader, 100_000)
+    board.leave_bootloader()
+    again = _reopen(board)
+    if again.hello.reset_reason != ResetReason.COMMAND:
+        yield "a start after flashing is told as another"
+
+
+def _bus(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    board.suspend()
+    board.run(5_000)
+    board.resume()
+    ring.clock()
+    device = board.host.descriptors["device"]
+    for abandoned in (usb.GET_CONFIGURATION, usb.SET_ADDRESS):
+        if usb.ask_after_abandoning(board, abandoned, usb.GET_DEVICE) != device:
+            yield "a transfer that was cut short answers the next"
+    if board.chip.read_uint32(usb.ADDRESS_REGISTER) != ADDRESS:
+        yield "the address of a transfer that was cut short"
+    yield from _halt(board, ring)
+    for request in (*[usb.CLEAR_HALT_IN] * 2, *[usb.CLEAR_HALT_OUT] * 2, usb.SET_INTERFACE, usb.SEND_BREAK):
+        ring.clock()  # one packet between two of a kind
+        if usb.ask(board, request) != b"":
+            yield f"request {request} refused"
+    ring.clock()
+    ring.set_leds(PATTERN)
+    ring.telemetry(10)
+    board.run(30_000)
+    board.host.hangs = True
+    if not board.run_until(lambda: not board.host.configured, 11_500_000) or not _dark(board):
+        yield "a controller that hangs is not reset in the dark"
+
+
+def _halt(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    """A packet that waits while its endpoint is halted comes after the halt."""
+    board.host.latency_us = 10_000.0
+    board.host.send(encode(Packet(p.COMMANDS["CLOCK"].code, 99, bytes(8))))
+    board.run(3_000)
+    board.host.latency_us = 0.0
+    usb.ask(board, usb.halt(usb.BULK_IN))
+    board.run(60_000)  # frames are noted meanwhile
+    board.host.received.clear()
+    if usb.BULK_IN not in board.host.stalled or usb.ask(board, usb.status_of(usb.BULK_IN)) != b"\1\0":
+        yield "an endpoint that is halted does not stall"
+    usb.ask(board, usb.clear_halt(usb.BULK_IN))
+    board.run(3_000)
+    if board.host.received.count(0) != 1:
+        yield "a packet lost, or doubled, by a halt"
+
+
+def _refusals(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    if usb.ask(board, (0x80, 6, 0x0600, 0, 10)) is not None:  # a qualifier, which a device without high speed refuses
+        yield "a descriptor that is not there is given"
+    ring.clock()
+
+
+def _noise(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    board.run(3_000)
+    board.host.received.clear()
+    board.host.send(b"\x55" * 768 + b"\0" + encode(Packet(p.COMMANDS["CLOCK"].code, 99, bytes(8))))
+    if not board.run_until(lambda: board.host.received.count(0), 1_500):
+        yield "a command behind noise waits"
+
+
+def _paused(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    ring.telemetry(10)
+    board.run(30_000)
+    board.host.latency_us = 9e6
+    board.run(3_000_000)
+    if not board.host.opened:
+        yield "a host that does not read loses its port"
+
+
+def _blinks(board: BenchBoard, duration_us: float) -> set[int]:
+    """Half periods of the status LED, ms, rounded to 10; empty where it is steady."""
+    times: list[float] = []
+    board.chip.gpio[STATUS_PIN].add_listener(lambda _new, _old: times.append(board.now_us))
+    board.run(duration_us)
+    return {round((after - before) / 1e4) * 10 for before, after in pairwise(times)}
+
+
+def _wiring(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    """All pins elsewhere, twice the LEDs, of another kind; the pulse of the output, the patterns of the status LED."""
+    ring = _reopen(board)
+    ring.blank()
+    board.run(3_000)
+    wired = replace(ring.configuration(), data_pin=9, trigger_pin=17, output_pin=4, output_at=OutputAt.MIDDLE,
+                    status_pin=STATUS_PIN + p.ACTIVE_LOW, switch_pin=SWITCH_PIN + p.ACTIVE_LOW, led_count=24,
+                    colour_order=ColourOrder.RGBW)  # fmt: skip
+    ring.configure(wired, save=True)
+    board.power_off()
+    other = BenchBoard(bytes(board.flash), strip=Strip(24, ColourOrder.RGBW, 9, SWITCH_PIN + p.ACTIVE_LOW))
+    other.run_until(lambda: other.host.configured, 200_000)
+    if _blinks(other, 1_600_000) != {500}:
+        yield "the status LED does not blink slowly without a host"
+    again = _reopen(other)
+    yield from _examine_wired(other, again)
+    again.blank()
+    other.run(600_000)
+    if _blinks(other, 600_000) or other.chip.sio.gpio_value >> STATUS_PIN & 1:
+        yield "the status LED is not steadily lit with a host"
+    again.set_leds(np.tile(PATTERN, (2, 1)))
+    other.run(30_000)
+    before_us, resets = other.now_us, other.resets
+    _break_down(other)
+    other.run(50)
+    if other.timeline.at(before_us).any() == other.timeline.at(other.now_us).any():
+        yield "the load switch stays closed through a fault"
+    other.run_until(lambda: other.resets > resets, 150_000)
+    other.run_until(lambda: other.host.configured, 200_000)
+    if _blinks(other, 500_000) != {100}:
+        yield "the status LED does not show the fault"
+    yield from other.faults
+
+
+def _examine_wired(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    pattern = np.tile(PATTERN, (2, 1))
+    ring.load_sequence([pattern], [Step(group=0, dwell_us=20_000, blank_us=20_000)], loops=2)
+    ring.set_sync(SyncMode.EXT)
+    changes: list[float] = []
+    board.chip.gpio[4].add_listener(lambda _new, _old: changes.append(board.now_us))
+    ring.start()
+    board.run(p.SUPPLY_US + 12_000)  # the load switch has closed, and the main loop has looked
+    begun = len(board.waveform.frame_starts_us)
+    board.chip.gpio[17].set_input_value(True)
+    board.run(5_000)
+    if not np.array_equal(board.timeline.at(board.now_us), pattern):
+        yield "colours of a ring that is wired in another way"
+    board.run(45_000)
+    begun_us = board.waveform.frame_starts_us[begun]
+    if len(changes) != 2 or abs(changes[0] - begun_us - 10_000) > 10 or abs(changes[1] - changes[0] - 100) > 5:
+        yield "the trigger output"
+
+
+def _hub(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    """Silicon B1 joins a busy hub and gives GPIO15 back; nobody touches it on B2, or where it is in use."""
+    for revision in (B1, B2):
+        other = BenchBoard(bytes(board.flash), revision=revision, busy_hub=True)
+        pin, taken = other.chip.gpio[DATA_PLUS], []
+        if not other.run_until(lambda b=other, p=pin, t=taken: t.append(p.ctrl) or b.host.configured, 200_000):
+            yield "does not join a busy hub"
+        if pin.ctrl != taken[0] or (revision == B2 and set(taken) != {taken[0]}):
+            yield "GPIO15 is taken, or not given back"
+        yield from other.faults
+    ring.blank()
+    board.run(3_000)
+    before = ring.configuration()
+    ring.configure(replace(before, status_pin=DATA_PLUS), save=True)
+    used = BenchBoard(bytes(board.flash), revision=B1)
+    seen: set[int] = set()
+    used.run_until(lambda: seen.add(used.chip.gpio[DATA_PLUS].ctrl & 31), 120_000)
+    if not seen <= {5, 31}:
+        yield "GPIO15 is taken while it is in use"
+    ring.configure(before, save=True)
+
+
+CHECKS: dict[str, Callable[[BenchBoard, LightRing], Iterator[str]]] = {
+    check.__name__.strip("_"): check
+    for check in (
+        _colours, _hub, _short_packets, _long_rest, _sequence, _trigger, _configuration, _flood, _suspend, _close,
+        _watchdog, _fault, _start_fault, _reflash, _heat, _bus, _wiring, _noise, _paused,
+        _refusals,
+    )
+}  # fmt: skip

@@ -1,0 +1,86 @@
+"""KiCad as a judge: its Python module loads a board in a program of its own, since it belongs to the system's Python.
+
+KiCad 6 is in Debian (`make tools` installs it); it is used here alone and never by what ships.
+"""
+
+import functools
+import json
+import re
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.helpers.children import run
+
+PYTHON = "/usr/bin/python3"
+JUDGE = """
+import json, sys, pcbnew
+board = pcbnew.LoadBoard(sys.argv[1])
+pcbnew.WriteDRCReport(board, sys.argv[2], pcbnew.EDA_UNITS_MILLIMETRES, True)
+mm = pcbnew.ToMM
+pads = [(p.GetParent().GetReference(), p.GetNumber(), mm(p.GetPosition().x), -mm(p.GetPosition().y), p.GetNetname())
+        for p in board.GetPads()]
+parts = [(f.GetReference(), mm(f.GetPosition().x), -mm(f.GetPosition().y), f.GetOrientationDegrees(), f.GetValue())
+         for f in board.GetFootprints()]
+plot = pcbnew.PLOT_CONTROLLER(board)
+plot.GetPlotOptions().SetOutputDirectory(sys.argv[3])
+plot.GetPlotOptions().SetDrillMarksType(0)
+for name, layer in (("F_Cu", pcbnew.F_Cu), ("B_Cu", pcbnew.B_Cu)):
+    plot.SetLayer(layer)
+    plot.OpenPlotfile(name, pcbnew.PLOT_FORMAT_GERBER, name)
+    plot.PlotLayer()
+plot.ClosePlot()
+json.dump({"pads": pads, "parts": parts}, open(sys.argv[4], "w"))
+"""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What KiCad finds in a board."""
+
+    errors: list[str]
+    """of its design rules: kind and place, those of severity error"""
+    warnings: list[str]
+    unconnected: int
+    pads: list[tuple[str, str, float, float, str]]
+    """part, pad, x and y in mm (y up), net"""
+    parts: list[tuple[str, float, float, float, str]]
+    """reference, x, y, degrees, value"""
+    plots: dict[str, Path]
+    """Gerbers that KiCad plots of the same file, by layer"""
+
+
+@functools.cache
+def has_kicad() -> bool:
+    try:
+        return subprocess.run([PYTHON, "-c", "import pcbnew"], capture_output=True, check=False).returncode == 0
+    except OSError:
+        return False
+
+
+def judge(folder: Path, name: str) -> Verdict:
+    """Let KiCad check and plot a project that lies in a folder; skips the test where KiCad is missing."""
+    if not has_kicad():
+        pytest.skip("needs KiCad: sudo apt-get install --no-install-recommends kicad")
+    script, report, facts = folder / "judge.py", folder / "report.txt", folder / "facts.json"
+    script.write_text(JUDGE)
+    run([PYTHON, script, folder / f"{name}.kicad_pcb", report, folder / "plots", facts], check=True)
+    text, found = report.read_text(), json.loads(facts.read_text())
+    violations = re.findall(r"^\[(\w+)\]: (.*)\n.*severity: (\w+)((?:\n    @.*)+)", text, re.I | re.M)
+    by_severity: dict[str, list[str]] = {"error": [], "warning": []}
+    for kind, says, severity, places in violations:
+        by_severity[severity].append(f"{kind}: {says}{places}")
+    unconnected = re.search(r"Found (\d+) unconnected", text)
+    assert unconnected is not None, text
+    counted = re.search(r"Found (\d+) DRC", text)
+    assert counted is not None
+    assert len(violations) == int(counted[1]), text
+    plots = {layer: next((folder / "plots").glob(f"{name}-{layer}.g*")) for layer in ("F_Cu", "B_Cu")}
+    as_tuples: Any = [tuple(pad) for pad in found["pads"]]
+    return Verdict(
+        by_severity["error"], by_severity["warning"], int(unconnected[1]), as_tuples,
+        [tuple(part) for part in found["parts"]], plots,
+    )  # fmt: skip

@@ -1,0 +1,142 @@
+"""Marker dots followed: each keeps its name, and what is not known is said to be unknown."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.frames.dot_following import DotFollower
+from gellight.frames.dot_places import dots_at_rest
+from gellight.frames.shear import DotsSeen, Unseen
+
+WIDTH, HEIGHT, PITCH, DIAMETER = 320, 240, 24.0, 9.0
+Lattice = np.ndarray
+
+
+def square(columns: int = 9, rows: int = 7) -> Lattice:
+    x, y = ((np.arange(n) - (n - 1) / 2) * PITCH for n in (columns, rows))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) + np.array([WIDTH / 2 + 0.3, HEIGHT / 2 - 0.2])
+
+
+def scattered() -> Lattice:
+    rng, places = np.random.default_rng(3), np.zeros((0, 2))
+    while len(places) < 55:
+        tried = rng.uniform((25, 25), (WIDTH - 25, HEIGHT - 25))
+        if not len(places) or np.hypot(*(places - tried).T).min() > 0.75 * PITCH:
+            places = np.vstack([places, tried])
+    return np.asarray(places)
+
+
+def picture(places: Lattice, bright: float = 150.0, seed: int = 0) -> np.ndarray:
+    """A gel that is brighter on the right, with dots, and the noise of a camera."""
+    rows, columns = np.indices((HEIGHT, WIDTH))
+    grey = np.repeat((bright * (0.7 + 0.3 * columns / WIDTH))[..., None], 3, axis=2) * [1.0, 0.8, 0.6]
+    for x, y in places:
+        inside = np.clip(DIAMETER / 2 - np.hypot(columns - x, rows - y) + 0.5, 0, 1)
+        grey *= (1 - 0.65 * inside)[..., None]
+    noisy = grey + np.random.default_rng(seed).normal(0, 1, grey.shape)
+    return np.asarray(np.clip(np.rint(noisy), 0, 255), np.uint8)
+
+
+def carried(places: Lattice, by: tuple[float, float], reach: float = 2.0) -> Lattice:
+    """Where a gel has its dots whose middle is moved by so many pitches, less and less `reach` pitches around it."""
+    away = (places - [WIDTH / 2 + 10, HEIGHT / 2 + 5]) / PITCH / reach
+    return np.asarray(places + np.exp(-(np.square(np.hypot(*away.T)) ** 1.5))[:, None] * np.array(by) * PITCH)
+
+
+def followed(rest: Lattice, *pictures: np.ndarray) -> tuple[list[DotsSeen], np.ndarray]:
+    """What is seen in each picture, and the number of each dot of `rest` among the names."""
+    untouched = picture(rest)
+    places, darkness = dots_at_rest(untouched, DIAMETER)
+    assert len(places) == len(rest)
+    follower = DotFollower(places, DIAMETER, darkness)
+    number = np.hypot(*np.moveaxis(rest[:, None] - places[None], 2, 0)).argmin(axis=1)
+    assert sorted(number) == list(range(len(rest)))
+    return [follower.follow(one) for one in (untouched, *pictures)], number
+
+
+@pytest.mark.parametrize("lattice", [square, scattered, lambda: square(7, 5), lambda: square(11, 7)])
+def test_dots_of_any_lattice_keep_their_names_as_the_gel_is_dragged(lattice: Callable[[], Lattice]) -> None:
+    rest = lattice()
+    true = [carried(rest, (share, -0.3 * share)) for share in np.linspace(0.1, 0.8, 5)]
+    seen, number = followed(rest, *(picture(places, seed=9) for places in true))
+    for found, places in zip(seen[1:], true, strict=True):
+        assert found.seen.all()
+        assert not found.problem
+        error = np.hypot(*(found.places_px[number] - places).T)
+        assert np.percentile(error, 95) < 0.1
+
+
+@pytest.mark.parametrize("by", [(0.7, 0.0), (-0.6, 0.4), (0.1, -0.8), (0.55, 0.55), (0.95, 0.0)])
+@pytest.mark.parametrize("missing", [0.0, 0.2])
+def test_a_jump_of_more_than_half_a_pitch_swaps_no_names(by: tuple[float, float], missing: float) -> None:
+    rest = square()
+    there = np.random.default_rng(4).random(len(rest)) >= missing
+    true = carried(rest, by, reach=2.5)
+    (_, away, back), number = followed(rest, picture(true[there]), picture(rest[there]))
+    for found, places in ((away, true), (back, rest)):
+        np.testing.assert_array_equal(found.seen[number], there)
+        assert np.hypot(*(found.places_px[number] - places)[there].T).max() < 0.2
+        assert np.hypot(*(found.places_px[number] - places).T).max() < 0.35 * PITCH
+
+
+def test_a_dot_that_goes_and_comes_back_has_its_name() -> None:
+    rest, hidden = square(), np.arange(63) != 31
+    (_, without, again), number = followed(rest, picture(rest[hidden]), picture(rest))
+    assert without.reasons[number[31]] == Unseen.MISSING
+    assert without.seen.sum() == 62
+    assert again.seen.all()
+
+
+def test_a_dot_that_leaves_the_picture_is_beyond_the_view() -> None:
+    rest = square(13, 7)
+    rest[:, 0] += WIDTH / 2 - 10 - rest[:, 0].max() + WIDTH / 2 - 6
+    true = rest + np.array([8.0, 0.0])
+    (_, found), number = followed(rest, picture(true))
+    last = number[rest[:, 0] == rest[:, 0].max()]
+    assert set(found.reasons[last].tolist()) == {Unseen.BEYOND_VIEW}
+    assert not found.problem
+
+
+def test_two_dots_that_touch_are_not_told_apart() -> None:
+    rest = square()
+    true = rest.copy()
+    true[31] = true[32] + [-0.45 * DIAMETER, 0]
+    (_, found), number = followed(rest, picture(true))
+    assert (~found.seen).sum() <= 2
+    assert not found.seen[number[31]]
+
+
+def test_a_dark_frame_says_so_and_the_next_one_goes_on() -> None:
+    rest = square()
+    true = carried(rest, (0.3, 0.0))
+    (_, dark, again), number = followed(rest, picture(rest, bright=6.0), picture(true))
+    assert "too dark" in dark.problem
+    assert set(dark.reasons.tolist()) <= {Unseen.SEEN, Unseen.DARK}
+    assert again.seen.all()
+    assert np.hypot(*(again.places_px[number] - true).T).max() < 0.2
+
+
+@pytest.mark.parametrize(
+    ("other", "reason"),
+    [
+        (picture(np.zeros((0, 2))), "0 of 63 marker dots are seen"),
+        (picture(square()[:31]), "31 of 63 marker dots are seen"),
+        (picture(square(11, 9)), "another gel"),
+        (picture(carried(square() * [0.8, 0.8] + [30, 22], (0, 0))), "another gel"),
+        (picture(square(7, 9)), "the picture is turned"),
+    ],
+)
+def test_another_gel_is_named_in_one_sentence(other: np.ndarray, reason: str) -> None:
+    places, darkness = dots_at_rest(picture(square()), DIAMETER)
+    follower = DotFollower(places, DIAMETER, darkness)
+    for _ in range(3):
+        found = follower.follow(other)
+        assert reason in found.problem
+    assert ". " not in found.problem
+
+
+def test_a_gel_without_dots_cannot_be_followed() -> None:
+    with pytest.raises(InputError, match="marker dots are seen"):
+        dots_at_rest(picture(square()[:5]), DIAMETER)

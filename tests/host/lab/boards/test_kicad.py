@@ -1,0 +1,102 @@
+"""KiCad judges the boards: its design rules find no fault, and it plots and reads what our files say."""
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gerbonara.graphic_objects import Flash
+
+from gellight.lab.boards.modules import MODULES
+from gellight.lab.boards.strip import strip_board
+from sim_reference.geometry import SensorGeometry
+from tests.helpers.boards import carrier_of, objects, ring_of, rolled_up, spot, table, write_project
+from tests.helpers.kicad import Verdict, judge
+
+pytestmark = pytest.mark.kicad
+DANGLING = "track_dangling: Track has unconnected end"
+
+
+def shapes(path: Path) -> Counter[tuple[str, ...]]:
+    """Count what a Gerber draws: kind, places in 0.01 mm, width; a line counts from either end."""
+    found: Counter[tuple[str, ...]] = Counter()
+    for one in objects(path):
+        if isinstance(one, Flash):
+            found["flash", *(spot(*corner) for corner in one.bounding_box("mm"))] += 1
+        elif (one.x1, one.y1) != (one.x2, one.y2):
+            ends = sorted((spot(one.x1, one.y1), spot(one.x2, one.y2)))
+            found[type(one).__name__, *ends, f"{one.aperture.equivalent_width():.2f}"] += 1
+    return found
+
+
+@pytest.fixture(scope="module")
+def strip(made: Path) -> Verdict:
+    return judge(made, "gellight-strip")
+
+
+@pytest.fixture(scope="module")
+def carrier(made: Path) -> Verdict:
+    return judge(made, "gellight-carrier-pico")
+
+
+def rules_hold(verdict: Verdict) -> None:
+    assert verdict.errors == []
+    assert verdict.unconnected == 0
+    # The rails of the strip are wider than what ends on them: KiCad misses something at their ends.
+    assert all(one.startswith(DANGLING) and "(arc)" in one and "on B.Cu" in one for one in verdict.warnings)
+    assert len(verdict.warnings) <= 2
+
+
+def test_kicad_finds_no_fault_in_the_strip(strip: Verdict) -> None:
+    rules_hold(strip)
+
+
+def test_kicad_finds_no_fault_in_the_carrier(carrier: Verdict) -> None:
+    rules_hold(carrier)
+    assert carrier.warnings == []
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if name != "pico"])
+def test_kicad_finds_no_fault_in_the_other_carriers(name: str, tmp_path: Path) -> None:
+    write_project(tmp_path, carrier_of(name))
+    rules_hold(judge(tmp_path, f"gellight-carrier-{name}"))
+
+
+@pytest.mark.parametrize(("count", "package"), [(3, "2020"), (24, "2020"), (13, "5050")])
+def test_kicad_finds_no_fault_in_strips_at_the_limits(count: int, package: str, tmp_path: Path) -> None:
+    write_project(tmp_path, strip_board(ring_of(count), package))
+    rules_hold(judge(tmp_path, "gellight-strip"))
+
+
+def test_a_fault_that_is_planted_is_found(made: Path, tmp_path: Path) -> None:
+    """A via of ground in the middle of a data line is a short."""
+    text = (made / "gellight-strip.kicad_pcb").read_text()
+    data = next(line for line in text.splitlines() if line.startswith("(arc") and '"F.Cu"' in line)
+    place = data.split("(mid ")[1].split(")")[0]
+    ground = next(line for line in text.splitlines() if line.endswith('"GND")')).split()[1]
+    via = f'(via (at {place}) (size 0.6) (drill 0.3) (layers "F.Cu" "B.Cu") (net {ground}))'
+    (tmp_path / "s.kicad_pcb").write_text(text.rstrip().removesuffix(")") + via + "\n)\n")
+    (tmp_path / "s.kicad_pro").write_text((made / "gellight-strip.kicad_pro").read_text())
+    assert judge(tmp_path, "s").errors
+
+
+def test_kicad_has_the_leds_where_the_table_has_them(strip: Verdict) -> None:
+    geometry = SensorGeometry()
+    flat = np.array([part[1:3] for part in strip.parts if part[0].startswith("D")])
+    assert np.linalg.norm(rolled_up(flat, geometry) - table(geometry)[0], axis=1).max() < 0.05
+    assert {value for name, *_, value in strip.parts if name.startswith("D")} == {"WS2812B"}
+
+
+def test_kicad_reads_the_netlist(strip: Verdict, carrier: Verdict) -> None:
+    for verdict, board in ((strip, strip_board(SensorGeometry())), (carrier, carrier_of("pico"))):
+        read: dict[str, set[tuple[str, str]]] = {}
+        for part, pad, _, _, net in verdict.pads:
+            if net:
+                read.setdefault(net, set()).add((part, pad))
+        assert read == board.nets()
+
+
+@pytest.mark.parametrize("layer", ["F_Cu", "B_Cu"])
+def test_the_gerbers_are_what_kicad_plots(made: Path, strip: Verdict, carrier: Verdict, layer: str) -> None:
+    for verdict, name in ((strip, "gellight-strip"), (carrier, "gellight-carrier-pico")):
+        assert shapes(made / f"{name}-{layer}.gbr") == shapes(verdict.plots[layer]), name

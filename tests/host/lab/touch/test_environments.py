@@ -1,0 +1,97 @@
+"""Environments of Gymnasium: what its checker asks, the same bytes for the same seed, tasks that can be done."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from gellight.base.errors import InputError
+from gellight.lab.touch import TouchSensor
+from gellight.lab.touch.environments import Lift, PressAndTell
+from sim_reference.geometry import SensorGeometry
+
+SMALL = SensorGeometry(image_width_px=64, image_height_px=48, pixel_size_mm=0.588)
+ALL = ("depth", "wrench", "contact", "picture")
+
+
+def tell(**how: Any) -> PressAndTell:
+    return PressAndTell(("BALL", "TSTEP", "WAVE"), sensor=TouchSensor(SMALL, size=64), **how)
+
+
+def test_the_checker_of_gymnasium_finds_nothing() -> None:
+    check_env(tell(observe=ALL, render_mode="rgb_array"))
+    check_env(Lift(render_mode="rgb_array"))
+
+
+def test_they_can_be_made_by_name_and_side_by_side() -> None:
+    assert isinstance(gymnasium.make("gellight/Lift-v0").unwrapped, Lift)
+    several = gymnasium.make_vec("gellight/PressAndTell-v0", num_envs=2, vectorization_mode="sync")
+    seen, _ = several.reset(seed=3)
+    assert seen["depth"].shape == (2, 32, 32)
+    several.close()
+
+
+def test_the_same_seed_gives_the_same_bytes() -> None:
+    def bytes_of(seed: int) -> bytes:
+        env = tell(observe=ALL)
+        seen = [env.reset(seed=seed)[0], *(env.step(move)[0] for move in (0, 2, 1))]
+        return b"".join(one[kind].tobytes() for one in seen for kind in ALL)
+
+    assert bytes_of(1) == bytes_of(1) != bytes_of(2)
+
+
+def test_telling_ends_the_episode_and_pressing_costs() -> None:
+    env = tell()
+    _, told = env.reset(seed=1)
+    assert env.step(0)[1:4] == (-0.02, False, False)
+    names = ("BALL", "TSTEP", "WAVE")
+    assert env.step(4 + names.index(told["object"]))[1:4] == (1.0, True, False)
+    env.reset(seed=1)
+    assert env.step(4 + (names.index(told["object"]) + 1) % 3)[1] == -1.0
+
+
+def test_a_press_moves_the_object_under_the_gel() -> None:
+    env = PressAndTell(("BALL", "SCROWN"), ("wrench",), sensor=TouchSensor(SMALL, size=64))
+    seen, told = next(
+        (found for seed in range(20) if (found := env.reset(seed=seed))[1]["object"] == "BALL"), (None, None)
+    )
+    assert seen["wrench"][1:] == pytest.approx(told["place_mm"], abs=0.1)
+    moved, *_ = env.step(0)
+    assert moved["wrench"][1] - seen["wrench"][1] == pytest.approx(2.0, abs=0.1)
+    assert moved["wrench"][0] == pytest.approx(seen["wrench"][0], rel=0.2)
+
+
+def lifted(env: Lift, grip_n: float) -> tuple[float, dict[str, Any]]:
+    """Grip as hard as asked, then lift; return the sum of rewards and the last info."""
+    _, info = env.reset(seed=4)
+    total, ended = 0.0, False
+    while not ended:
+        closing = np.sign(grip_n - info["grip_n"]) if abs(grip_n - info["grip_n"]) > 0.3 else 0.0
+        _, reward, done, cut, info = env.step(np.array([closing, 0.0 if closing else 1.0]))
+        total, ended = total + reward, done or cut
+    return total, info
+
+
+def test_a_firm_grip_lifts_and_a_soft_one_does_not() -> None:
+    firm, info = lifted(Lift(("wrench",)), 4.0)
+    assert info["height_mm"] > 20
+    assert info["sticks"]
+    needed_n = info["mass_kg"] * 9.81 / 2 / info["friction"]
+    soft, info = lifted(Lift(("wrench",)), 0.5 * needed_n)
+    assert info["height_mm"] < 10
+    assert firm > 2.5 > 0 > soft
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: PressAndTell(("BALL",)), "choose two or more of BALL"),
+        (lambda: PressAndTell(observe=("smell",)), "choose of depth, wrench, contact, picture"),
+        (lambda: Lift(()), "choose of depth"),
+    ],
+)
+def test_what_cannot_be_observed_or_pressed_is_said(make: Any, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        make()

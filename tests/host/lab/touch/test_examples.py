@@ -1,0 +1,30 @@
+"""What docs/simulators.md says is typed."""
+
+import re
+import sys
+from pathlib import Path
+
+import cv2
+
+from tests.helpers.children import run
+from tests.helpers.places import CHECKOUT
+
+EXAMPLES = CHECKOUT / "docs/examples/simulators"
+PAGE = (CHECKOUT / "docs/simulators.md").read_text()
+
+
+def test_the_program_of_the_page_draws_a_picture_of_touch() -> None:
+    block, environment = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    assert run([sys.executable, "-c", environment], check=True).stdout.startswith("(32, 32) ")
+    assert block.strip() in (EXAMPLES / "look.py").read_text()
+    assert run([sys.executable, "-c", block], check=True).stdout == "0.49 N, 0.59 mm deep, picture (480, 640, 3)\n"
+
+
+def test_the_gripper_lifts_and_is_filmed(tmp_path: Path) -> None:
+    (command,) = re.findall(r"```sh\npython (\S+) (\S+)\n```", PAGE)
+    said = run([sys.executable, CHECKOUT / command[0], tmp_path / command[1]], check=True, timeout_s=200).stdout
+    assert said == "lifted by 49 mm; the gels carry 0.1962 N of 0.1962 N\n"
+    read, film = cv2.imreadanimation(str(tmp_path / command[1]))
+    assert read
+    assert len(film.frames) > 15
+    assert film.frames[0].shape[:2] == (240, 880)

@@ -1,0 +1,110 @@
+"""Gels that carry: weight, grip and slip, and no energy from nothing."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.lab.touch import GRIPPER, TouchSensor
+from gellight.lab.touch.mujoco_carry import Carrying, Held
+from gellight.lab.touch.mujoco_gels import MujocoGels
+
+MODEL = GRIPPER.read_text()
+SHAPES = {"ball": 'type="sphere" size=".008"', "box": 'type="box" size=".008 .006 .006"',
+          "cylinder": 'type="cylinder" size=".008 .006"'}  # fmt: skip
+UP, LEFT, OBJECT_Z = 0, 1, 5
+
+
+def gripper(shape: str, mass_kg: float) -> mujoco.MjModel:
+    geom = f'{SHAPES[shape]} mass="{mass_kg}"'
+    return mujoco.MjModel.from_xml_string(MODEL.replace('type="sphere" size=".008" mass=".02"', geom))
+
+
+def carrying(model: mujoco.MjModel, friction: float = 0.8, sites: tuple[str, ...] = ("left", "right")) -> Carrying:
+    def sensor() -> TouchSensor:
+        return TouchSensor(size=32, extent_mm=32.0)
+
+    return Carrying(MujocoGels(model, list(sites), touching=["object"], sensor=sensor), friction=friction)
+
+
+def lifted(
+    carry: Carrying, model: mujoco.MjModel, grip_n: float, seconds: float
+) -> tuple[mujoco.MjData, list[list[Held]]]:
+    """Close, lift by 20 mm from .4 s to .8 s, hold; return the forces of every step."""
+    data, steps = mujoco.MjData(model), []
+    for step in range(int(seconds / model.opt.timestep)):
+        now_s = step * model.opt.timestep
+        data.ctrl[:] = [np.clip((now_s - 0.4) * 0.05, 0, 0.02), *[grip_n * min(now_s / 0.3, 1)] * 2]
+        steps.append(carry.step(data))
+    return data, steps
+
+
+@pytest.mark.parametrize(("shape", "mass_kg"), [("ball", 0.002), ("box", 0.02), ("cylinder", 0.1)])
+def test_a_gripper_lifts_and_holds(shape: str, mass_kg: float) -> None:
+    model = gripper(shape, mass_kg)
+    carry = carrying(model)
+    data, steps = lifted(carry, model, 2.0, 2.0)
+    held = {one.gel: one for one in steps[-1]}
+    up_n = sum((carry.gels[one.gel].gap.rotation(data) @ one.force_n)[2] for one in held.values())
+    assert up_n == pytest.approx(mass_kg * 9.81, rel=1e-3)
+    assert held["left"].force_n[2] == pytest.approx(2.0, rel=1e-2)
+    assert held["left"].layer_force_n == pytest.approx(2.0, rel=1e-2), "the layer carries what the gripper presses"
+    assert all(one.sticks for one in held.values())
+    assert data.body("object").xpos[2] > 0.01
+    velocity = data.body("object").cvel[3:]
+    assert mass_kg * velocity @ velocity / 2 < 1e-12
+
+
+def test_what_is_too_heavy_slips() -> None:
+    model = gripper("ball", 0.1)
+    data, steps = lifted(carrying(model, friction=0.2), model, 1.0, 1.2)
+    assert data.body("object").xpos[2] < 0.002, "0.4 N of friction do not lift 1 N"
+    for one in steps[-1]:
+        assert not one.sticks
+        assert np.linalg.norm(one.force_n[:2]) == pytest.approx(0.2 * one.force_n[2], rel=1e-6)
+
+
+def test_the_forces_of_others_stay() -> None:
+    model = gripper("ball", 0.02)
+    data = mujoco.MjData(model)
+    data.xfrc_applied[model.body("object").id, 2] = 0.05
+    carrying(model).step(data)
+    assert data.xfrc_applied[model.body("object").id, 2] == 0.05
+
+
+DROP = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>
+    <body name="finger"><geom type="box" size=".02 .02 .002" pos="0 0 -.002" contype="0" conaffinity="0"/>
+        <site name="gel"/></body>
+    <body name="object" pos="0 0 .012"><freejoint/><geom type="box" size=".005 .004 .003" mass=".01"/></body>
+    </worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_body_that_is_dropped_gains_no_energy(seed: int) -> None:
+    """Thrown with any turn and speed: kinetic energy and height, while nothing touches, only fall."""
+    rng, model = np.random.default_rng(seed), mujoco.MjModel.from_xml_string(DROP)
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    data, carry = mujoco.MjData(model), carrying(model, 0.6, ("gel",))
+    data.qpos[3:7] = rng.normal(size=4)
+    data.qvel[:] = rng.normal(size=6) * [0.03, 0.03, 0.03, 5, 5, 5]
+    free = [np.inf]
+    for _ in range(600):
+        held = carry.step(data)
+        mujoco.mj_energyPos(model, data)
+        mujoco.mj_energyVel(model, data)
+        if not held:
+            free.append(float(data.energy.sum()))
+    assert np.diff(free[1:]).max() < 1e-6, "of 1 mJ at the start"
+    assert np.isfinite(data.qpos).all()
+
+
+def test_an_integrator_that_cannot_be_halved_is_refused() -> None:
+    model = mujoco.MjModel.from_xml_string(MODEL.replace('"implicitfast"', '"RK4"'))
+    with pytest.raises(InputError, match='gels cannot carry under integrator="RK4": use "implicitfast"'):
+        carrying(model)
+
+
+def test_mujoco_and_the_gel_do_not_both_carry() -> None:
+    model = mujoco.MjModel.from_xml_string(DROP.replace('contype="0" conaffinity="0"', ""))
+    with pytest.raises(InputError, match='<exclude body1="finger" body2="object"/>'):
+        carrying(model, sites=("gel",))

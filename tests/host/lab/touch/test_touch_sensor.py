@@ -1,0 +1,121 @@
+"""The layer for a stream of gaps, its pictures, and the depth at which it carries a force."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.touch import TouchSensor
+from gellight.lab.touch.layer import NOTHING
+from sim_reference import gel
+from sim_reference.camera import CameraResponse
+from sim_reference.geometry import SensorGeometry
+from sim_reference.objects import object_height
+
+GEOMETRY = SensorGeometry(image_width_px=160, image_height_px=120, pixel_size_mm=0.2352)
+
+
+@pytest.fixture
+def touch() -> TouchSensor:
+    return TouchSensor(GEOMETRY)
+
+
+def gap_of(touch: TouchSensor, name: str, depth_mm: float, x_mm: float = 0.0) -> np.ndarray:
+    at = touch.layer.at_mm
+    return -(object_height(name, at[None, :] - x_mm, at[:, None]) + depth_mm)
+
+
+@pytest.mark.parametrize("name", ["BALL", "TSTEP"])
+def test_a_gap_is_felt_as_the_reference_presses(touch: TouchSensor, name: str) -> None:
+    at, spacing_mm = touch.layer.at_mm, touch.layer.spacing_mm
+    height = object_height(name, at[None, :], at[:, None])
+    pressed = gel.press(height, spacing_mm, 0.9, GEOMETRY)
+    felt = touch.feel(gap_of(touch, name, 0.9))
+    assert felt.depth_mm == pytest.approx(pressed.depth_mm, abs=2e-4)
+    assert felt.depth_mm.dtype == np.float32
+    shear_modulus_mpa = 0.2 / 2 / (1 + GEOMETRY.poisson_ratio)
+    assert felt.force_n == pytest.approx(pressed.pressure.sum() * spacing_mm**2 * shear_modulus_mpa, rel=1e-3)
+
+
+def test_what_was_felt_before_changes_nothing(touch: TouchSensor) -> None:
+    first = touch.feel(gap_of(touch, "BALL", 0.5, 3.0))
+    touch.feel(gap_of(touch, "TSTEP", 1.5, -4.0))
+    assert (touch.feel(gap_of(touch, "BALL", 0.5, 3.0)).depth_mm == first.depth_mm).all()
+    assert touch.feel(np.full_like(first.depth_mm, 0.1)).force_n == 0
+
+
+def test_the_force_acts_where_the_ball_is(touch: TouchSensor) -> None:
+    assert touch.feel(gap_of(touch, "BALL", 0.5, 3.0)).centre_mm == pytest.approx((3.0, 0.0), abs=0.01)
+    assert touch.feel(gap_of(touch, "BALL", -0.1)).centre_mm == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("exponent_deg", [120.0, 160.0])
+@pytest.mark.parametrize(("name", "mean_grey", "most_grey"), [("BALL", 0.02, 0.1), ("WAVE", 1.0, 12.0)])
+def test_a_surface_looks_as_in_the_simulated_sensor(
+    name: str, mean_grey: float, most_grey: float, exponent_deg: float
+) -> None:
+    """On the same grid; cast shadows have their edges on cells of another size."""
+    geometry = replace(GEOMETRY, beam_angle_rad=np.deg2rad(exponent_deg))
+    touch = TouchSensor(geometry, size=512)
+    scene = Scene(geometry, CameraResponse())
+    shown, surface = scene.show(Press(name, 0.9))
+    felt = touch.feel(gap_of(touch, name, 0.9))
+    off = np.abs(touch.grey(felt) - shown)
+    assert off.mean() < mean_grey
+    assert np.quantile(off, 0.99) < most_grey
+    assert touch.depth_map_mm(felt) == pytest.approx(surface.depth_mm, abs=2e-3)
+
+
+def test_cast_shadows_are_dark_and_can_be_left_out(touch: TouchSensor) -> None:
+    felt = touch.feel(gap_of(touch, "TSTEP", 0.9))
+    without = TouchSensor(GEOMETRY, cast_shadows=False).grey(felt)
+    shadow = without - touch.grey(felt)
+    assert shadow.max() > 20
+    assert shadow.min() > -1e-3
+
+
+def test_a_picture_is_the_grey_with_noise_of_its_own(touch: TouchSensor) -> None:
+    felt = touch.feel(gap_of(touch, "BALL", 0.5))
+    first, second = touch.picture(felt), touch.picture(felt)
+    assert first.dtype == np.uint8
+    assert first.shape == (120, 160, 3)
+    assert np.std(first - second.astype(float)) == pytest.approx(np.sqrt(2 * (1 + 1 / 12)), rel=0.05)
+    assert touch.picture(felt, noise=False) == pytest.approx(np.rint(touch.grey(felt)))
+    assert (TouchSensor(GEOMETRY).picture(felt) == first).all(), "the same seed draws the same noise"
+
+
+@pytest.mark.parametrize("force_n", [0.05, 1.0, 5.0])
+def test_a_layer_sinks_until_it_carries_a_force(touch: TouchSensor, force_n: float) -> None:
+    for height_mm in (-2.0, 0.3):
+        felt = touch.sink(gap_of(touch, "BALL", height_mm), force_n)
+        assert felt.force_n == pytest.approx(force_n, rel=2e-3)
+    assert touch.sink(gap_of(touch, "BALL", 0.3), 0.0).force_n == 0
+
+
+def test_a_force_beyond_the_gel_is_refused(touch: TouchSensor) -> None:
+    with pytest.raises(ValueError, match="100 N are too much"):
+        touch.sink(gap_of(touch, "BALL", 0.1), 100.0)
+    with pytest.raises(ValueError, match="force of -1 N: give 0 or more"):
+        touch.sink(gap_of(touch, "BALL", 0.1), -1.0)
+
+
+def test_nothing_is_felt_beside_the_gel(touch: TouchSensor) -> None:
+    at = touch.layer.at_mm
+    beside = np.where(np.hypot(at[None, :], at[:, None]) > 25.1, -1.0, NOTHING)
+    assert touch.feel(beside).force_n == 0
+
+
+def test_a_gap_that_is_none_is_refused(touch: TouchSensor) -> None:
+    with pytest.raises(ValueError, match=r"shape \(3, 3\): give \(128, 128\) finite mm"):
+        touch.feel(np.zeros((3, 3)))
+    with pytest.raises(ValueError, match="finite"):
+        touch.feel(np.full((128, 128), np.nan))
+    with pytest.raises(ValueError, match=r"an object lies 3.98 mm deep in a gel that is simulated to 3 mm"):
+        touch.feel(gap_of(touch, "BALL", 4.0))
+
+
+def test_a_grid_that_cannot_be_is_refused() -> None:
+    with pytest.raises(InputError, match="a grid of 3 points"):
+        TouchSensor(size=3)

@@ -1,0 +1,186 @@
+"""Displacement and force along the gel against the reference simulator, which computes them by another way."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.frames.measures import BEYOND_VIEW
+from gellight.frames.shear import FEW_DOTS, PERSPECTIVE, DotsSeen, Shear, Unseen
+from gellight.lab.simulator.known_force import known_force
+from gellight.lab.simulator.printed_dots import PrintedDots
+from gellight.lab.simulator.scene import Press, Printed, Scene
+from gellight.reconstruction.force import Layer
+from gellight.reconstruction.force_file import FILE_NAME, ForceRecord, force_file
+from gellight.reconstruction.measures import BundleMeasures
+from gellight.reconstruction.shear.inverse import find_pull
+from gellight.reconstruction.shear.layer import kernels
+from gellight.reconstruction.stages import Stages, tactile_frame
+from sim_reference.camera import CameraResponse
+from sim_reference.geometry import SensorGeometry
+from sim_reference.tangential import Layer as ReferenceLayer
+
+GEOMETRY = SensorGeometry()
+DOTS = PrintedDots(columns=9, rows=7)
+DRAGS = [
+    Press("BALL", 1.0, 1.0, 0.5, ((0.3, 0.1, 0.0),)),
+    Press("BALL", 0.6, -3.0, 1.5, ((-0.1, 0.4, 0.0),)),
+    Press("CYLINDER", 0.4, 0.5, 0.3, ((0.2, 0.0, 0.0),)),
+    Press("BALL", 1.2, 2.0, -1.0, ((0.5, 0.0, 0.0), (1.0, 0.0, 0.0))),
+    Press("CYLINDER", 0.4, -1.0, 0.5, ((0.0, -0.1, 0.1),)),
+]
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return Scene(GEOMETRY, CameraResponse(noise_grey=0.0), printed=Printed(dots=DOTS))
+
+
+@pytest.fixture(scope="module")
+def bundle() -> Bundle:
+    return replace(load_bundle("synthetic"), files={**load_bundle("synthetic").files, **known_force(GEOMETRY)})
+
+
+def seen_dots(scene: Scene, press: Press | None, rng: np.random.Generator, unseen: float = 0.0) -> DotsSeen:
+    """The dots as a follower tells them: off by 0.04 px, some of them not seen."""
+    rest, now = scene.shear(None), scene.shear(press)
+    assert rest is not None
+    assert now is not None
+    reasons = np.where(rng.random(63) < unseen, Unseen.MISSING, Unseen.SEEN).astype(np.uint8)
+    return DotsSeen(
+        rest_px=rest.dots_px, places_px=now.dots_px + rng.normal(0, 0.04, (63, 2)), reasons=reasons
+    )  # fmt: skip
+
+
+def felt(scene: Scene, bundle: Bundle, press: Press | None, dots: DotsSeen | None) -> TactileFrame:
+    """The tactile frame of a press whose depth is true."""
+    grey, surface = scene.show(press)
+    image = np.clip(grey, 0, 255).astype(np.uint8)
+    frame = CameraFrame(image=image, time_s=0.0, sequence=1, dots=dots, truth=None)
+    depth = surface.depth_mm.astype(np.float32)
+    slopes = surface.gradient_map.astype(np.float32)
+    return tactile_frame(
+        frame, image.astype(np.float32), slopes, depth, bundle.pixel_size_mm, Stages(), measures=BundleMeasures(bundle)
+    )
+
+
+def shear_of(scene: Scene, bundle: Bundle, press: Press, seed: int = 0, unseen: float = 0.0) -> Shear:
+    shear = felt(scene, bundle, press, seen_dots(scene, press, np.random.default_rng(seed), unseen)).shear
+    assert shear is not None
+    return shear
+
+
+def test_a_cell_moves_the_gel_as_in_the_reference() -> None:
+    layer = ReferenceLayer((480, 480), 0.25, 5.0, 0.49)
+    traction = np.zeros((480, 480, 3))
+    traction[240, 240] = (0.3, -0.2, 0.5)
+    moved = layer.displacement(traction)[..., :2]
+    rows, columns = np.indices((480, 480))
+    away = np.stack([columns - 240, rows - 240], axis=-1)[200:280, 200:280] * 0.25
+    xx, xy, yy, xz, yz = kernels(Layer(5.0, 0.49)).at(away)
+    cell, by_young = 0.25**2, 1 / (2 * 1.49)
+    x = (0.3 * xx - 0.2 * xy + 0.5 * xz) * cell * by_young
+    y = (0.3 * xy - 0.2 * yy + 0.5 * yz) * cell * by_young
+    # The reference repeats its grid, the kernels end 6 thicknesses away.
+    np.testing.assert_allclose(np.stack([x, y], axis=-1), moved[200:280, 200:280], atol=2e-5)
+
+
+def test_what_moves_no_dot_is_known_only_as_well_as_friction_says() -> None:
+    pressure, cells = np.full(4, 0.1), np.array([[-1.0, 0], [1, 0], [0, -1], [0, 1]])
+    blind = find_pull(np.zeros((2, 2)), 0.01, np.zeros((4, 8)), pressure, cells, 1.0)
+    assert not blind.total.any()
+    assert np.sqrt(blind.covariance[0, 0]) > 0.4 * pressure.sum()
+
+
+@pytest.mark.parametrize("press", DRAGS[:4])
+def test_the_force_of_a_drag_is_told_within_a_tenth(scene: Scene, bundle: Bundle, press: Press) -> None:
+    shear, truth = shear_of(scene, bundle, press), scene.shear(press)
+    assert truth is not None
+    assert not shear.unknown
+    assert shear.force_n is not None
+    off = np.hypot(*np.subtract(shear.force_n, truth.force_n))
+    assert off < 0.12 * np.hypot(*truth.force_n)
+    assert shear.force_error_n is not None
+    assert off < 4 * np.hypot(*shear.force_error_n)
+    np.testing.assert_allclose(shear.field_mm, truth.dots_mm, atol=0.02)
+    assert np.sqrt(np.mean((shear.field_mm - truth.dots_mm) ** 2)) < 0.005
+
+
+def test_a_twist_is_told_within_a_quarter(scene: Scene, bundle: Bundle) -> None:
+    shear, truth = shear_of(scene, bundle, DRAGS[4]), scene.shear(DRAGS[4])
+    assert truth is not None
+    assert shear.torque_nmm == pytest.approx(truth.torque_nmm, rel=0.25)
+    assert truth.torque_nmm > 0.5
+
+
+def test_a_press_has_no_force_along_the_gel(scene: Scene, bundle: Bundle) -> None:
+    for press in (Press("BALL", 1.0, 4.0, 2.0), Press("CYLINDER", 0.5, -3.0, 0.0)):
+        shear = shear_of(scene, bundle, press)
+        assert shear.force_n is not None
+        normal = felt(scene, bundle, press, None).force
+        assert normal is not None
+        assert np.hypot(*shear.force_n) < 0.02 * normal.normal_n
+
+
+def test_the_traction_adds_up_to_the_force(scene: Scene, bundle: Bundle) -> None:
+    shear = shear_of(scene, bundle, DRAGS[0])
+    traction = shear.traction_mpa
+    assert traction is not None
+    total = traction.sum(axis=(0, 1)) * GEOMETRY.pixel_size_mm**2
+    np.testing.assert_allclose(total, shear.force_n, rtol=0.02, atol=0.002)
+
+
+def test_a_fifth_of_the_dots_missing_costs_little(scene: Scene, bundle: Bundle) -> None:
+    truth = scene.shear(DRAGS[0])
+    assert truth is not None
+    shear = shear_of(scene, bundle, DRAGS[0], seed=2, unseen=0.2)
+    assert shear.force_n is not None
+    assert np.isnan(shear.field_mm).any()
+    assert np.hypot(*np.subtract(shear.force_n, truth.force_n)) < 0.15 * np.hypot(*truth.force_n)
+
+
+def test_nothing_touched_is_no_force(scene: Scene, bundle: Bundle) -> None:
+    shear = felt(scene, bundle, None, seen_dots(scene, None, np.random.default_rng(0))).shear
+    assert shear is not None
+    assert shear.force_n == (0, 0)
+    assert shear.traction_mpa is None
+
+
+def test_without_dots_there_is_nothing_to_say(scene: Scene, bundle: Bundle) -> None:
+    assert felt(scene, bundle, DRAGS[0], None).shear is None
+
+
+def test_dots_of_another_gel_give_no_force(scene: Scene, bundle: Bundle) -> None:
+    dots = replace(seen_dots(scene, DRAGS[0], np.random.default_rng(0)), problem="this is another gel")
+    shear = felt(scene, bundle, DRAGS[0], dots).shear
+    assert shear is not None
+    assert shear.force_n is None
+    assert shear.unknown == "this is another gel"
+    assert np.isnan(shear.field_mm).all()
+
+
+def test_a_bundle_without_a_constant_knows_the_displacement_alone(scene: Scene, bundle: Bundle) -> None:
+    plain = replace(bundle, files={name: file for name, file in bundle.files.items() if name != FILE_NAME})
+    shear = felt(scene, plain, DRAGS[0], seen_dots(scene, DRAGS[0], np.random.default_rng(0))).shear
+    assert shear is not None
+    assert shear.force_n is None
+    assert "calibrate force" in shear.unknown
+    assert np.nanmax(shear.field_mm) > 0.2
+    assert shear.flags == (PERSPECTIVE,)
+
+
+def test_the_constant_scales_the_force(scene: Scene, bundle: Bundle) -> None:
+    record = ForceRecord.model_validate_json(bundle.files[FILE_NAME])
+    other = replace(bundle, files={**bundle.files, **force_file(record.model_copy(update={"side_scale": 2.0}))})
+    one, two = (shear_of(scene, each, DRAGS[0]) for each in (bundle, other))
+    assert one.force_n is not None
+    np.testing.assert_allclose(two.force_n, np.multiply(one.force_n, 2))
+
+
+def test_a_contact_at_the_border_and_one_far_from_dots_are_flagged(scene: Scene, bundle: Bundle) -> None:
+    aside = shear_of(scene, bundle, Press("BALL", 0.6, 14.0, 0.0, ((0.2, 0.0, 0.0),)))
+    assert FEW_DOTS in aside.flags
+    cut = shear_of(scene, bundle, Press("BALL", 0.8, 18.0, 0.0, ((0.1, 0.0, 0.0),)))
+    assert BEYOND_VIEW in cut.flags
