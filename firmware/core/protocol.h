@@ -7,7 +7,7 @@
 
 #define PROTOCOL_MAJOR 2u
 #define PROTOCOL_MINOR 1u
-#define SCHEMA_CRC 0xe35a3f6eu
+#define SCHEMA_CRC 0x473dfdf6u
 #define LED_COUNT 12u
 #define MOST_LEDS 24u
 #define COLOUR_BYTES 72u
@@ -121,6 +121,7 @@ enum reset_reason {
 enum board_kind {
     BOARD_KIND_HOST = 0,
     BOARD_KIND_RP2040 = 1,
+    BOARD_KIND_RP2350 = 2,
 };
 
 /* What a board can do besides lighting its LEDs. */

@@ -11,8 +11,8 @@ import tempfile
 from pathlib import Path
 
 from gellight.bundle.bundle import load_bundle
+from gellight.frame_path import pipeline
 from gellight.frames.frames import CameraFrame
-from gellight.reconstruction import pipeline
 from gellight.reconstruction.native import build
 from tests.benchmarks.frame_times import scenes
 from tests.helpers.other_processor import OtherProcessor, build_server

@@ -43,7 +43,7 @@ def test_a_short_run_finds_nothing(fuzzer: Fuzzer) -> None:
 
 
 MAPS_REGISTERS = pytest.mark.skipif(sys.platform != "linux", reason="maps registers at their places")
-USB, CONFIG = "firmware/boards/rp2040/usb_control.c", "firmware/core/config.c"
+USB, CONFIG = "firmware/boards/rp2/usb_control.c", "firmware/core/config.c"
 ENDPOINT_0 = (
     Mutation("more than asked for", USB, "control_count = count < setup.count ? count : setup.count;",
              "control_count = count;"),

@@ -10,7 +10,7 @@ import usb.core
 from gellight.base.errors import BoardError
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Check, SyncMode
-from gellight.ring.firmware.image import FLASH_BASE, HEADER, HEADER_OFFSET, image_crc
+from gellight.ring.firmware.image import FLASH_BASE, HEADER, header_at, image_crc
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.transport import UsbTransport
 from gellight.ring.wire import Packet, encode
@@ -272,5 +272,5 @@ def binary_info(image: bytes) -> dict[int, str]:
 
 def test_the_image_is_small(image: bytes) -> None:
     """1 % of the flash: copying it to RAM holds the first darkness up by 7 ms at 30 MHz."""
-    _, count, _ = HEADER.unpack_from(image, HEADER_OFFSET)
-    assert HEADER_OFFSET + HEADER.size + count <= (2 << 20) // 100
+    count = HEADER.unpack_from(image, header_at(image))[1]
+    assert header_at(image) + HEADER.size + count <= (2 << 20) // 100

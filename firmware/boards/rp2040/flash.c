@@ -55,6 +55,7 @@ static void access_end(const struct access *access)
 {
     access->flush();
     access->enter_xip();
+    usb_frames_missed();
     interrupts_restore(access->interrupts);
     watchdog_feed();
 }

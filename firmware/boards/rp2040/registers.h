@@ -2,12 +2,9 @@
 #ifndef GELLIGHT_REGISTERS_H
 #define GELLIGHT_REGISTERS_H
 
-#include <stdint.h>
+#include "common_registers.h"
 
-#define REGISTER(address) (*(volatile uint32_t *)(address))
-/* Every peripheral register has aliases that set or clear single bits in one access (2.1.2). */
-#define SET_BITS(address) REGISTER((address) + 0x2000u)
-#define CLEAR_BITS(address) REGISTER((address) + 0x3000u)
+#define THIS_BOARD BOARD_KIND_RP2040
 
 #define SYSINFO_CHIP_ID 0x40000000u
 
@@ -46,14 +43,8 @@
 #define IO_QSPI_SS_CTRL 0x4001800cu
 #define PADS_BANK0(pin) (0x4001c004u + 4u * (pin))
 
-/* What a pin is: its pad, and the function it is given to (2.19.2). */
-#define PAD_OUTPUT 0x52u    /* 4 mA, Schmitt trigger, no pull */
-#define PAD_PULLED_UP 0x4au /* input, Schmitt trigger */
 #define PAD_BUS_KEEP (1u << 3 | 1u << 2) /* both pulls, in addition */
-#define FUNCTION_SIO 5u
-#define FUNCTION_PIO0 6u
 #define FUNCTION_USB 8u
-#define FUNCTION_NONE 31u /* and all bits of FUNCSEL */
 #define PIN_OUTPUT_OFF (2u << 12)
 #define PIN_INPUT_HIGH (3u << 16)
 
@@ -62,10 +53,6 @@
 #define XOSC_STARTUP 0x4002400cu
 #define PLL_SYS_BASE 0x40028000u
 #define PLL_USB_BASE 0x4002c000u
-#define PLL_CS(base) (base)
-#define PLL_PWR(base) ((base) + 0x4u)
-#define PLL_FBDIV(base) ((base) + 0x8u)
-#define PLL_PRIM(base) ((base) + 0xcu)
 
 #define ADC_CS 0x4004c000u
 #define ADC_RESULT 0x4004c004u
@@ -84,6 +71,8 @@
 #define WATCHDOG_SCRATCH1 0x40058010u
 #define WATCHDOG_TICK 0x4005802cu
 #define PSM_WDSEL 0x40010008u
+#define EVERYTHING_BUT_OSCILLATORS 0x0001fffcu
+#define WATCHDOG_COUNTS_A_US 2u /* it falls twice a tick (RP2040-E1) */
 
 #define DMA_READ_ADDR 0x50000000u
 #define DMA_WRITE_ADDR 0x50000004u
@@ -92,62 +81,22 @@
 #define DMA_AL1_CTRL 0x50000010u
 #define DMA_MULTI_CHAN_TRIGGER 0x50000430u
 #define DMA_CHAN_ABORT 0x50000444u
-
-#define USB_DPRAM 0x50100000u
-#define USB_BASE 0x50110000u
-#define USB_ADDR_ENDP (USB_BASE + 0x00u)
-#define USB_MAIN_CTRL (USB_BASE + 0x40u)
-#define USB_SOF_RD (USB_BASE + 0x48u)
-#define USB_SIE_CTRL (USB_BASE + 0x4cu)
-#define USB_SIE_STATUS (USB_BASE + 0x50u)
-#define USB_BUFF_STATUS (USB_BASE + 0x58u)
-#define USB_EP_STALL_ARM (USB_BASE + 0x68u)
-#define USB_MUXING (USB_BASE + 0x74u)
-#define USB_PWR (USB_BASE + 0x78u)
-#define USB_PHY_DIRECT (USB_BASE + 0x7cu)
-#define USB_PHY_OVERRIDE (USB_BASE + 0x80u)
-#define USB_INTE (USB_BASE + 0x90u)
-#define USB_INTS (USB_BASE + 0x98u)
+#define DMA_CHAIN(channel) ((channel) << 11)
+#define DMA_PACED_BY(request) ((request) << 15)
+#define DMA_QUIET (1u << 21)
+#define DMA_BUSY (1u << 24)
 
 #define SIO_OUT_SET 0xd0000014u
 #define SIO_OUT_CLEAR 0xd0000018u
 #define SIO_ENABLE_SET 0xd0000024u
 
-#define PIO0_CTRL 0x50200000u
-#define PIO0_FSTAT 0x50200004u
-#define PIO0_TXF0 0x50200010u
-#define PIO0_INSTR_MEM(n) (0x50200048u + 4u * (n))
-#define PIO0_SM0_CLKDIV 0x502000c8u
-#define PIO0_SM0_EXECCTRL 0x502000ccu
-#define PIO0_SM0_SHIFTCTRL 0x502000d0u
-#define PIO0_SM0_INSTR 0x502000d8u
-#define PIO0_SM0_PINCTRL 0x502000dcu
-
-#define NVIC_ISER 0xe000e100u
-#define NVIC_ICER 0xe000e180u
-#define NVIC_ICPR 0xe000e280u
-#define NVIC_IPR(n) (0xe000e400u + 4u * (n))
-#define SCB_VTOR 0xe000ed08u
-
-/* The interrupts, by their numbers. */
-#define IRQ_TIMER_0 0u
-#define IRQ_TIMER_1 1u
-#define IRQ_TIMER_2 2u
-#define IRQ_TIMER_3 3u
 #define IRQ_USB 5u
 #define IRQ_IO_BANK0 13u
 
-/* Interrupts off, returning what they were; for the few instructions that must not be split. */
-static inline uint32_t interrupts_off(void)
+/* The tick of watchdog and timer is 1 us once clk_ref is the crystal. */
+static inline __attribute__((always_inline)) void ticks_start(void)
 {
-    uint32_t before;
-    __asm volatile("mrs %0, primask\n cpsid i" : "=r"(before)::"memory");
-    return before;
-}
-
-static inline void interrupts_restore(uint32_t before)
-{
-    __asm volatile("msr primask, %0" ::"r"(before) : "memory");
+    REGISTER(WATCHDOG_TICK) = 1u << 9 | 12;
 }
 
 #endif

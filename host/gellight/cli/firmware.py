@@ -8,8 +8,9 @@ import typer
 
 from gellight.ring.firmware import build as building
 from gellight.ring.firmware import generate as generating
-from gellight.ring.firmware.build import CHECKOUT, IMAGE, committed_image
+from gellight.ring.firmware.build import committed_image
 from gellight.ring.firmware.image import image_crc
+from gellight.ring.firmware.targets import CHECKOUT, in_checkout, packaged
 from gellight.ring.protocol import VERSION, schema_crc
 
 app = typer.Typer(help="The firmware of the light ring: what it is, build it, flash it.", no_args_is_help=True)
@@ -18,11 +19,12 @@ Checkout = Annotated[Path | None, typer.Option(help="sources; default: the check
 
 @app.command("info")
 def information() -> None:
-    """Describe the image that comes with this package."""
-    image = committed_image()
-    print(f"image     {IMAGE}")
-    print(f"size      {len(image)} bytes of flash, CRC-32 {image_crc(image):08x}")
-    print(f"SHA-256   {hashlib.sha256(IMAGE.read_bytes()).hexdigest()}")
+    """Describe the images that come with this package."""
+    for name, target in packaged().items():
+        image = committed_image(name)
+        print(f"image     {target.image}, for the {target.chip}")
+        print(f"size      {len(image)} bytes of flash, CRC-32 {image_crc(image):08x}")
+        print(f"SHA-256   {hashlib.sha256(target.image.read_bytes()).hexdigest()}")
     print(f"protocol  {VERSION[0]}.{VERSION[1]}, schema {schema_crc():08x}")
 
 
@@ -38,11 +40,17 @@ def build(
     checkout: Checkout = None,
     compiler: Annotated[str, typer.Option(help="zig (of the extra `firmware`) or gcc")] = "zig",
     out: Annotated[Path | None, typer.Option(help="UF2 file; default: the one that comes with this package")] = None,
+    target: Annotated[str | None, typer.Option(help="a folder of firmware/boards; default: each")] = None,
 ) -> None:
-    """Compile the image."""
-    image = building.build(checkout or CHECKOUT, compiler_name=compiler)
-    digest = building.write_image(image, out or IMAGE)
-    print(f"{out or IMAGE}: {len(image)} bytes, SHA-256 {digest}")
+    """Compile the images."""
+    found = in_checkout(checkout or CHECKOUT)
+    if out and target is None:
+        target = building.DEFAULT
+    for name in [target] if target else found:
+        image = building.build(checkout or CHECKOUT, target=name, compiler_name=compiler)
+        path = out or found[name].image
+        digest = building.write_image(image, path, found[name])
+        print(f"{path}: {len(image)} bytes, SHA-256 {digest}")
 
 
 @app.command("flash")
@@ -56,12 +64,12 @@ def flash(
     from gellight.ring.firmware.flash import check_board, copy_uf2, flash_board
     from gellight.ring.transport import board_ports, find_port
 
-    content = building.read_image(image) if image else committed_image()
+    content = building.read_image(image) if image else None
     name = find_port(port.removeprefix("serial://")) if port and port.startswith("serial://") else port
     before = {found.device for found in board_ports()} - {name}
     if drive:
-        copy_uf2(content, drive)
-        print(f"copied to {drive}")
+        how, content = f"copied to {drive}", copy_uf2(content, drive)
     else:
-        print(flash_board(content, port=name))
+        how, content = flash_board(content, port=name)
+    print(how)
     print(f"runs at {check_board(content, before)}, image {image_crc(content):08x}")

@@ -1,8 +1,11 @@
 """The boards that makers use, by name: which pins they have for the LEDs, the camera and a status LED."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 from gellight.base.errors import InputError
+from gellight.ring.firmware.targets import Target, packaged
 from gellight.ring.protocol import ACTIVE_LOW, CURRENT_CAP_EXTERNAL_MA, CURRENT_CAP_MA, NO_PIN, Configuration
 from gellight.ring.wire import MOST_LEDS
 
@@ -21,25 +24,17 @@ class Board:
     """data, trigger and output as the board labels them"""
 
 
-# Pins by the boards' headers in Raspberry Pi's pico-sdk (src/boards/include/boards), labels by TinyGo's pin tables:
-#   pico.h                   LED 25
-#   pico_w.h                 no plain LED: it hangs at the radio (CYW43_WL_GPIO_LED_PIN)
-#   seeed_xiao_rp2040.h      LED 25, the blue one, lit when low (..._LED_PIN_INVERTED); GPIO 2, 3, 4 are D8, D10, D9
-#   adafruit_qtpy_rp2040.h   no plain LED; GPIO 3, 4, 6 are MO, MI, SCK; WS2812 at 12, its power at 11
-#   waveshare_rp2040_zero.h  no plain LED; WS2812 at 16
-BOARDS = {
-    "pico": Board(name="Raspberry Pi Pico", data_pin=2, trigger_pin=3, output_pin=4, status_pin=25,
-                  printed="GP2, GP3, GP4"),
-    "pico-w": Board(name="Raspberry Pi Pico W", data_pin=2, trigger_pin=3, output_pin=4, status_pin=NO_PIN,
-                    printed="GP2, GP3, GP4"),
-    "xiao": Board(name="Seeed XIAO RP2040", data_pin=2, trigger_pin=3, output_pin=4, status_pin=25 + ACTIVE_LOW,
-                  printed="D8, D10, D9"),
-    "rp2040-zero": Board(name="Waveshare RP2040-Zero", data_pin=2, trigger_pin=3, output_pin=4, status_pin=NO_PIN,
-                         printed="GP2, GP3, GP4"),
-    "qt-py": Board(name="Adafruit QT Py RP2040", data_pin=3, trigger_pin=4, output_pin=6, status_pin=NO_PIN,
-                   printed="MO, MI, SCK"),
-}  # fmt: skip
+def _board(told: dict[str, Any]) -> Board:
+    pins = {f"{name}_pin": told[name] for name in ("data", "trigger", "output")}
+    return Board(name=told["name"], printed=told["printed"], status_pin=told.get("status", NO_PIN), **pins)
 
+
+def presets(targets: Iterable[Target]) -> dict[str, Board]:
+    """Return the boards that the `board.toml` of each chip tells, by their names."""
+    return {name: _board(told) for target in targets for name, told in target.boards.items()}
+
+
+BOARDS = presets(packaged().values())
 
 LEDS = {"ws2812b": 20_000, "ws2812b-v5": 12_000, "ws2812b-2020": 12_000, "ws2812c-2020": 5_000}
 """what one colour of an LED draws at 255, uA, by their data sheets; SK6812 as ws2812b, SK6805 as ws2812c-2020"""
@@ -85,7 +80,7 @@ def check_wiring(configuration: Configuration) -> None:
         pins["switch"] = configuration.switch_pin & ~ACTIVE_LOW
     for name, pin in pins.items():
         if not 0 <= pin <= 29:
-            raise InputError(f"the {name} pin is GPIO {pin}: the RP2040 has 0 to 29")
+            raise InputError(f"the {name} pin is GPIO {pin}: boards have 0 to 29")
         others = [other for other in pins if other != name and pins[other] == pin]
         if others:
             raise InputError(f"GPIO {pin} is chosen for {name} and {others[0]}: choose different pins")

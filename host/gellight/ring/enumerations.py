@@ -92,6 +92,7 @@ class BoardKind(IntEnum):
 
     HOST = 0
     RP2040 = 1
+    RP2350 = 2
 
 
 class Capability(IntFlag):

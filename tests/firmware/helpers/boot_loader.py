@@ -1,4 +1,4 @@
-"""The USB boot loader of the RP2040 (data sheet 2.8.5, PICOBOOT) as a device for pyusb, without hardware.
+"""The USB boot loader of the RP2040 and the RP2350 (data sheets 2.8.5, 5.6: PICOBOOT) as a device for pyusb.
 
 It is as strict as a flash chip: bytes are only written where they were erased, erasing goes by sectors of 4096 bytes,
 writing by pages of 256, and nothing happens before exclusive access was taken and execute-in-place was left.
@@ -13,7 +13,7 @@ from tests.firmware.helpers.usb_backend import EPIPE, DeviceBackend
 VENDOR, PRODUCT = 0x2E8A, 0x0003
 MAGIC = 0x431FD10B
 COMMAND = struct.Struct("<IIBBHI16s")
-EXCLUSIVE, REBOOT, ERASE, WRITE, EXIT_XIP, READ = 0x01, 0x02, 0x03, 0x05, 0x06, 0x84
+EXCLUSIVE, REBOOT, ERASE, WRITE, EXIT_XIP, REBOOT2, READ = 0x01, 0x02, 0x03, 0x05, 0x06, 0x0A, 0x84
 SECTOR, PAGE = 4096, 256
 FLASH_BASE = 0x10000000
 OUT, IN = 0x03, 0x84
@@ -33,9 +33,10 @@ _STRINGS = ("Raspberry Pi", "RP2 Boot", "E0C9125B0D9B")
 class BootRom(DeviceBackend):
     """A chip in its boot loader; `flash` is what it holds, `rebooted` whether it was told to start it."""
 
-    def __init__(self, flash: bytes = b"", *, size: int = 2 << 20) -> None:
-        """Hold this flash, erased beyond its end."""
+    def __init__(self, flash: bytes = b"", *, size: int = 2 << 20, product: int = PRODUCT) -> None:
+        """Hold this flash, erased beyond its end; `product` tells the chip."""
         super().__init__()
+        self._product = product
         self.flash = bytearray(flash.ljust(size, b"\xff"))
         self.rebooted = False
         self._exclusive = self._xip_left = False
@@ -57,7 +58,7 @@ class BootRom(DeviceBackend):
 
     def _descriptor(self, kind: int, index: int) -> bytes:
         if kind == 1:
-            return _DEVICE
+            return _DEVICE[:10] + struct.pack("<H", self._product) + _DEVICE[12:]
         if kind == 2:
             return _CONFIGURATION
         text = b"\x09\x04" if index == 0 else _STRINGS[index - 1].encode("utf-16le")
@@ -95,7 +96,7 @@ class BootRom(DeviceBackend):
             self._exclusive = bool(arguments[0])
         elif self._last == EXIT_XIP:
             self._xip_left = True
-        elif self._last == REBOOT:
+        elif self._last == (REBOOT if self._product == PRODUCT else REBOOT2):
             self.rebooted = True
         elif self._last in (ERASE, WRITE, READ):
             self._access(self._last, address - FLASH_BASE, count, length)

@@ -5,9 +5,9 @@
 
 # ruff: noqa: E501 (a line of C stays one line)
 
-from tests.firmware.helpers.mutations import BOARD, Mutation
+from tests.firmware.helpers.mutations import BOARD, SHARED, Mutation
 
-CLOCK, LIGHT, PINS, USB, CONTROL = (f"{BOARD}/{name}.c" for name in ("clock", "light", "pins", "usb", "usb_control"))
+CLOCK, LIGHT, PINS, USB, CONTROL = (f"{SHARED}/{name}.c" for name in ("clock", "light", "pins", "usb", "usb_control"))
 
 APART = (
     Mutation("the crystal's range is reserved", CLOCK, "REGISTER(XOSC_CTRL) = 0xaa0;", "REGISTER(XOSC_CTRL) = 0xaa3;"),
@@ -21,20 +21,20 @@ APART = (
     Mutation("alarm of the trigger output without interrupt", CLOCK, "1u << 0 | 1u << 1 | 1u << 2 | 1u << 3;\n    REGISTER(TIMER_ALARM(1))", "1u << 0 | 1u << 1 | 1u << 3;\n    REGISTER(TIMER_ALARM(1))"),
     Mutation("the temperature sensor has no power", CLOCK, "4u << 12 | 1u << 1 | 1u << 0;", "4u << 12 | 1u << 0;"),
     Mutation("a tick that comes every 200 ms", CLOCK, "#define TICK_US 10000u", "#define TICK_US 200000u"),
-    Mutation("the tick of the timer is 2 us", f"{BOARD}/watchdog.c", "1u << 9 | 12;", "1u << 9 | 24;"),
-    Mutation("the watchdog resets nothing", f"{BOARD}/watchdog.c", "#define EVERYTHING_BUT_OSCILLATORS 0x0001fffcu", "#define EVERYTHING_BUT_OSCILLATORS 0x00000000u"),
-    Mutation("the watchdog is fed with half a millisecond", f"{BOARD}/watchdog.c", "2u * TIMEOUT_US;", "TIMEOUT_US / 100u;"),
-    Mutation("a fault leaves the interrupts on", f"{BOARD}/watchdog.c", "    interrupts_off();\n    pins_power(NULL, false);", "    pins_power(NULL, false);"),
-    Mutation("what starts at zero is not cleared", f"{BOARD}/start.c", "        *to++ = 0;", "        to++;"),
-    Mutation("the last words are not copied to RAM", f"{BOARD}/start.c", "to < &ram_end;", "to < &ram_end - 8;"),
-    Mutation("the trigger has no vector", f"{BOARD}/start.c", "    [16 + IRQ_IO_BANK0] = trigger_interrupt,\n", ""),
-    Mutation("the vectors stay those of the start", f"{BOARD}/main.c", "    vectors_install();\n", ""),
+    Mutation("the tick of the timer is 2 us", f"{BOARD}/registers.h", "1u << 9 | 12;", "1u << 9 | 24;"),
+    Mutation("the watchdog resets nothing", f"{BOARD}/registers.h", "#define EVERYTHING_BUT_OSCILLATORS 0x0001fffcu", "#define EVERYTHING_BUT_OSCILLATORS 0x00000000u"),
+    Mutation("the watchdog is fed with half a millisecond", f"{SHARED}/watchdog.c", "WATCHDOG_COUNTS_A_US * TIMEOUT_US;", "TIMEOUT_US / 100u;"),
+    Mutation("a fault leaves the interrupts on", f"{SHARED}/watchdog.c", "    interrupts_off();\n    pins_power(NULL, false);", "    pins_power(NULL, false);"),
+    Mutation("what starts at zero is not cleared", f"{SHARED}/start.c", "        *to++ = 0;", "        to++;"),
+    Mutation("the last words are not copied to RAM", f"{SHARED}/start.c", "to < &ram_end;", "to < &ram_end - 8;"),
+    Mutation("the trigger has no vector", f"{SHARED}/start.c", "    [16 + IRQ_IO_BANK0] = trigger_interrupt,\n", ""),
+    Mutation("the vectors stay those of the start", f"{SHARED}/main.c", "    vectors_install();\n", ""),
     Mutation("the program of the PIO wraps too soon", LIGHT, "(PROGRAM_LENGTH - 1u) << 12;", "(PROGRAM_LENGTH - 2u) << 12;"),
     Mutation("bits from the wrong end", LIGHT, "1u << 17 | (bits & 31u)", "1u << 17 | 1u << 19 | (bits & 31u)"),
     Mutation("two pins are side-set", LIGHT, "REGISTER(PIO0_SM0_PINCTRL) = 1u << 29 | data_pin << 10; /*", "REGISTER(PIO0_SM0_PINCTRL) = 2u << 29 | data_pin << 10; /*"),
     Mutation("the DMA moves bytes", LIGHT, "1u << 0 | 2u << 2 | 1u << 4", "1u << 0 | 0u << 2 | 1u << 4"),
     Mutation("the DMA reads the same word", LIGHT, "1u << 0 | 2u << 2 | 1u << 4", "1u << 0 | 2u << 2"),
-    Mutation("the DMA waits for another state machine", LIGHT, "0u << 11 | 0u << 15", "0u << 11 | 1u << 15"),
+    Mutation("the DMA waits for another state machine", LIGHT, "DMA_PACED_BY(0u)", "DMA_PACED_BY(1u)"),
     Mutation("the transfer is not aborted at a fault", LIGHT, "    REGISTER(DMA_CHAN_ABORT) = 1u << 0; /*", "    /*"),
     Mutation("an alarm that is pending is not cancelled", LIGHT, "    REGISTER(NVIC_ICPR) = 1u << IRQ_TIMER_0;\n", ""),
     Mutation("falling for rising", PINS, "(falling ? 4u : 8u)", "(falling ? 8u : 4u)"),

@@ -32,7 +32,7 @@ class Fuzzer(NamedTuple):
 def _command(compiler: list[str], checkout: Path, target: Path, what: str, *flags: str) -> list[str]:
     firmware = checkout / "firmware"
     if what == "control":  # the device's source casts its 32-bit addresses to pointers
-        folders = [firmware / "fuzz/control", firmware / "boards/rp2040", firmware / "core"]
+        folders = [firmware / "fuzz/control", firmware / "boards/rp2", firmware / "boards/rp2040", firmware / "core"]
         files = [folders[0] / "target.c", *(folders[1] / name for name in ("usb_control.c", "usb_descriptors.c"))]
         flags = (*flags, "-D_DEFAULT_SOURCE", "-Wno-int-to-pointer-cast")
     elif what == "flash":

@@ -14,9 +14,9 @@ from functools import cache
 from pathlib import Path
 
 CHECKOUT = Path(__file__).parents[3]
-BOARD, CORE = CHECKOUT / "firmware/boards/rp2040", CHECKOUT / "firmware/core"
+BOARD, SHARED, CORE = (CHECKOUT / "firmware" / name for name in ("boards/rp2040", "boards/rp2", "core"))
 COMPILER = ["arm-none-eabi-gcc", "-mcpu=cortex-m0plus", "-mthumb", "-std=c11", "-Os", "-ffreestanding", "-fno-builtin",
-            "-fno-common", f"-I{BOARD}", f"-I{CORE}", "-fcallgraph-info=su", "-c"]  # fmt: skip
+            "-fno-common", f"-I{BOARD}", f"-I{SHARED}", f"-I{CORE}", "-fcallgraph-info=su", "-c"]  # fmt: skip
 PRIORITIES = (
     ("light_interrupt",),
     ("trigger_interrupt", "pulse_interrupt"),
@@ -41,7 +41,7 @@ class CallGraph:
         self.calls: dict[str, set[str]] = {}
         self._depths: dict[str, int] = {}
         with tempfile.TemporaryDirectory() as folder:
-            for source in [*sorted(BOARD.glob("*.c")), *sorted(CORE.glob("*.c"))]:
+            for source in (path for folder in (BOARD, SHARED, CORE) for path in sorted(folder.glob("*.c"))):
                 target = Path(folder) / f"{source.parent.name}-{source.stem}.o"
                 subprocess.run([*COMPILER, str(source), "-o", str(target)], check=True)
                 self._read(target.with_suffix(".ci").read_text())
@@ -63,7 +63,7 @@ class CallGraph:
         if caller == "commands_execute":
             called |= {name for name in self.frames if name.startswith("handle_")}
         elif self.files[caller].parent == CORE:
-            names = re.findall(r"\.\w+ = (\w+),", (BOARD / "main.c").read_text())
+            names = re.findall(r"\.\w+ = (\w+),", (SHARED / "main.c").read_text())
             called |= {name for name in self.frames if short(name).rpartition(":")[2] in names}
         elif caller == "start":
             called.add("main")

@@ -25,7 +25,7 @@ def test_a_board_comes_wired_as_a_pico() -> None:
 
 
 def test_a_board_without_a_preset_is_named_with_those_that_have_one() -> None:
-    with pytest.raises(InputError, match="'feather': choose pico, pico-w, xiao, rp2040-zero, qt-py"):
+    with pytest.raises(InputError, match="'feather': choose pico, pico-w, xiao, rp2040-zero, qt-py, pico2"):
         find_board("feather")
 
 
@@ -34,7 +34,7 @@ def test_a_board_without_a_preset_is_named_with_those_that_have_one() -> None:
     [
         ({"data_pin": 3}, "GPIO 3 is chosen for data and trigger"),
         ({"status_pin": ACTIVE_LOW + 2}, "GPIO 2 is chosen for data and status"),
-        ({"output_pin": 30}, "the output pin is GPIO 30: the RP2040 has 0 to 29"),
+        ({"output_pin": 30}, "the output pin is GPIO 30: boards have 0 to 29"),
         ({"led_count": 25}, "25 LEDs: the board drives 1 to 24"),
     ],
 )

@@ -57,8 +57,11 @@ class Lamp:
     """its preset of the firmware, for its current"""
     node_mm: float
     """from its middle to where its data leaves the pads for the middle line of the strip"""
-    capacitor_mm: float
-    """from its middle to its capacitor"""
+
+    @property
+    def half_mm(self) -> float:
+        """From its middle to the end of its pads, along the strip."""
+        return max(pad.at[0] + pad.size[0] / 2 for pad in self.footprint.pads)
 
     @property
     def white_ma(self) -> float:
@@ -69,10 +72,8 @@ class Lamp:
 _PINS_2020 = {"DOUT": "1", "GND": "2", "DIN": "3", "VDD": "4"}
 _PINS_5050 = {"VDD": "1", "DOUT": "2", "GND": "3", "DIN": "4"}
 LAMPS = {
-    "2020": Lamp(
-        Item("WS2812B-2020", "Worldsemi", "WS2812B-2020"), LED_2020, _PINS_2020, 0.84, "ws2812b-2020", 1.45, 2.0
-    ),
-    "5050": Lamp(Item("WS2812B", "Worldsemi", "WS2812B-B/W"), LED_5050, _PINS_5050, 1.6, "ws2812b", 3.3, 4.2),
+    "2020": Lamp(Item("WS2812B-2020", "Worldsemi", "WS2812B-2020"), LED_2020, _PINS_2020, 0.84, "ws2812b-2020", 1.45),
+    "5050": Lamp(Item("WS2812B", "Worldsemi", "WS2812B-B/W"), LED_5050, _PINS_5050, 1.6, "ws2812b", 3.3),
 }
 """by package"""
 

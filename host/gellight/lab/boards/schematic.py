@@ -13,7 +13,7 @@ STEP_MM = 2.54
 PIN_MM = 2.54
 HALF_MM = 12.7
 """of the width of a box"""
-COLUMN_MM, TOP_MM, LOWEST_MM = 76.2, 25.4, 250.0
+COLUMN_MM, TOP_MM, LOWEST_MM = 76.2, 25.4, 190.0
 PAPER = ("A4", "A3", "A2", "A1", "A0")
 PAPER_WIDTH = (297, 420, 594, 841, 1189)
 FONT = "(effects (font (size 1.27 1.27)))"
@@ -109,7 +109,7 @@ def _placed(board: Board, part: Part, at: Point) -> Iterator[str]:
     yield (
         f"(symbol (lib_id {quoted(_symbol_name(part))}) (at {x:.2f} {y:.2f} 0) (unit 1) (in_bom yes) (on_board yes) "
         f"(uuid {me})\n"
-        f'  (property "Reference" {quoted(part.reference)} (id 0) (at {x - 5:.2f} {y - 1.5:.2f} 0) {FONT})\n'
+        f'  (property "Reference" {quoted(part.reference)} (id 0) (at {x - 10:.2f} {y - 1.5:.2f} 0) {FONT})\n'
         f'  (property "Value" {quoted(part.item.value)} (id 1) (at {x + 5:.2f} {y - 1.5:.2f} 0) {FONT})\n'
         f'  (property "Footprint" {quoted("gellight:" + part.footprint.name)} (id 2) (at {x:.2f} {y:.2f} 0) {HIDDEN})\n'
         f'  (property "Datasheet" "" (id 3) (at {x:.2f} {y:.2f} 0) {HIDDEN})\n'

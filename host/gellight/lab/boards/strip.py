@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from math import asin, pi
+from math import asin, atan2, hypot, pi
 
 from gellight.base.errors import InputError
 from gellight.lab.boards import catalogue
@@ -53,10 +53,17 @@ RAIL_MM, RAIL_WIDTH_MM = 1.6, 2.8
 DATA_WIDTH_MM, TAIL_TRACK_MM, TAIL_SUPPLY_MM, GROUND_MM = 0.15, 0.6, 1.0, 1.5
 CROSSING_MM = 0.6, 0.9
 """least and greatest width of the track that takes 5 V along the first edge to the inner rail"""
-CROSSING_EDGE_MM = 0.35
+CROSSING_EDGE_MM = 0.25
+"""from that track to the edge, at its inner end, INNER_MM from the middle line, where the strip is shortest"""
+INNER_MM = 2.5
+LEAST_RADIUS_MM = 10.0
+"""of the flat middle line: parts lie beside each other on a bend"""
+DATA_IN_MM = 0.05
+"""from the middle line to the data: pads are straight, the line is bent"""
 DATA_OUT_MM = 2.75
 """where the data of the tail passes the parts"""
 CAPACITOR_HALF_MM = 0.475
+APART_MM = 0.01
 
 
 @dataclass(frozen=True)
@@ -96,10 +103,33 @@ class Bed:
         """Return a place on the tail: across from the first edge, and out from the outer edge of the strip."""
         return turned((self.flat.outer_radius_mm + out, -across), self.first_rad)
 
+    @cached_property
+    def widening(self) -> float:
+        """How much longer the middle line is than the inner end of the crossing."""
+        return self.flat.middle_radius_mm / (self.flat.middle_radius_mm - INNER_MM)
+
     def crossing_mm(self, lamp: Lamp) -> float:
-        """Return how wide 5 V may cross between the first edge and the data of LED 0."""
-        room = self.led(0) - lamp.node_mm - DATA_WIDTH_MM / 2 - RULES.clearance_mm - CROSSING_EDGE_MM
-        return min(CROSSING_MM[1], room)
+        """Return how wide 5 V may cross between the first edge and the data and pads of LED 0."""
+        data = self.led(0) - _leg_mm(lamp) - DATA_WIDTH_MM / 2 - RULES.clearance_mm - CROSSING_EDGE_MM * self.widening
+        pads = self.led(0) / self.widening - lamp.half_mm - RULES.clearance_mm - CROSSING_EDGE_MM
+        return min(CROSSING_MM[1], data / (self.widening + 1) * 2, pads)
+
+    def capacitor_mm(self, lamp: Lamp) -> float:
+        """Return how far from the middle of an LED its capacitor is: their rooms all but touch at the inner corner."""
+        (long, wide), radius = CHIP_0603.room, self.flat.middle_radius_mm
+        inner, half = radius - long / 2, wide / 2
+        return radius * (asin(lamp.footprint.room[0] / 2 / hypot(inner, half)) + atan2(half, inner)) + APART_MM
+
+    def needed_mm(self, lamp: Lamp) -> float:
+        """Return what an LED needs of the strip at each side: before the first, behind the last with its capacitor."""
+        least, edge, clearance = CROSSING_MM[0], CROSSING_EDGE_MM, RULES.clearance_mm
+        data = _leg_mm(lamp) + DATA_WIDTH_MM / 2 + clearance + edge * self.widening + least * (self.widening + 1) / 2
+        pads = (lamp.half_mm + clearance + edge + least) * self.widening
+        radius = self.flat.middle_radius_mm
+        behind = self.capacitor_mm(lamp) + (CAPACITOR_HALF_MM + RULES.edge_mm) * radius / (
+            radius - CHIP_0603.room[0] / 2
+        )
+        return GAP_MM + max(data, pads, behind)
 
     def led(self, number: int) -> float:
         """Return how far along the middle of an LED is."""
@@ -135,9 +165,13 @@ def strip_board(geometry: SensorGeometry, package: str = "5050") -> Board:
 
 def _check_room(bed: Bed, lamp: Lamp, geometry: SensorGeometry) -> None:
     count = bed.flat.count
-    half = bed.flat.pitch_rad * bed.flat.middle_radius_mm / 2
-    before = CROSSING_EDGE_MM + CROSSING_MM[0] + RULES.clearance_mm + DATA_WIDTH_MM / 2 + lamp.node_mm
-    needed = GAP_MM + max(before, lamp.capacitor_mm + CAPACITOR_HALF_MM + RULES.edge_mm)
+    radius, half = bed.flat.middle_radius_mm, bed.flat.pitch_rad * bed.flat.middle_radius_mm / 2
+    if radius < LEAST_RADIUS_MM:
+        raise InputError(
+            f"the flat strip would have a radius of {radius:.1f} mm, too tight for its parts: choose ring_radius_mm at "
+            f"least {LEAST_RADIUS_MM / radius * geometry.ring_radius_mm:.1f}"
+        )
+    needed = bed.needed_mm(lamp)
     if half < needed:
         most = int(pi * geometry.ring_radius_mm / needed)
         raise InputError(
@@ -183,7 +217,7 @@ def _turn(bed: Bed, along: float) -> float:
 
 def _capacitors(bed: Bed, lamp: Lamp) -> Iterator[Part]:
     for led in range(bed.flat.count):
-        along = bed.led(led) + lamp.capacitor_mm
+        along = bed.led(led) + bed.capacitor_mm(lamp)
         nets = {"1": SUPPLY, "2": GROUND}
         turn = _turn(bed, along) - pi / 2
         yield Part(f"C{led + 1}", catalogue.CAPACITOR_100N, CHIP_0603, bed.at(along, 0), turn, nets)
@@ -208,9 +242,9 @@ def _data(bed: Bed, lamp: Lamp) -> Iterator[Track]:
     for led in range(bed.flat.count - 1):
         leaves, enters = bed.led(led) + lamp.node_mm, bed.led(led + 1) - lamp.node_mm
         net = _data_net(led + 1)
-        yield Track(Line(_pad(bed, lamp, led, "DOUT"), bed.at(leaves, 0)), DATA_WIDTH_MM, FRONT, net)
-        yield Track(bed.arc(leaves, enters, 0), DATA_WIDTH_MM, FRONT, net)
-        yield Track(Line(bed.at(enters, 0), _pad(bed, lamp, led + 1, "DIN")), DATA_WIDTH_MM, FRONT, net)
+        yield Track(Line(_pad(bed, lamp, led, "DOUT"), bed.at(leaves, DATA_IN_MM)), DATA_WIDTH_MM, FRONT, net)
+        yield Track(bed.arc(leaves, enters, DATA_IN_MM), DATA_WIDTH_MM, FRONT, net)
+        yield Track(Line(bed.at(enters, DATA_IN_MM), _pad(bed, lamp, led + 1, "DIN")), DATA_WIDTH_MM, FRONT, net)
 
 
 def _pad(bed: Bed, lamp: Lamp, led: int, name: str) -> Point:
@@ -225,7 +259,7 @@ def _drops(bed: Bed, lamp: Lamp) -> Iterator[Track | Via]:
             x = next(pad.at[0] for pad in lamp.footprint.pads if pad.number == lamp.pins[name])
             beside = bed.led(led) - (x if abs(x) < 1.5 else x / 2)  # beneath a large package: not in its pad
             yield from _drop(_pad(bed, lamp, led, name), bed.at(beside, out), net)
-            along = bed.led(led) + lamp.capacitor_mm
+            along = bed.led(led) + bed.capacitor_mm(lamp)
             yield from _drop(bed.at(along, out / 2), bed.at(along, out), net)
 
 
@@ -242,7 +276,8 @@ def _tail_copper(bed: Bed, lamp: Lamp) -> Iterator[Track | Via]:
         yield from _way(net, [bed.tail(across, tip - 3), bed.tail(across, inwards)], TAIL_SUPPLY_MM)
     yield from _way(SUPPLY, [bed.tail(2, 3), bed.tail(1, 2)], TAIL_SUPPLY_MM)
     wide = bed.crossing_mm(lamp)
-    outer, *inner = (bed.at(CROSSING_EDGE_MM + wide / 2, out) for out in (2.0, -1.0, -2.2))
+    along = (CROSSING_EDGE_MM + wide / 2) * bed.widening
+    outer, *inner = (bed.at(along, out) for out in (3.6, -1.0, -2.2))
     yield from _way(SUPPLY, [bed.tail(1, 2), outer, *inner], wide)
     yield from (Via(at, SUPPLY) for at in inner)
     yield from _way(WARM, [bed.tail(4, tip), bed.tail(4, 5)])
@@ -256,11 +291,16 @@ def _tail_copper(bed: Bed, lamp: Lamp) -> Iterator[Track | Via]:
 
 
 def _data_in(bed: Bed, lamp: Lamp, contact: Point) -> Iterator[Track]:
-    node, start = bed.led(0) - lamp.node_mm, 2.8
+    leg, node, start = bed.led(0) - _leg_mm(lamp), bed.led(0) - lamp.node_mm, 2.8
     yield from _way(DATA, [contact, bed.tail(3, 0.8), bed.at(start, DATA_OUT_MM)], DATA_WIDTH_MM)
-    yield Track(bed.arc(start, node, DATA_OUT_MM), DATA_WIDTH_MM, FRONT, DATA)
-    way = [bed.at(node, DATA_OUT_MM), bed.at(node, 0), _pad(bed, lamp, 0, "DIN")]
+    yield Track(bed.arc(start, leg, DATA_OUT_MM), DATA_WIDTH_MM, FRONT, DATA)
+    way = [bed.at(leg, DATA_OUT_MM), bed.at(leg, DATA_IN_MM), bed.at(node, DATA_IN_MM), _pad(bed, lamp, 0, "DIN")]
     yield from _way(DATA, way, DATA_WIDTH_MM)
+
+
+def _leg_mm(lamp: Lamp) -> float:
+    """Return how far from LED 0 its data comes down to the middle line: clear of its pads."""
+    return max(lamp.node_mm, lamp.half_mm + RULES.clearance_mm + DATA_WIDTH_MM / 2 + APART_MM)
 
 
 def _way(net: str, points: list[Point], width: float = TAIL_TRACK_MM, layer: Layer = FRONT) -> Iterator[Track]:

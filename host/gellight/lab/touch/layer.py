@@ -25,7 +25,8 @@ class Layer:
         """(n,) x of the columns and y of the rows, from the centre of the gel"""
         self._beside = np.hypot(self.at_mm[None, :], self.at_mm[:, None]) > geometry.gel_diameter_mm / 2
         self._thickness_mm, self._shear_modulus_mpa = geometry.gel_thickness_mm, shear_modulus_mpa
-        self._deepest_mm = geometry.deepest_press_mm
+        self.deepest_mm = geometry.deepest_press_mm
+        """deeper presses are refused"""
         response = gel.compliance(size, self.spacing_mm, geometry.gel_thickness_mm, geometry.poisson_ratio)
         self._response = response.astype(np.float32)
         self._coated = (response * gel.coating(size, self.spacing_mm, geometry.coating_smoothing_mm)).astype(np.float32)
@@ -41,7 +42,7 @@ class Layer:
         A gap is negative where an object would penetrate, `NOTHING` where none is. Raises ValueError for another shape,
         for what is not finite, and for an object deeper than 60 % of the gel; NotConverged.
         """
-        found: Floats = gel.contact_pressure(self._checked(gap_mm), self._response, self._thickness_mm, TOLERANCE)
+        found: Floats = gel.contact_pressure(self.check(gap_mm), self._response, self._thickness_mm, TOLERANCE)
         return found * np.float32(self._shear_modulus_mpa)
 
     def depth_mm(self, pressure_mpa: Floats) -> Floats:
@@ -53,16 +54,17 @@ class Layer:
         """Return the normal force of a pressure (n, n), N."""
         return float(pressure_mpa.sum(dtype=np.float64)) * self.spacing_mm**2
 
-    def _checked(self, gap_mm: Floats) -> Floats:
+    def check(self, gap_mm: Floats) -> Floats:
+        """Return a gap as float32, `NOTHING` beside the gel; raises as `pressure_mpa`."""
         gap = np.asarray(gap_mm, np.float32)
         if gap.shape != self._beside.shape or not np.isfinite(gap).all():
             raise ValueError(
                 f"a gap of shape {gap.shape}: give {self._beside.shape} finite mm, NOTHING where nothing is"
             )
         gap = np.where(self._beside, np.float32(NOTHING), gap)
-        if gap.min() < -self._deepest_mm:
+        if gap.min() < -self.deepest_mm:
             raise ValueError(
-                f"an object lies {-gap.min():.2f} mm deep in a gel that is simulated to {self._deepest_mm:g} mm: "
+                f"an object lies {-gap.min():.2f} mm deep in a gel that is simulated to {self.deepest_mm:g} mm: "
                 "make the step of the simulation shorter, or press less"
             )
         return gap

@@ -5,12 +5,13 @@ tilts come from the layer: its force a little deeper, and the spread of its pres
 gel and of the spin are a bristle that sticks until Coulomb's limit. Tangential over normal stiffness is
 2 (1 - nu) / (2 - nu), as for a sphere on a half space (Mindlin, J. Appl. Mech. 16, 1949).
 
-Explicit forces of such stiff springs throw light bodies out. So the forces f at the end of the step are solved for,
-all gels together:
+Explicit forces of such stiff springs throw light bodies out, and forces of where a body was give it energy. So they
+are taken where the bodies would be at the end of the step without gels, with velocities v0, and solved for, all gels
+together:
 
-    f = f0 - A J v',   v' = v + dt (a + M^-1 J' f),   A = (dt + tau) K
+    f = f0 + dt K J v0 - (dt + tau) K J v',   v' = v0 + dt M^-1 J' f
 
-with the acceleration a without gels, and tau the gel's loss time. Then friction is cut to the cone.
+with the layer's force f0 there, and tau the gel's loss time. Then friction is cut to the cone.
 """
 
 from dataclasses import dataclass
@@ -24,6 +25,8 @@ from gellight.lab.touch.mujoco_gap import MM
 from gellight.lab.touch.mujoco_gels import MujocoGel, MujocoGels
 
 Floats = NDArray[np.float64]
+SLIDING = [0, 1, 5]
+"""of the six motions: along x, along y, and the spin"""
 DEEPER_MM = 0.05
 """over which the stiffness is found; over less the layer's tolerance shows"""
 
@@ -39,7 +42,7 @@ class Held:
     torque_nmm: Floats
     """(3,) on the body about `point_m`, in the gel's frame"""
     layer_force_n: float
-    """of the layer as the body lies in it"""
+    """of the layer as the body lies in it, or would without it"""
     sticks: bool
     point_m: Floats
     """(3,) where the force acts, in the world"""
@@ -58,7 +61,9 @@ class _Spring:
     stiffness: Floats
     """(6,) N/m and N m/rad"""
     at_rest: Floats
-    """(6,) force and torque if nothing moved"""
+    """(6,) force and torque if nothing moved on, as linear in the motion"""
+    layer_force: float
+    """N, of the layer where the body would be without gels"""
     reach: Floats
     """(2,) m: how far from its centre the pressure can move, in y and x"""
     radius: float
@@ -96,31 +101,45 @@ class Carrying:
         return held
 
     def _apply(self, data: mujoco.MjData) -> list[Held]:
-        springs = [spring for name, gel in self.gels.items() for spring in self._springs(name, gel, data)]
+        mujoco.mj_fwdActuation(self._model, data)
+        mujoco.mj_fwdAcceleration(self._model, data)
+        free = np.asarray(data.qvel + self._model.opt.timestep * data.qacc_smooth)
+        springs = [spring for name, gel in self.gels.items() for spring in self._springs(name, gel, data, free)]
         there = {(spring.gel, spring.body) for spring in springs}
         self._bristles = {key: bristle for key, bristle in self._bristles.items() if key in there}
         if not springs:
             return []
-        mujoco.mj_fwdActuation(self._model, data)
-        mujoco.mj_fwdAcceleration(self._model, data)
-        forces = self._solve(data, springs).reshape(-1, 6)
+        forces = self._solve(data, springs, free).reshape(-1, 6)
         return [self._give(data, spring, force) for spring, force in zip(springs, forces, strict=True)]
 
-    def _springs(self, name: str, gel: MujocoGel, data: mujoco.MjData) -> list[_Spring]:
-        gap = gel.gap.gap_mm(data)
+    def _springs(self, name: str, gel: MujocoGel, data: mujoco.MjData, free: Floats) -> list[_Spring]:
+        now, layer, bodies = gel.gap.gap_mm(data), gel.sensor.layer, gel.gap.bodies()
+        layer.check(now)
+        gap = np.maximum(now + self._moved_mm(gel, data, bodies, free), DEEPER_MM - layer.deepest_mm).astype(np.float32)
         if gap.min() >= 0:
             return []
-        layer, bodies = gel.sensor.layer, gel.gap.bodies()
-        deeper = layer.pressure_mpa(gap - np.float32(DEEPER_MM))
-        pressure = layer.pressure_mpa(gap)
+        pressure, deeper = layer.pressure_mpa(gap), layer.pressure_mpa(gap - np.float32(DEEPER_MM))
         found = np.unique(bodies[pressure > 0])
-        return [self._spring(name, gel, data, int(body), np.where(bodies == body, pressure, 0),
+        return [self._spring(name, gel, data, free, int(body), np.where(bodies == body, pressure, 0),
                              float(deeper[bodies == body].sum(dtype=np.float64)))
                 for body in found]  # fmt: skip
 
+    def _moved_mm(
+        self, gel: MujocoGel, data: mujoco.MjData, bodies: NDArray[np.int32], free: Floats
+    ) -> NDArray[np.float64]:
+        """(n, n) by how much the gap grows in a step if bodies and gel move on with velocities `free`."""
+        at_mm, axes, grows = gel.sensor.layer.at_mm, gel.gap.rotation(data), np.zeros(bodies.shape)
+        origin = data.site_xpos[gel.gap.site]
+        for body in np.unique(bodies[bodies > 0]):
+            motion = self._relative(data, axes, origin, int(body), gel.body) @ free
+            speed_mm = motion[2] / MM + motion[3] * at_mm[:, None] - motion[4] * at_mm[None, :]
+            grows += np.where(bodies == body, self._model.opt.timestep * speed_mm, 0)
+        return grows
+
     def _spring(
-        self, name: str, gel: MujocoGel, data: mujoco.MjData, body: int, pressure: NDArray[np.float32], deeper: float
-    ) -> _Spring:
+        self, name: str, gel: MujocoGel, data: mujoco.MjData, free: Floats, body: int,
+        pressure: NDArray[np.float32], deeper: float,
+    ) -> _Spring:  # fmt: skip
         layer = gel.sensor.layer
         at, cell = layer.at_mm * MM, layer.spacing_mm * MM
         force = layer.force_n(pressure)
@@ -136,11 +155,12 @@ class Carrying:
         stiffness = np.array([along, along, normal, *tilts, along * radius**2 / 2])
         jacobian = self._relative(data, axes, point, body, gel.body)
         bristle = self._bristles.setdefault((name, body), np.zeros(3))
-        bristle += self._model.opt.timestep * (jacobian @ data.qvel)[[0, 1, 5]]
-        at_rest = np.array([0.0, 0.0, force, 0.0, 0.0, 0.0])
-        at_rest[[0, 1, 5]] = -stiffness[[0, 1, 5]] * bristle
+        bristle += self._model.opt.timestep * (jacobian @ data.qvel)[SLIDING]
+        at_rest = self._model.opt.timestep * stiffness * (jacobian @ free)
+        at_rest[2] += force
+        at_rest[SLIDING] = -stiffness[SLIDING] * bristle
         reach = np.array([np.abs(from_y).max(), np.abs(from_x).max()]) + cell / 2
-        return _Spring(name, body, gel.body, axes, point, jacobian, stiffness, at_rest, reach, radius)
+        return _Spring(name, body, gel.body, axes, point, jacobian, stiffness, at_rest, force, reach, radius)
 
     def _relative(self, data: mujoco.MjData, axes: Floats, point: Floats, body: int, holder: int) -> Floats:
         """Return the Jacobian (6, nv) of body against gel at a point, in the gel's frame: translation, rotation."""
@@ -151,16 +171,15 @@ class Carrying:
             parts.append(np.vstack([axes.T @ move, axes.T @ turn]))
         return np.asarray(parts[0] - parts[1])
 
-    def _solve(self, data: mujoco.MjData, springs: list[_Spring]) -> Floats:
+    def _solve(self, data: mujoco.MjData, springs: list[_Spring], free: Floats) -> Floats:
         dt = self._model.opt.timestep
         jacobian = np.vstack([spring.jacobian for spring in springs])
         damping = (dt + self._loss_time_s) * np.concatenate([spring.stiffness for spring in springs])
         moved = np.zeros_like(jacobian)
         mujoco.mj_solveM(self._model, data, moved, jacobian)
-        free = jacobian @ (data.qvel + dt * data.qacc_smooth)
         at_rest = np.concatenate([spring.at_rest for spring in springs])
         system = np.eye(len(damping)) + dt * damping[:, None] * (jacobian @ moved.T)
-        return np.asarray(np.linalg.solve(system, at_rest - damping * free))
+        return np.asarray(np.linalg.solve(system, at_rest - damping * (jacobian @ free)))
 
     def _give(self, data: mujoco.MjData, spring: _Spring, force: Floats) -> Held:
         """Cut a force to the cone of friction, let the bristle slip as far, and give it to both bodies."""

@@ -13,18 +13,19 @@ from typing import Any
 
 from gellight.base.errors import BoardError, InputError
 from gellight.ring.enumerations import Check
-from gellight.ring.firmware.image import FLASH_BASE, image_crc, to_uf2
+from gellight.ring.firmware.build import committed_image
+from gellight.ring.firmware.image import FLASH_BASE, image_crc, image_family, to_uf2
+from gellight.ring.firmware.targets import Target, packaged, target_of
 from gellight.ring.light_ring import LightRing, connect
 from gellight.ring.transport import board_ports
 
 logger = logging.getLogger(__name__)
 
 MARK = "INFO_UF2.TXT"
-BOARD_MARK = "RPI-RP2"
-VENDOR, PRODUCT = 0x2E8A, 0x0003
+BOARD_ID = "Board-ID:"
 INTERFACE, OUT, IN = 1, 0x03, 0x84
 MAGIC = 0x431FD10B
-EXCLUSIVE, REBOOT, ERASE, WRITE, EXIT_XIP, READ = 0x01, 0x02, 0x03, 0x05, 0x06, 0x84
+EXCLUSIVE, REBOOT, ERASE, WRITE, EXIT_XIP, REBOOT2, READ = 0x01, 0x02, 0x03, 0x05, 0x06, 0x0A, 0x84
 SECTOR, PAGE = 4096, 256
 TIMEOUT_MS = 5000
 WAIT_S = 10.0
@@ -41,29 +42,51 @@ def mount_points(platform: str = sys.platform) -> list[Path]:
 
 def drives(places: Iterable[Path] | None = None) -> list[Path]:
     """Return where boards in their boot loader are mounted."""
-    return [path for path in (mount_points() if places is None else places) if _is_boot_loader(path)]
+    return [path for path in (mount_points() if places is None else places) if _boot_loader(path)]
 
 
-def _is_boot_loader(drive: Path) -> bool:
-    """Whether a drive is that of an RP2040 in its boot loader."""
+def _boot_loader(drive: Path) -> Target | None:
+    """Return the chip whose boot loader a drive is; None for any other drive."""
     try:
-        return BOARD_MARK in (drive / MARK).read_text(errors="replace")
+        told = (drive / MARK).read_text(errors="replace")
     except OSError:  # no such file, or a drive without a medium or without leave to look
-        return False
+        return None
+    names = {line.removeprefix(BOARD_ID).strip() for line in told.splitlines() if line.startswith(BOARD_ID)}
+    return next((target for target in packaged().values() if target.drive in names), None)
 
 
-def copy_uf2(image: bytes, drive: Path) -> None:
-    """Copy an image to the drive of a boot loader, which starts it."""
-    if not _is_boot_loader(drive):
-        raise InputError(f"{drive} is not the drive of an RP2040 in its boot loader ({MARK} is missing)")
+def fitting(image: bytes | None, target: Target) -> bytes:
+    """Return the image for the chip that waits: the one given, or the one that comes with this package.
+
+    InputError where the one given is damaged or for another chip: its boot loader would ignore it without a word.
+    """
+    if image is None:
+        return committed_image(target.name)
     image_crc(image)
+    if image_family(image) != target.family:
+        theirs = target_of(image_family(image)).chip
+        raise InputError(
+            f"the image is for the {theirs}, and an {target.chip} waits in its boot loader: leave --image away, or "
+            f"give an image for the {target.chip}"
+        )
+    return image
+
+
+def copy_uf2(image: bytes | None, drive: Path) -> bytes:
+    """Copy an image to the drive of a boot loader, which starts it; return the image."""
+    target = _boot_loader(drive)
+    if target is None:
+        chips = " or ".join(target.chip for target in packaged().values())
+        raise InputError(f"{drive} is not the drive of an {chips} in its boot loader ({MARK} does not say so)")
+    image = fitting(image, target)
     try:
-        with (drive / "gellight-rp2040.uf2").open("wb") as file:
+        with (drive / target.image.name).open("wb") as file:
             file.write(to_uf2(image))
             file.flush()
             os.fsync(file.fileno())
     except OSError as error:
         raise BoardError(f"copying to {drive} failed ({error}): hold BOOTSEL, plug the board in, try again") from error
+    return image
 
 
 def touch(port: str) -> None:
@@ -77,7 +100,7 @@ def touch(port: str) -> None:
 
 
 class Picoboot:
-    """A board in its boot loader, driven through pyusb (RP2040 data sheet 2.8.5)."""
+    """A board in its boot loader, driven through pyusb (RP2040 data sheet 2.8.5, RP2350 5.6)."""
 
     def __init__(self, *, backend: Any = None) -> None:
         """Claim the interface of the only board in its boot loader."""
@@ -89,6 +112,7 @@ class Picoboot:
         if len(found) != 1:
             raise BoardError(f"{len(found)} boards are in their boot loader: hold BOOTSEL while you plug one in")
         self._device = found[0]
+        self.target = _waiting(self._device)
         self._token = 0
         try:
             usb.util.claim_interface(self._device, INTERFACE)
@@ -119,7 +143,7 @@ class Picoboot:
         The first page is what the boot ROM looks for: it is erased first and written last, so that a board whose
         flashing was cut short waits in its boot loader.
         """
-        image_crc(image)
+        fitting(image, self.target)
         padded = image + b"\xff" * (-len(image) % SECTOR)
         self._command(EXCLUSIVE, b"\1")
         self._command(EXIT_XIP, b"")
@@ -139,7 +163,10 @@ class Picoboot:
 
     def reboot(self) -> None:
         """Start what is in flash."""
-        self._command(REBOOT, struct.pack("<III", 0, 0, 500))
+        if self.target.boot2:
+            self._command(REBOOT, struct.pack("<III", 0, 0, 500))
+        else:  # the older command is gone
+            self._command(REBOOT2, struct.pack("<IIII", 0, 500, 0, 0))
 
     def close(self) -> None:
         """Let go of the board."""
@@ -151,17 +178,28 @@ def waiting_boards(backend: Any = None) -> list[Any]:
     import usb.core
 
     try:
-        return list(usb.core.find(find_all=True, idVendor=VENDOR, idProduct=PRODUCT, backend=backend) or [])
+        return [
+            device
+            for target in packaged().values()
+            for device in usb.core.find(find_all=True, idVendor=target.usb[0], idProduct=target.usb[1], backend=backend)
+            or []
+        ]
     except usb.core.NoBackendError as error:
         logger.debug("no PICOBOOT: %s", error)
         return []
 
 
-def flash_board(image: bytes, *, port: str | None = None, places: Iterable[Path] | None = None, backend: Any = None,
-                wait_s: float = WAIT_S) -> str:  # fmt: skip
-    """Flash the board behind a serial port, or the only one that waits in its boot loader; return how it was done.
+def _waiting(device: Any) -> Target:
+    found = (device.idVendor, device.idProduct)
+    return next(target for target in packaged().values() if target.usb == found)
 
-    Raises BoardError where none appears, or where several wait: then nothing is written.
+
+def flash_board(image: bytes | None, *, port: str | None = None, places: Iterable[Path] | None = None,
+                backend: Any = None, wait_s: float = WAIT_S) -> tuple[str, bytes]:  # fmt: skip
+    """Flash the board behind a serial port, or the only one that waits in its boot loader.
+
+    Return how it was done, and the image; where none is given, it is the one for the chip that waits. Raises BoardError
+    where none appears, or where several wait, InputError where the image is for another chip: then nothing is written.
     """
     if port:
         touch(port)
@@ -173,25 +211,25 @@ def flash_board(image: bytes, *, port: str | None = None, places: Iterable[Path]
             names = ", ".join(map(str, mounted)) or f"{len(waiting)} on USB"
             raise BoardError(f"several boards wait in their boot loader ({names}): unplug all but the one to flash")
         if mounted:
-            copy_uf2(image, mounted[0])
-            return f"copied to {mounted[0]}"
-        if waiting and _write(image, backend):
-            return "written by PICOBOOT"
+            return f"copied to {mounted[0]}", copy_uf2(image, mounted[0])
+        if waiting and (written := _write(image, backend)):
+            return "written by PICOBOOT", written
         time.sleep(0.1)
     raise BoardError(f"no boot loader of a board appeared within {wait_s:.0f} s: hold BOOTSEL while you plug it in")
 
 
-def _write(image: bytes, backend: Any) -> bool:
-    """Write by PICOBOOT; False where the board may not be used, since its drive may still appear."""
+def _write(image: bytes | None, backend: Any) -> bytes | None:
+    """Write by PICOBOOT; None where the board may not be used, since its drive may still appear."""
     try:
         board = Picoboot(backend=backend)
     except BoardError as error:
         logger.debug("no PICOBOOT: %s", error)
-        return False
+        return None
     with closing(board):
+        image = fitting(image, board.target)
         board.flash(image)
         board.reboot()
-    return True
+    return image
 
 
 def check_board(image: bytes, before: Collection[str], *, wait_s: float = WAIT_S) -> str:

@@ -8,7 +8,6 @@ import zlib
 
 from gellight.base.errors import InputError
 
-RP2040_FAMILY = 0xE48BFF56
 FLASH_BASE = 0x10000000
 PAYLOAD = 256
 BLOCK = 512
@@ -17,9 +16,9 @@ _BLOCK_MAGIC = (0x0A324655, 0x9E5D5157)
 _BLOCK_END = 0x0AB16F30
 _FAMILY_PRESENT = 0x2000
 BOOT2_BYTES = 256
-HEADER_OFFSET = BOOT2_BYTES + 64
-"""after the first 16 vectors"""
-HEADER = struct.Struct("<3I")
+VECTORS = 64
+HEADER = struct.Struct("<4I")
+"""behind the first 16 vectors: magic, bytes that follow, their CRC-32, family of the UF2 file"""
 HEADER_MAGIC = 0x474C494D
 _ELF_HEAD = struct.Struct("<16sHHIIIIIHHHHHH")
 _SEGMENT = struct.Struct("<8I")
@@ -27,26 +26,39 @@ _ARM = 40
 _LOAD = 1
 
 
-def flash_image(elf: bytes) -> bytes:
-    """Return what lies in flash from its first byte on, checksums of boot2 and image included."""
+def flash_image(elf: bytes, *, family: int, boot2: bool) -> bytes:
+    """Return what lies in flash from its first byte on, checksums of boot2, where there is one, and image included."""
     image = bytearray(_load(elf))
     image += bytes(-len(image) % 4)
-    image[BOOT2_BYTES - 4 : BOOT2_BYTES] = boot2_crc(bytes(image[: BOOT2_BYTES - 4])).to_bytes(4, "little")
-    magic, _, _ = HEADER.unpack_from(image, HEADER_OFFSET)
+    if boot2:
+        image[BOOT2_BYTES - 4 : BOOT2_BYTES] = boot2_crc(bytes(image[: BOOT2_BYTES - 4])).to_bytes(4, "little")
+    at = VECTORS + BOOT2_BYTES * boot2
+    magic, *_ = HEADER.unpack_from(image, at)
     if magic != HEADER_MAGIC:
         raise InputError(f"the image has 0x{magic:08x} where its header belongs: check board.ld")
-    body = bytes(image[HEADER_OFFSET + HEADER.size :])
-    HEADER.pack_into(image, HEADER_OFFSET, HEADER_MAGIC, len(body), zlib.crc32(body))
+    body = bytes(image[at + HEADER.size :])
+    HEADER.pack_into(image, at, HEADER_MAGIC, len(body), zlib.crc32(body), family)
     return bytes(image)
+
+
+def header_at(image: bytes) -> int:
+    """Return where the header of an image is: behind the vectors, with boot2 before them or without."""
+    for at in (VECTORS + BOOT2_BYTES, VECTORS):
+        if len(image) >= at + HEADER.size and HEADER.unpack_from(image, at)[0] == HEADER_MAGIC:
+            return at
+    raise InputError("this is no firmware image of a light ring, or it is damaged: build or download it again")
+
+
+def image_family(image: bytes) -> int:
+    """Return the UF2 family of the chip that an image is for; InputError if it is none."""
+    return int(HEADER.unpack_from(image, header_at(image))[3])
 
 
 def image_crc(image: bytes) -> int:
     """Return the checksum that the firmware of this image reports in HELLO; InputError if it is damaged."""
-    if len(image) < HEADER_OFFSET + HEADER.size:
-        raise InputError(f"{len(image)} bytes are too few for a firmware image")
-    magic, count, crc = HEADER.unpack_from(image, HEADER_OFFSET)
-    body = image[HEADER_OFFSET + HEADER.size :][:count]
-    if magic != HEADER_MAGIC or zlib.crc32(body) != crc:
+    at = header_at(image)
+    _, count, crc, _ = HEADER.unpack_from(image, at)
+    if zlib.crc32(image[at + HEADER.size :][:count]) != crc:
         raise InputError("the firmware image is damaged, its checksum does not fit: build or download it again")
     return int(crc)
 
@@ -82,29 +94,34 @@ def _load(elf: bytes) -> bytes:
 
 def to_uf2(image: bytes) -> bytes:
     """Wrap a flash image, filled up with zeros to whole pages of 256 bytes."""
+    family = image_family(image)
     image += bytes(-len(image) % PAYLOAD)
     count, file = len(image) // PAYLOAD, bytearray()
     for number in range(count):
         at = PAYLOAD * number
-        head = _BLOCK_HEAD.pack(*_BLOCK_MAGIC, _FAMILY_PRESENT, FLASH_BASE + at, PAYLOAD, number, count, RP2040_FAMILY)
+        head = _BLOCK_HEAD.pack(*_BLOCK_MAGIC, _FAMILY_PRESENT, FLASH_BASE + at, PAYLOAD, number, count, family)
         file += (head + image[at : at + PAYLOAD]).ljust(BLOCK - 4, b"\0") + _BLOCK_END.to_bytes(4, "little")
     return bytes(file)
 
 
 def from_uf2(file: bytes) -> bytes:
-    """Return the flash image of a UF2 file for the RP2040; InputError if it is anything else."""
+    """Return the flash image of a UF2 file of ours; InputError if it is anything else."""
     if not file or len(file) % BLOCK:
         raise InputError(f"a UF2 file consists of blocks of {BLOCK} bytes, this one has {len(file)} bytes")
     count = len(file) // BLOCK
-    return b"".join(_payload(file[BLOCK * number : BLOCK * (number + 1)], number, count) for number in range(count))
+    blocks = [_payload(file[BLOCK * number : BLOCK * (number + 1)], number, count) for number in range(count)]
+    image = b"".join(payload for _, payload in blocks)
+    if {family for family, _ in blocks} != {image_family(image)}:
+        raise InputError("the UF2 file is for another chip than the image in it: download the firmware again")
+    return image
 
 
-def _payload(block: bytes, number: int, count: int) -> bytes:
+def _payload(block: bytes, number: int, count: int) -> tuple[int, bytes]:
     first, second, flags, address, size, index, total, family = _BLOCK_HEAD.unpack_from(block)
     if (first, second) != _BLOCK_MAGIC or int.from_bytes(block[-4:], "little") != _BLOCK_END:
         raise InputError(f"block {number} is not UF2: download the firmware again")
-    if not flags & _FAMILY_PRESENT or family != RP2040_FAMILY:
-        raise InputError(f"the firmware is for another chip (family 0x{family:08x}), not for the RP2040")
+    if not flags & _FAMILY_PRESENT:
+        raise InputError(f"block {number} does not say which chip it is for: download the firmware again")
     if (index, total, size, address) != (number, count, PAYLOAD, FLASH_BASE + PAYLOAD * number):
         raise InputError(f"block {number} of {count} is out of place: download the firmware again")
-    return block[_BLOCK_HEAD.size : _BLOCK_HEAD.size + size]
+    return family, block[_BLOCK_HEAD.size : _BLOCK_HEAD.size + size]

@@ -1,6 +1,7 @@
 """KiCad judges the boards: its design rules find no fault, and it plots and reads what our files say."""
 
 from collections import Counter
+from math import radians
 from pathlib import Path
 
 import numpy as np
@@ -62,9 +63,24 @@ def test_kicad_finds_no_fault_in_the_other_carriers(name: str, tmp_path: Path) -
     rules_hold(judge(tmp_path, f"gellight-carrier-{name}"))
 
 
-@pytest.mark.parametrize(("count", "package"), [(3, "2020"), (24, "2020"), (13, "5050")])
-def test_kicad_finds_no_fault_in_strips_at_the_limits(count: int, package: str, tmp_path: Path) -> None:
-    write_project(tmp_path, strip_board(ring_of(count), package))
+TIGHT = ring_of(12, ring_radius_mm=14.4, incident_angle_rad=0.0)
+STEEP = ring_of(19, ring_radius_mm=17.5, incident_angle_rad=radians(67))
+WIDE = ring_of(16, ring_radius_mm=32.1, incident_angle_rad=radians(58), gel_diameter_mm=70.0)
+
+
+@pytest.mark.parametrize(
+    ("geometry", "package"),
+    [
+        pytest.param(ring_of(3), "2020", id="3"),
+        pytest.param(ring_of(24), "2020", id="24"),
+        pytest.param(ring_of(13), "5050", id="13-5050"),
+        pytest.param(TIGHT, "2020", id="tight"),
+        pytest.param(STEEP, "2020", id="steep"),
+        pytest.param(WIDE, "5050", id="wide"),
+    ],
+)
+def test_kicad_finds_no_fault_in_strips_at_the_limits(geometry: SensorGeometry, package: str, tmp_path: Path) -> None:
+    write_project(tmp_path, strip_board(geometry, package))
     rules_hold(judge(tmp_path, "gellight-strip"))
 
 

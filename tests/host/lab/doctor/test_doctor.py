@@ -380,6 +380,14 @@ def test_doctor_prints_findings_and_exits_with_1_where_one_prevents_use(monkeypa
     assert invoke("doctor").exit_code == 0
 
 
+def test_the_udev_rule_opens_no_device_of_another_maker() -> None:
+    """The number for tests is everybody's; the boot loader has no other."""
+    rules = [line for line in udev.RULE.read_text().splitlines() if line.startswith("SUBSYSTEM")]
+    ours = [rule for rule in rules if '"2e8a"' not in rule]
+    assert len(ours) == 3
+    assert all('{product}=="GelLight*"' in rule and '{idVendor}=="1209"' in rule for rule in ours)
+
+
 def test_the_udev_rule_is_written_and_applied(tmp_path: Path) -> None:
     ran: list[Sequence[str]] = []
     assert not udev.installed(folder=tmp_path / "rules.d")

@@ -87,14 +87,17 @@ def test_a_body_that_is_dropped_gains_no_energy(seed: int) -> None:
     data, carry = mujoco.MjData(model), carrying(model, 0.6, ("gel",))
     data.qpos[3:7] = rng.normal(size=4)
     data.qvel[:] = rng.normal(size=6) * [0.03, 0.03, 0.03, 5, 5, 5]
-    free = [np.inf]
+    kept, most_j = [], 0.0
     for _ in range(600):
         held = carry.step(data)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
         mujoco.mj_energyPos(model, data)
         mujoco.mj_energyVel(model, data)
-        if not held:
-            free.append(float(data.energy.sum()))
-    assert np.diff(free[1:]).max() < 1e-6, "of 1 mJ at the start"
+        if not held:  # less what MuJoCo's integration adds to the energy of a falling body
+            kept.append(float(data.energy.sum() - 0.001 / 2 * 0.01 * 9.81 * data.qvel[2]))
+            most_j = max(most_j, kept[-1] - min(kept))
+    assert most_j < 2e-3 * kept[0]
     assert np.isfinite(data.qpos).all()
 
 

@@ -1,6 +1,6 @@
 """The descriptors of the virtual sensor: a ring board like the real one, and a camera, in one USB device.
 
-Interfaces 0 and 1 and their endpoints are those of the firmware (firmware/boards/rp2040/usb_descriptors.c), so that
+Interfaces 0 and 1 and their endpoints are those of the firmware (firmware/boards/rp2/usb_descriptors.c), so that
 every way to the real board is also a way to this one. Interfaces 2 and 3 are a camera of USB Video Class 1.1, with a
 bulk endpoint: an isochronous one would have to be served every 125 us.
 """

@@ -63,6 +63,12 @@ static void free_blocks(uint32_t resets)
         ;
 }
 
+static void prioritize(uint32_t irq, uint32_t priority)
+{
+    uint32_t shift = 8u * (irq % 4u);
+    REGISTER(NVIC_IPR(irq / 4u)) = (REGISTER(NVIC_IPR(irq / 4u)) & ~(0xffu << shift)) | priority << shift;
+}
+
 void clock_start(void)
 {
     REGISTER(CLK_PERI_CTRL) = 1u << 11;
@@ -72,9 +78,12 @@ void clock_start(void)
     REGISTER(ADC_CS) = 4u << 12 | 1u << 1 | 1u << 0; /* temperature sensor */
     SET_BITS(TIMER_INTE) = 1u << 0 | 1u << 1 | 1u << 2 | 1u << 3;
     REGISTER(TIMER_ALARM(1)) = REGISTER(TIMER_TIMERAWL) + TICK_US;
-    REGISTER(NVIC_IPR(0)) = 0xc040c000u;   /* the light before all else, and the trigger output (2) next */
-    REGISTER(NVIC_IPR(1)) = 0xc0c0c0c0u;
-    REGISTER(NVIC_IPR(3)) = 0xc0c040c0u;   /* then the trigger (13) */
+    prioritize(IRQ_TIMER_0, 0x00u);        /* the light before all else */
+    prioritize(IRQ_TIMER_2, 0x40u);        /* the trigger output, and the trigger */
+    prioritize(IRQ_IO_BANK0, 0x40u);
+    prioritize(IRQ_TIMER_1, 0xc0u);
+    prioritize(IRQ_TIMER_3, 0xc0u);
+    prioritize(IRQ_USB, 0xc0u);
     REGISTER(NVIC_ISER) = 1u << IRQ_TIMER_0 | 1u << IRQ_TIMER_1 | 1u << IRQ_TIMER_2 | 1u << IRQ_TIMER_3;
 }
 

@@ -1,6 +1,6 @@
 /* What the two halves of the USB device share: the buffers of the controller, and what each half asks of the other. */
-#ifndef GELLIGHT_RP2040_USB_WIRE_H
-#define GELLIGHT_RP2040_USB_WIRE_H
+#ifndef GELLIGHT_RP2_USB_WIRE_H
+#define GELLIGHT_RP2_USB_WIRE_H
 
 #include "board.h"
 #include "registers.h"

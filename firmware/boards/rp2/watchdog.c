@@ -5,7 +5,6 @@
 #define TIMEOUT_US 100000u
 #define START_US 200000u /* for the crystal and the copy to RAM */
 #define REASON_MAGIC 0x52450000u
-#define EVERYTHING_BUT_OSCILLATORS 0x0001fffcu
 
 /*
  * SCRATCH0 says why the chip will start the next time, as far as is known now; SCRATCH1 why it has started. The boot ROM
@@ -25,25 +24,25 @@ void watchdog_forget(void)
 }
 
 /*
- * From flash, before the clock is raised. Its tick, which the timer uses too, is 1 us once clk_ref is the crystal; on the
- * ring oscillator (1.8 to 12 MHz, 2.17) it is longer, never shorter. The counter falls twice a tick (RP2040-E1).
+ * From flash, before the clock is raised. On the ring oscillator (1.8 to 12 MHz, 2.17) the tick is longer than 1 us, never
+ * shorter.
  */
 START_CODE void watchdog_start(void)
 {
     REGISTER(WATCHDOG_SCRATCH1) = REGISTER(WATCHDOG_SCRATCH0);
     REGISTER(WATCHDOG_SCRATCH0) = REASON_MAGIC | RESET_REASON_WATCHDOG;
     REGISTER(PSM_WDSEL) = EVERYTHING_BUT_OSCILLATORS;
-    REGISTER(WATCHDOG_TICK) = 1u << 9 | 12;
-    REGISTER(WATCHDOG_LOAD) = 2u * START_US;
+    ticks_start();
+    REGISTER(WATCHDOG_LOAD) = WATCHDOG_COUNTS_A_US * START_US;
     SET_BITS(WATCHDOG_CTRL) = 1u << 30;
 }
 
 void watchdog_feed(void)
 {
-    REGISTER(WATCHDOG_LOAD) = 2u * TIMEOUT_US;
+    REGISTER(WATCHDOG_LOAD) = WATCHDOG_COUNTS_A_US * TIMEOUT_US;
 }
 
-/* An erase takes up to 400 ms, by the data sheets of the usual flash chips; 24 bits last 8.3 s. */
+/* An erase takes up to 400 ms, by the data sheets of the usual flash chips; 24 bits last 8.3 s or more. */
 void watchdog_pause(void)
 {
     REGISTER(WATCHDOG_LOAD) = 0xffffffu;

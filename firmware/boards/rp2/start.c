@@ -40,8 +40,8 @@ __attribute__((section(".start_vectors"), used)) static const vector first[16] =
     [15] = start_fault,
 };
 
-/* Filled in by the build: how many bytes follow, and their CRC-32. */
-__attribute__((section(".image_header"), used)) const struct image_header image_header = {0x474c494d, 0, 0};
+/* Filled in by the build: how many bytes follow, their CRC-32, and the family of the UF2 file. */
+__attribute__((section(".image_header"), used)) const struct image_header image_header = {0x474c494d, 0, 0, 0};
 
 __attribute__((section(".vectors"), used, aligned(256))) static const vector vectors[48] = {
     [0] = (vector)&stack_top,

@@ -96,7 +96,7 @@ static void port_fill(void)
         .selftest = port_selftest,
         .restart = port_restart,
         .identity = {
-            .board = BOARD_KIND_RP2040,
+            .board = THIS_BOARD,
             .reset_reason = watchdog_reset_reason(),
             .capabilities =
                 CAPABILITY_TRIGGER | CAPABILITY_FLASH | CAPABILITY_BOOTLOADER | CAPABILITY_TEMPERATURE,

@@ -1,6 +1,6 @@
-/* The parts of the RP2040 board and what they offer each other. */
-#ifndef GELLIGHT_RP2040_BOARD_H
-#define GELLIGHT_RP2040_BOARD_H
+/* The parts of the board and what they offer each other. */
+#ifndef GELLIGHT_RP2_BOARD_H
+#define GELLIGHT_RP2_BOARD_H
 
 #include "controller.h"
 
@@ -8,6 +8,7 @@ struct image_header {
     uint32_t magic;
     uint32_t count;
     uint32_t crc;
+    uint32_t family;
 };
 extern const struct image_header image_header;
 
@@ -59,6 +60,7 @@ void usb_start(const uint8_t unique_id[8]);
 bool usb_send(void *context, const uint8_t *bytes, size_t count, size_t spare);
 size_t usb_receive(uint8_t *bytes, size_t room);
 void usb_interrupt(void);
+void usb_frames_missed(void); /* those that began while interrupts were off */
 void usb_watch(bool dark); /* often: notes frames, and resets a controller that hangs; later where the LEDs are dark */
 
 /* What happened on the bus since it was asked last: bits. An opening came after all else. */
@@ -70,7 +72,7 @@ enum usb_event {
 };
 uint32_t usb_events(void);
 
-/* usb_join.c */
+/* usb_join.c; of a chip that joins by itself: nothing */
 void join_interrupt(void);
 
 /* usb_descriptors.c */

@@ -67,7 +67,7 @@ static void prepare_transfer(void)
     REGISTER(DMA_WRITE_ADDR) = PIO0_TXF0;
     REGISTER(DMA_TRANS_COUNT) = leds;
     /* enabled, words, read address counts up, chained to itself (to none), paced by PIO0 TX0, no interrupt */
-    REGISTER(DMA_AL1_CTRL) = 1u << 0 | 2u << 2 | 1u << 4 | 0u << 11 | 0u << 15 | 1u << 21;
+    REGISTER(DMA_AL1_CTRL) = 1u << 0 | 2u << 2 | 1u << 4 | DMA_CHAIN(0u) | DMA_PACED_BY(0u) | DMA_QUIET;
 }
 
 /* Interrupts are off or this is the highest of them. */
@@ -131,7 +131,7 @@ bool light_cancel(void *context)
 /* All words have left the DMA and the FIFO. A transfer that breaks off has words left for ever: it is overdue soon. */
 static bool transferred(void)
 {
-    return !(REGISTER(DMA_CTRL_TRIG) & 1u << 24) && !REGISTER(DMA_TRANS_COUNT) && REGISTER(PIO0_FSTAT) & 1u << 24;
+    return !(REGISTER(DMA_CTRL_TRIG) & DMA_BUSY) && !REGISTER(DMA_TRANS_COUNT) && REGISTER(PIO0_FSTAT) & 1u << 24;
 }
 
 enum port_light light_result(void *context, uint64_t *first_bit_us, uint64_t *latched_us)
