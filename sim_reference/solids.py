@@ -98,7 +98,14 @@ def height_map(triangles: Array, size: int, spacing_mm: float) -> Array:
     Each point of the grid has the highest triangle above it.
     """
     low, high = triangles.reshape(-1, 3).min(axis=0), triangles.reshape(-1, 3).max(axis=0)
-    placed = (triangles - [*((low + high) / 2)[:2], high[2]]) * [1, -1, 1]
+    return highest((triangles - [*((low + high) / 2)[:2], high[2]]) * [1, -1, 1], size, spacing_mm)
+
+
+def highest(placed: Array, size: int, spacing_mm: float) -> Array:
+    """Return the z (size, size) in mm of the highest of the triangles (T, 3, 3) over each point of a grid.
+
+    The triangles are in the axes of the grid: x right, y down, its middle at 0, 0. NO_OBJECT where there is none.
+    """
     start = grid(size, spacing_mm)[0]
     at = (placed[..., :2] - start) / spacing_mm
     first = np.clip(np.ceil(at.min(axis=1) - 1e-9), 0, size).astype(np.int64)

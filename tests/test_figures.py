@@ -54,6 +54,26 @@ def quoted() -> Iterator[tuple[str, str, str]]:
 
 
 TABLES = {
+    ("tracking", "tracking.judge DIR"): (
+        "TSTEP slides",
+        "TSTEP turns by 40°",
+        "CCONVEX slides",
+        "CCONVEX turns",
+        "PCONVEX tilts by 5°",
+        "BALLVEX tilts",
+        "SCROWN, deeper",
+        "peg, all six",
+        "wavy bead rolls by 360°",
+        "fine bead rolls by 360°",
+        "ball slides",
+        "bar slides",
+        "*WAVE slides*",
+        "*PCONVEX slides*",
+        "*key, all six*",
+        "*bead spins by 360°*",
+        "*gentle bead rocks by 50°*",
+        "*QUCAVE, all six*",
+    ),
     ("force", "force"): ("layer", "N per mm³ of all that is pressed in", "N per mm³ of the contact patch"),
     ("photometric", "photometric"): ("GelNet, 1 picture", "4 exposures", "12 exposures"),
     ("photometric", "sequence"): (

@@ -20,7 +20,7 @@ PACKAGES = {
 }
 RUN = (
     "base", "ring", "bundle", "frames", "photometric", "reconstruction", "reconstruction.native", "frame_path",
-    "series", "sensor", "recording", "watch", "opening", "daemon", "stream", "dashboard",
+    "tracking", "series", "sensor", "recording", "watch", "opening", "daemon", "stream", "dashboard",
 )  # fmt: skip
 """the half that a robot needs, lowest first: a room imports from itself and from rooms before it"""
 LAB = tuple(
@@ -48,7 +48,8 @@ DOORS = {
     "sim_reference": (
         "lab/simulator/gel_models.py", "lab/simulator/known_force.py", "lab/simulator/memory.py",
         "lab/simulator/one_press.py", "lab/simulator/read_noise.py", "lab/simulator/scene.py",
-        "lab/simulator/selfcheck.py", "lab/simulator/selfcheck_bounds.py", "lab/simulator/simulated_camera.py",
+        "lab/simulator/selfcheck.py", "lab/simulator/selfcheck_bounds.py", "lab/simulator/sequence.py",
+        "lab/simulator/simulated_camera.py",
         "lab/simulator/stage.py", "lab/simulator/dataset.py", "lab/simulator/demo_presses.py",
         "lab/simulator/dragging.py", "lab/simulator/printed_dots.py", "lab/touch/", "lab/training/synthetic.py",
         "lab/boards/", "lab/design/", "lab/housing/", "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py",
@@ -58,7 +59,7 @@ DOORS = {
         "frames/dots.py", "frames/dot_places.py",
         "frames/image_files.py", "frames/pixel_grid.py", "frames/video_files.py", "frames/view.py",
         "reconstruction/at_rest.py", "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
-        "reconstruction/linearised.py", "reconstruction/smoothing.py",
+        "reconstruction/linearised.py", "reconstruction/smoothing.py", "tracking/starts.py", "tracking/view.py",
         "series/reconstructor.py", "lab/report/pictures.py", "lab/report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "lab/simulator/usb/encoding.py",
         "lab/training/labelling/plate.py", "lab/touch/shade.py", "lab/touch/environments/observing.py",

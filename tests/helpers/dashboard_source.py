@@ -187,6 +187,9 @@ class FormulaSource:
                 raise TimeoutError("no frame")
             return self._frame
 
+    def track(self, on: bool) -> None:
+        self.tracking = on
+
     def status(self) -> dict[str, object]:
         return {**self.figures, "error": self.error}
 

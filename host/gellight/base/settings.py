@@ -140,6 +140,12 @@ class WatchSettings(StrictModel):
     )
 
 
+class TrackingSettings(StrictModel):
+    """Where the object in the gel goes; see docs/tracking.md."""
+
+    enabled: bool = Field(default=False, description="give each frame the pose of the object that touches")
+
+
 class DashboardSettings(StrictModel):
     """The page."""
 
@@ -207,6 +213,7 @@ class Settings(StrictModel):
     reconstruction: ReconstructionSettings = Field(default_factory=ReconstructionSettings)
     lighting: LightingSettings = Field(default_factory=LightingSettings)
     watch: WatchSettings = Field(default_factory=WatchSettings)
+    tracking: TrackingSettings = Field(default_factory=TrackingSettings)
     dashboard: DashboardSettings = Field(default_factory=DashboardSettings)
     service: ServiceSettings = Field(default_factory=ServiceSettings)
     stream: StreamSettings = Field(default_factory=StreamSettings)

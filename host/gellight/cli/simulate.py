@@ -15,6 +15,7 @@ from gellight.lab.simulator.dataset import DatasetRequest, LightKind, make_datas
 from gellight.lab.simulator.demo_presses import press_ahead
 from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind
 from gellight.lab.simulator.one_press import PressRequest, press_once
+from gellight.lab.simulator.sequence import read_sequence, write_sequence
 from gellight.lab.simulator.sweep import ResultStore, default_folder
 from sim_reference.fem.newton import Step
 from sim_reference.objects import OBJECT_NAMES
@@ -134,6 +135,27 @@ def demo(
     show(made, as_json, text)
     if made.not_found:
         raise typer.Exit(1)
+
+
+@app.command()
+def sequence(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="What moves how: JSON, see docs/tracking.md.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the pictures and the true poses here.")],
+    gel: Annotated[GelKind, typer.Option("--gel", help="Elastic layer, or finite elements.")] = "layer",
+    resolution: Annotated[float, typer.Option("--resolution-mm", min=0.05, help="Of the finite elements.")] = 0.3,
+    noise: Annotated[float, typer.Option("--noise", min=0, max=50, help="Noise of the camera, grey levels.")] = 1.0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Other noise.")] = 0,
+    geometry: GeometryFile = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Move one object through the gel as a file says: a picture a step, and poses.csv with the true pose of each."""
+    refuse_existing(out / "poses.csv", overwrite)
+    sensor = read_geometry(geometry)
+    report = write_sequence(
+        read_sequence(file, sensor), out, sensor, gel=gel, resolution_mm=resolution, noise_grey=noise, seed=seed
+    )
+    show(report, as_json, f"{report.frames} pictures and poses.csv are in {report.folder}")
 
 
 def in_words(step: Step) -> str:

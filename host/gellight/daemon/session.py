@@ -31,6 +31,7 @@ from gellight.frames.picture import PictureSteps
 from gellight.frames.status import SensorStatus, TouchStatus
 from gellight.reconstruction.following import ContactFollower
 from gellight.reconstruction.shear.slip import SlipFollower
+from gellight.tracking.following import ObjectFollower
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
 SELFCHECK_PERIOD_S = 1.0
@@ -74,9 +75,10 @@ class SensorSession:
         self._active = pipeline or build_pipeline(config, prepared)
         self._camera.switch(prepared, config.light, None)
         contacts, slips = ContactFollower(), SlipFollower()
+        self._objects = ObjectFollower(on=settings.tracking.enabled)
         self._threads = FrameThreads(
             self._camera,
-            lambda frame: slips.follow(contacts.follow(self._active.reconstruct(frame))),
+            lambda frame: self._objects.follow(slips.follow(contacts.follow(self._active.reconstruct(frame)))),
             lambda: self.zeroed_bundle,
             every=every,
             realtime=settings.service.realtime,
@@ -209,6 +211,10 @@ class SensorSession:
             shown = bundle.colours if colours is None else colours
             self._switch(self._active, SensorState(controls=bundle.controls, colours=shown))
 
+    def track(self, on: bool) -> None:
+        """Give frames the pose of the object that touches from now on, or no more."""
+        self._objects.switch(on=on)
+
     def begin_calibration(self) -> None:
         """Let a calibration set camera and LEDs: the watch rests, and few frames are reconstructed.
 
@@ -337,6 +343,7 @@ class SensorSession:
                 "force": used.force,
             },
             "watch": used.watch.status() if used.watch else None,
+            "tracking": self._objects.on,
             "recording": self.recording,
             "priority": "real time" if self._settings.service.realtime else "as other programs",
             "error": self._threads.problem or camera.get("why"),

@@ -21,7 +21,7 @@ from gellight.base.errors import GellightError, InputError
 from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import guard
-from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, in_one_line
+from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, Track, in_one_line
 from gellight.dashboard.messages import encode, without_nan
 from gellight.dashboard.metrics import Metrics
 from gellight.dashboard.page_files import FOR_EVER, PageFiles
@@ -238,7 +238,7 @@ class Dashboard:
         client.tasks.add(task)
         task.add_done_callback(client.tasks.discard)
 
-    async def _carry_out(self, client: Client, command: Press | Release, number: int) -> None:
+    async def _carry_out(self, client: Client, command: Press | Release | Track, number: int) -> None:
         try:
             await asyncio.get_running_loop().run_in_executor(self._worker, self._move_stage, command, number)
         except (GellightError, ValueError) as error:
@@ -253,9 +253,14 @@ class Dashboard:
     def _calibrating(self) -> bool:
         return self._calibration is not None and self._calibration.calibrating
 
-    def _move_stage(self, command: Press | Release, number: int) -> None:
+    def _move_stage(self, command: Press | Release | Track, number: int) -> None:
         """Do what a page asks for; a press is dropped when a newer command has come before it was computed."""
         stage = self._source.stage
+        if isinstance(command, Track):
+            self._source.track(command.on)
+            if stage is not None and not self._calibrating:
+                stage.drive(on=command.on)
+            return
         if stage is None:
             raise ValueError("this sensor has no stage: objects can be pressed on a simulated sensor only (sim://)")
         if self._calibrating:

@@ -41,8 +41,15 @@ class Release(StrictModel):
     type: Literal["release"]
 
 
-COMMANDS: TypeAdapter[Credit | Press | Release] = TypeAdapter(
-    Annotated[Credit | Press | Release, Field(discriminator="type")]
+class Track(StrictModel):
+    """Follow the object that touches, or no more; in a simulated gel one moves by itself meanwhile."""
+
+    type: Literal["track"]
+    on: bool
+
+
+COMMANDS: TypeAdapter[Credit | Press | Release | Track] = TypeAdapter(
+    Annotated[Credit | Press | Release | Track, Field(discriminator="type")]
 )
 
 

@@ -21,7 +21,8 @@ The header's `contacts` are the connected parts of the contact patch, the deepes
 holds `normal_n`, `error_n` and `flags` (see `measures.Force`), or is null where the bundle has no constant for it. Its
 `shear` is null for a gel without marker dots; else it holds `force_n`, `force_error_n`, `torque_nmm` and `unknown` (see
 `shear.Shear`), `slip`, the state of `shear.Slip`, and `arrows`: x, y of each dot that is seen, mm from the image
-centre, and x, y by which it has moved.
+centre, and x, y by which it has moved. Its `pose` has the object's `number`, whether it is `lost`, a `text`, and x and
+y of the axes that move with it and of the `place_mm` where they begin; null where nothing is tracked.
 
 The page makes the rest itself. The difference image is the image minus the reference image, which the header names
 (`reference`) and the page fetches once, minus the header's `light_drift`. Slopes and normals are those of the depth
@@ -42,6 +43,7 @@ import numpy as np
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.view import deflate, jpeg, pack_depth, reduce, view_shape
 from gellight.frames.frames import TactileFrame
+from gellight.frames.pose import ObjectPose
 from gellight.reconstruction.errors import depth_errors
 
 MAGIC = b"GELF"
@@ -101,6 +103,7 @@ def _header(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str
             "centroid_mm": None if contact.centroid_mm is None else [float(c) for c in contact.centroid_mm],
         },
         "force": frame.force.as_json() if frame.force else None,
+        "pose": _pose(frame.pose) if frame.pose else None,
         "shear": _shear(frame, pixel_size_mm),
         "contacts": [vars(patch) for patch in frame.contacts[:MOST_CONTACTS]],
         "light": None if camera_frame.light is None else camera_frame.light.tolist(),
@@ -108,6 +111,17 @@ def _header(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str
         "truth": _truth_figures(frame),
     }
     return header
+
+
+def _pose(pose: ObjectPose) -> dict[str, object]:
+    """Return the axes that move with the object, seen from the camera, and where they begin."""
+    return {
+        "number": pose.number,
+        "lost": pose.lost,
+        "text": pose.in_words(),
+        "place_mm": pose.place_mm[:2].tolist(),
+        "axes": pose.motion[:2, :3].T.tolist(),
+    }
 
 
 def _shear(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str, object] | None:

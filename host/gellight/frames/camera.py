@@ -50,6 +50,9 @@ class PressStage(Protocol):
     def release(self) -> None:
         """Lift the object off the gel."""
 
+    def drive(self, *, on: bool) -> None:
+        """Let an object slide, turn and tilt in the gel by itself, or lift it."""
+
     def take_over(self) -> None:
         """Lift the object, and let no programme press by itself any more."""
 

@@ -21,6 +21,7 @@ from gellight.base.field_docs import with_field_docs
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force, FrameMeasures, MapOnRequest
 from gellight.frames.normals import normals
+from gellight.frames.pose import ObjectPose
 from gellight.frames.shear import DotsSeen, Shear, ShearTruth, Slip
 from gellight.frames.status import ExposuresStatus
 
@@ -41,6 +42,8 @@ class GroundTruth:
     press_depth_mm: float = 0.0
     place_mm: tuple[float, float] = (0.0, 0.0)
     """(x, y) of the object's middle from the image centre"""
+    pose: NDArray[np.float64] | None = None
+    """(4, 4) carries points of the object, mm, to x right, y down, z towards the camera; None: nothing is pressed"""
     shear: ShearTruth | None = None
     """how the gel is moved along itself; None where it has no dots"""
 
@@ -278,6 +281,8 @@ class TactileFrame:
     """the connected parts of the contact, the deepest first; of a sensor that runs, followed from frame to frame"""
     slip: Slip | None = None
     """of a sensor that runs: whether what touches slips; None for a gel without dots"""
+    pose: ObjectPose | None = None
+    """where the object has gone since it was first touched; None where nothing touches or nobody asked for tracking"""
     exposures: ExposureReport | None = None
     """how the exposures went that it was measured from; None where it was felt in one frame"""
     stage_seconds: dict[str, float] = field(default_factory=dict)

@@ -171,6 +171,7 @@ class SensorStatus(PathStatus, FrameCounts):
     """None before the first frame, and without a calibration"""
     calibration: CalibrationStatus
     watch: WatchStatus | None
+    tracking: bool
     recording: str | None
     """name of the file that is being written; None where nothing is recorded"""
     priority: str

@@ -50,7 +50,7 @@ def on_grid(values: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _figures(frame: TactileFrame) -> dict[str, Any]:
-    """Return the figures of a frame; NaN where nothing touches, or no constant for the force is known."""
+    """Return the figures of a frame; NaN where nothing touches, no constant for the force is known, or no object."""
     taken, contact, force = frame.camera_frame, frame.contact, frame.force
     side = frame.shear
     return {
@@ -61,6 +61,9 @@ def _figures(frame: TactileFrame) -> dict[str, Any]:
         "centroid_mm": contact.centroid_mm or (np.nan, np.nan),
         "force_n": force.normal_n if force else np.nan,
         "force_error_n": force.error_n if force else np.nan,
+        "object": frame.pose.number if frame.pose else 0,
+        "motion": frame.pose.motion if frame.pose else np.full((4, 4), np.nan),
+        "motion_covariance": frame.pose.covariance if frame.pose else np.full((6, 6), np.nan),
         "side_force_n": (side and side.force_n) or (np.nan, np.nan),
         "side_force_error_n": (side and side.force_error_n) or (np.nan, np.nan),
         "torque_nmm": side.torque_nmm if side and side.torque_nmm is not None else np.nan,

@@ -37,6 +37,7 @@ from gellight.base.errors import BundleError, InputError, first_line
 from gellight.bundle.bundle import Bundle, packed_bundle, unpack_bundle
 from gellight.frames.frames import CameraFrame, CaptureStamp, Patch, Provenance, TactileFrame
 from gellight.frames.measures import MapOnRequest
+from gellight.frames.pose import PoseFigures
 from gellight.frames.shear_figures import ShearFigures
 from gellight.recording.frame_record import FrameInfo, FrameRecord, packed_picture
 from gellight.recording.ros_messages import (
@@ -89,6 +90,8 @@ class ContactInfo(StrictModel):
     shear: ShearFigures | None = None
     """None for a gel without marker dots"""
     contacts: tuple[Patch, ...] = ()
+    pose: PoseFigures | None = None
+    """where the object has gone; None where nobody tracked it, or nothing touched"""
 
 
 class RecordingWriter:
@@ -217,6 +220,7 @@ def _contact_info(frame: TactileFrame, provenance: Provenance) -> ContactInfo:
         force_error_n=frame.force.error_n if frame.force else None,
         shear=ShearFigures.of(frame.shear) if frame.shear else None,
         contacts=frame.contacts,
+        pose=frame.pose.figures() if frame.pose else None,
     )
 
 

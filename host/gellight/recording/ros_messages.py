@@ -10,6 +10,7 @@ _SEPARATOR = "=" * 80
 IMAGE, COMPRESSED_IMAGE, STRING = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "std_msgs/msg/String"
 CAMERA_INFO, POINTS = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/PointCloud2"
 POINT, WRENCH = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped"
+POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 MULTI_ARRAY = "std_msgs/msg/Float64MultiArray"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
@@ -50,6 +51,13 @@ DEFINITIONS = {
         _HEADER + "geometry_msgs/Wrench wrench",
         geometry_msgs_Wrench="geometry_msgs/Vector3 force; geometry_msgs/Vector3 torque",
         geometry_msgs_Vector3="float64 x; float64 y; float64 z",
+    ),
+    POSE: _definition(
+        _HEADER + "geometry_msgs/PoseWithCovariance pose",
+        geometry_msgs_PoseWithCovariance="geometry_msgs/Pose pose; float64[36] covariance",
+        geometry_msgs_Pose="geometry_msgs/Point position; geometry_msgs/Quaternion orientation",
+        geometry_msgs_Point="float64 x; float64 y; float64 z",
+        geometry_msgs_Quaternion="float64 x 0; float64 y 0; float64 z 0; float64 w 1",
     ),
     MULTI_ARRAY: _definition(
         "std_msgs/MultiArrayLayout layout; float64[] data",

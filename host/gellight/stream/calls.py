@@ -50,6 +50,13 @@ class Zero(StrictModel):
     type: Literal["zero"] = "zero"
 
 
+class Track(StrictModel):
+    """Give frames the pose of the object that touches, or no more."""
+
+    type: Literal["track"] = "track"
+    on: bool
+
+
 class Press(StrictModel):
     """Press an object into a simulated gel."""
 
@@ -75,7 +82,7 @@ class Release(StrictModel):
     type: Literal["release"] = "release"
 
 
-Call = Status | Calibration | Light | Mode | Zero | Press | Drag | Release
+Call = Status | Calibration | Light | Mode | Zero | Track | Press | Drag | Release
 _CALLS: TypeAdapter[Call] = TypeAdapter(Annotated[Call, Field(discriminator="type")])
 
 
@@ -101,6 +108,8 @@ def answer(daemon: SensorSession, call: Call) -> bytes:
             daemon.change_mode(call.mode)
         case Zero():
             daemon.rezero()
+        case Track():
+            daemon.track(call.on)
         case Press() | Drag() | Release():
             move(daemon, call)
     return b"{}"

@@ -10,6 +10,8 @@
                   origin, NaN while they are unknown; without dots they are not measured and 0
     contact/wrench_covariance std_msgs/Float64MultiArray 6 x 6, row by row, of that force and torque, of a gel with dots
     contacts      sensor_msgs/PointCloud2    a point each contact, frame NAME_gel, SI units: see `OF_CONTACTS`
+    object/pose   geometry_msgs/PoseWithCovarianceStamped metres, frame NAME_gel: of the axes that lay at the first
+                  contact's middle, along those of the gel, and move with the object; nothing while it is lost
     /diagnostics  diagnostic_msgs/DiagnosticArray
 
 ros2.py sends them by zenoh, foxglove.py by WebSocket.
@@ -21,6 +23,7 @@ from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import Patch, TactileFrame
@@ -30,7 +33,17 @@ from gellight.frames.shear import Shear
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.lens.intrinsics import intrinsics
 from gellight.recording.recording_file import DepthKind, depth_image
-from gellight.recording.ros_messages import CAMERA_INFO, IMAGE, MULTI_ARRAY, POINT, POINTS, WRENCH, CdrWriter, RosImage
+from gellight.recording.ros_messages import (
+    CAMERA_INFO,
+    IMAGE,
+    MULTI_ARRAY,
+    POINT,
+    POINTS,
+    POSE,
+    WRENCH,
+    CdrWriter,
+    RosImage,
+)
 
 DIAGNOSTICS_TOPIC = "/diagnostics"
 DIAGNOSTICS_S = 1.0
@@ -66,6 +79,7 @@ class RosTopics:
             "contact/wrench": (WRENCH, self._wrench),
             "contact/wrench_covariance": (MULTI_ARRAY, self._wrench_covariance),
             "contacts": (POINTS, self._contacts),
+            "object/pose": (POSE, self._pose),
         }
         """type and encoder by topic"""
 
@@ -125,6 +139,20 @@ class RosTopics:
             writer.string(label).put("I", 6, stride)
         values = covariance_of(frame.force, frame.shear).ravel().tolist()
         return writer.put("I", 0, len(values)).put("d", *values).finish()
+
+    def _pose(self, frame: TactileFrame) -> bytes | None:
+        pose = frame.pose
+        if pose is None or pose.lost:
+            return None
+        # The gel's axes of ROS have y up: turned by F = diag(1, -1, 1), F R F is a rotation again, and a turn, which is
+        # an axial vector, is turned by -F. Lengths become metres.
+        mirror = np.diag([1.0, -1.0, 1.0])
+        place_m = mirror @ pose.place_mm * 1e-3
+        turned = np.kron(np.diag([1e-3, -1.0]), mirror)
+        covariance = turned @ pose.covariance_at(pose.place_mm) @ turned.T
+        turn = Rotation.from_matrix(mirror @ pose.motion[:3, :3] @ mirror).as_quat()
+        writer = CdrWriter().header(taken_s(frame), f"{self._name}_gel").put("d", *place_m.tolist(), *turn.tolist())
+        return writer.put("d", *covariance.ravel().tolist()).finish()
 
     def diagnostics(self) -> bytes:
         """Return the status as a DiagnosticArray: level 2 for an error, 1 for findings of the watch."""

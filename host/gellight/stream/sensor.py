@@ -78,6 +78,10 @@ class Sensor(FrameSource):
         """Set the zero of the depth; see `SensorSession.rezero`."""
         self.daemon.rezero()
 
+    def track(self, on: bool) -> None:
+        """Give frames the pose of the object that touches, or no more."""
+        self.daemon.track(on)
+
     def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
         """Press an object into a simulated gel."""
         move(self.daemon, Press(object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))

@@ -143,6 +143,10 @@ class FrameSource(ABC):
         """Set the zero of the depth to the gel as it is now: nothing touches it; InputError where that is not so."""
 
     @abstractmethod
+    def track(self, on: bool) -> None:
+        """Give frames the pose of the object that touches, or no more; for all readers of the sensor."""
+
+    @abstractmethod
     def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
         """Press an object into a simulated gel; InputError for a real one."""
 

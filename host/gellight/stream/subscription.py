@@ -21,7 +21,7 @@ from gellight.bundle.bundle import Bundle, unpack_bundle
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.frames.status import SensorStatus
-from gellight.stream.calls import Calibration, Call, Drag, Light, Mode, Press, Release, Status, Zero
+from gellight.stream.calls import Calibration, Call, Drag, Light, Mode, Press, Release, Status, Track, Zero
 from gellight.stream.network import LAN_PORT, close, found_by_multicast, key, name_of, subscribing_session
 from gellight.stream.running import is_starting, meant, running
 from gellight.stream.shared_memory import MappedMemory, OverwrittenError
@@ -318,6 +318,10 @@ class Subscription(FrameSource):
     def zero(self) -> None:
         """Set the zero of the depth; see `SensorSession.rezero`."""
         self._ask(Zero())
+
+    def track(self, on: bool) -> None:
+        """Give frames the pose of the object that touches, or no more; for all readers of the sensor."""
+        self._ask(Track(on=on))
 
     def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
         """Press an object into a simulated gel."""

@@ -20,6 +20,7 @@ from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Patch, Provenance, TactileFrame
 from gellight.frames.measures import Confidence, Force, MapOnRequest
+from gellight.frames.pose import ObjectPose, PoseFigures
 from gellight.frames.shear import DotsSeen, Shear, Slip
 from gellight.frames.shear_figures import DotFigures, ShearFigures
 from gellight.reconstruction.light_drift import difference_of
@@ -88,6 +89,7 @@ class Details(StrictModel):
     shear: ShearFigures | None = None
     slip: Slip | None = None
     contacts: tuple[Patch, ...] = ()
+    pose: PoseFigures | None = None
     from_network: bool | None = Field(None, validation_alias=AliasChoices("from_network", "learnt"))
     """`FrameMeasures.from_network`; None for a frame without measures, as one under another light"""
     provenance: Provenance
@@ -193,6 +195,7 @@ def _details(frame: TactileFrame) -> bytes:
             shear=ShearFigures.of(frame.shear) if frame.shear else None,
             slip=frame.slip,
             contacts=frame.contacts,
+            pose=frame.pose.figures() if frame.pose else None,
             from_network=frame.measures.from_network if frame.measures else None,
             provenance=replace(provenance, ages_s=published),
         )
@@ -243,6 +246,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
         "contact": contact,
         "contacts": details.contacts,
         "slip": details.slip,
+        "pose": _pose(details.pose),
         "exposures": _report(details.exposures, maps),
         "stage_seconds": details.stage_seconds,
         "_from_network": details.from_network,
@@ -270,6 +274,13 @@ def _force(figures: ForceFigures | None, frame: ReceivedFrame, maps: Mapping[str
         return force.pressure_mpa
 
     return Force(**figures.model_dump(), pressure_of=pressure_mpa)
+
+
+def _pose(figures: PoseFigures | None) -> ObjectPose | None:
+    try:
+        return ObjectPose.of(figures) if figures else None
+    except ValueError as error:
+        raise _damaged(f"pose: {error}") from None
 
 
 def _dots(details: Details) -> DotsSeen | None:

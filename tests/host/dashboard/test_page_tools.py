@@ -1,5 +1,6 @@
 """The toolbar in a real browser: what is saved equals the frame, choices are kept, a pause can be looked through."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from playwright.sync_api import Page, expect
 
 from gellight.dashboard.messages import encode
 from gellight.dashboard.reference_views import ReferenceViews
+from gellight.frames.pose import ObjectPose
 from tests.helpers.browsing import Open, draw
 from tests.helpers.dashboard_source import PIXEL_MM, FormulaSource, bump, two_bumps, with_truth
 from tests.helpers.ply import read_ply
@@ -186,3 +188,22 @@ def test_the_frames_that_are_kept_stay_within_their_bytes_and_reach_far_back(ope
     assert (oldest, newest) == (0, 299.9)
     assert newest - before < 0.5, "dense where it is new"
     assert middle < 15, "and without a hole"
+
+
+def test_the_tracked_object_has_its_axes_and_its_way_on_the_pictures(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    quarter = np.array([[0.0, -1, 0, 2], [1, 0, 0, -1], [0, 0, 1, 0], [0, 0, 0, 1]])
+    for number, motion in ((1, np.eye(4)), (2, quarter)):
+        pose = ObjectPose(number=4, since_sequence=1, motion=motion, origin_mm=np.zeros(3), centre_mm=np.zeros(3),
+                          covariance=np.eye(6), untellable=np.eye(6)[:number])  # fmt: skip
+        show(page, source, replace(bump(0.9, 3.0, -2.0), pose=pose))
+    assert page.evaluate("gellight.pose.number") == 4
+    expect(page.get_by_test_id("pose")).to_have_text("object 4 at (2.00, -1.00, 0.00) mm, 2 of 6 directions untellable")
+    marks = page.locator(".marks").first
+    assert marks.locator(".axis-x").get_attribute("d") == "M2,-1L2,1", "x has turned towards y, down"
+    assert marks.locator("path.under").first.get_attribute("d") == "M0,0L2,-1"
+    show(page, source, bump(0.9, 3.0, -2.0))
+    expect(marks.locator(".axis-x")).to_have_count(0)
+    page.get_by_test_id("track").click()
+    page.wait_for_timeout(300)
+    assert source.tracking

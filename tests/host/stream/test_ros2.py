@@ -8,21 +8,26 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import zenoh
 from rosbags.typesys import Stores, get_typestore
+from scipy.spatial.transform import Rotation
 
 from gellight.base.errors import StreamError
 from gellight.base.settings import load_settings
 from gellight.cli.one_sensor import published
 from gellight.daemon.session import SensorSession
 from gellight.frames.point_cloud import points_of
+from gellight.frames.pose import ObjectPose
 from gellight.stream.ros2 import HASHES, QOS, Ros2Publisher
+from gellight.stream.ros_topics import RosTopics
+from gellight.tracking.rigid import pose_of
 from tests.helpers.children import gellight, run
 from tests.helpers.places import CHECKOUT
-from tests.helpers.streamed import bump_daemon, free_port
+from tests.helpers.streamed import bump_daemon, free_port, full_frame
 from tests.helpers.weighed import HeavyFrames
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
@@ -123,7 +128,7 @@ def test_the_contact_is_a_point_in_metres(port: int) -> None:
 
 def test_the_contacts_are_points_with_their_figures_in_si_units(port: int) -> None:
     told = read(port, "/left_finger/contacts", "sensor_msgs/msg/PointCloud2")
-    assert (told["height"], told["width"]) == (1, 1)
+    assert (told["height"], told["width"]) == (1, 10)
     first = told["first"]
     assert [first[name] for name in ("x", "y", "number", "velocity_x", "velocity_y")] == pytest.approx(
         [0, 0, 1, 0, 0], abs=2e-4
@@ -138,6 +143,36 @@ def test_the_wrench_is_the_normal_force_in_newtons(port: int) -> None:
     told = read(port, "/left_finger/contact/wrench", "geometry_msgs/msg/WrenchStamped")
     assert told["wrench"] == [0, 0, 1.25, 0, 0, 0]
     assert told["frame_id"] == "left_finger_gel"
+
+
+def test_the_pose_of_the_object_is_that_of_axes_with_y_up() -> None:
+    """Against many motions drawn by the covariance, each made a motion of a right-handed frame by itself."""
+    random, mirror = np.random.default_rng(1), np.diag([1.0, -1.0, 1.0])
+    root = random.normal(size=(6, 6))
+    centre, origin = np.array([1.0, 2.0, 0.5]), np.array([-0.5, 0.3, 0.6])
+    motion = pose_of(np.array([0.4, -0.2, 0.1, 0.3, -0.5, 0.9]), origin)
+    pose = ObjectPose(number=1, since_sequence=0, motion=motion, origin_mm=origin, centre_mm=centre,
+                      covariance=root @ root.T * 1e-6, untellable=np.zeros((0, 6)))  # fmt: skip
+    daemon, _ = bump_daemon()
+    encode = RosTopics(daemon, "finger").of_frames["object/pose"][1]
+    content = encode(replace(full_frame(), pose=pose))
+    message = JAZZY.deserialize_cdr(content, "geometry_msgs/msg/PoseWithCovarianceStamped")
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    told = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
+    np.testing.assert_allclose(told, mirror @ motion[:3, :3] @ mirror, atol=1e-12)
+    assert np.linalg.det(told) == pytest.approx(1)
+    there = motion[:3, :3] @ origin + motion[:3, 3]
+    np.testing.assert_allclose([place.x, place.y, place.z], [there[0] / 1e3, -there[1] / 1e3, there[2] / 1e3])
+    drawn = []
+    for twist in random.normal(size=(3000, 6)) @ root.T * 1e-3:
+        moved = pose_of(twist, centre) @ motion
+        at = mirror @ (moved[:3, :3] @ origin + moved[:3, 3]) / 1e3 - [place.x, place.y, place.z]
+        drawn.append([*at, *Rotation.from_matrix(mirror @ moved[:3, :3] @ mirror @ told.T).as_rotvec()])
+    seen, stated = np.cov(np.array(drawn).T), message.pose.covariance.reshape(6, 6)
+    size = np.sqrt(np.outer(np.diag(stated), np.diag(stated)))
+    np.testing.assert_allclose(seen / size, stated / size, atol=0.08)
+    assert message.header.frame_id == "finger_gel"
+    assert encode(full_frame()) is None
 
 
 def test_without_a_constant_for_the_force_there_is_no_wrench(router: tuple[zenoh.Session, int]) -> None:
@@ -174,11 +209,11 @@ def test_the_graph_shows_the_node_and_its_topics(router: tuple[zenoh.Session, in
     """Tokens as rmw_zenoh's design writes them; the attachment has number, time and the 16 bytes of the publisher."""
     session = router[0]
     keys, until_s = [], time.monotonic() + 20
-    while len(keys) < 9 and time.monotonic() < until_s:  # the router learns of them one by one
+    while len(keys) < 11 and time.monotonic() < until_s:  # the router learns of them one by one
         replies = session.liveliness().get("@ros2_lv/**", timeout=5)
         keys = sorted(str(reply.ok.key_expr) for reply in replies if reply.ok)
     kinds = [key.split("/")[5] for key in keys]
-    assert (kinds.count("NN"), kinds.count("MP")) == (1, 8)
+    assert (kinds.count("NN"), kinds.count("MP")) == (1, 10)
     (image,) = [key for key in keys if "%left_finger%image_raw" in key]
     parts = image.split("/")
     assert parts[1] == "7"

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.frames.measures import STEEP, MapOnRequest
+from gellight.frames.pose import ObjectPose
 from gellight.reconstruction.contact import MOST_PATCHES, measure_patches
 from gellight.reconstruction.integration import normals
 from gellight.reconstruction.measures import BundleMeasures
@@ -53,6 +54,24 @@ def test_a_frame_of_a_daemon_that_knew_no_contacts_is_read() -> None:
     old = re.sub(rb'"contacts":\[.*?\}\],', lambda found: b" " * len(found[0]), encode(full_frame()))
     assert b"contacts" not in old
     assert decode(old, no_bundle).contacts == ()
+
+
+def test_a_pose_arrives_as_it_was_sent_and_a_damaged_one_is_refused() -> None:
+    numbers = np.arange(36.0).reshape(6, 6)
+    motion = np.vstack([np.arange(12.0).reshape(3, 4), [0, 0, 0, 1]])
+    pose = ObjectPose(number=3, since_sequence=9, motion=motion, origin_mm=np.arange(3.0), centre_mm=np.ones(3),
+                      covariance=numbers, untellable=numbers[:1])  # fmt: skip
+    message = encode(replace(full_frame(), pose=pose))
+    got = decode(message, no_bundle).pose
+    assert vars(got).keys() == vars(pose).keys()
+    for name, value in vars(pose).items():
+        np.testing.assert_array_equal(vars(got)[name], value)
+    assert decode(encode(full_frame()), no_bundle).pose is None
+    whole = b"[0.0,1.0,2.0,3.0,4.0,5.0,6.0,7.0,8.0,9.0,10.0,11.0]"
+    cut = message.replace(whole, b"[1.0]".ljust(len(whole)))
+    assert cut != message
+    with pytest.raises(StreamError, match="pose"):
+        decode(cut, no_bundle)
 
 
 def test_the_contacts_of_cloth_are_not_too_many_for_a_message() -> None:

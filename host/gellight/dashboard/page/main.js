@@ -21,6 +21,7 @@ import { saveNpz, savePly, savePng } from "./saving.js";
 import { arrowsOf, showShear } from "./shear.js";
 import { judge, tellBanners } from "./state.js";
 import { listenToKeys, offerFullScreen } from "./toolbar.js";
+import { Tracking } from "./tracking.js";
 import { Truth } from "./truth.js";
 import { WatchNotice } from "./watch.js";
 
@@ -32,7 +33,7 @@ const element = (id) => document.getElementById(id);
 /** What the page knows, for scripts and tests. */
 const stats = {
   state: "connecting", sequence: -1, drawn: 0, drawn_fps: 0, fps: null, age_ms: null, level: "",
-  indentation_mm: null, area_mm2: null, centroid_mm: null, contacts: [], section: null, error: null, kept: 0, surface: "waiting",
+  indentation_mm: null, area_mm2: null, centroid_mm: null, contacts: [], pose: null, section: null, error: null, kept: 0, surface: "waiting",
 };
 window.gellight = stats;
 
@@ -52,6 +53,7 @@ let surface = null; // drawn in 3D; its library is most of the page's bytes, so 
 let detail = new Detail(RELIEF, RELIEF);
 const history = new History(element("history"), { choose: (timeS) => revisit(recent.nearest(timeS)), step: (count) => revisit(recent.step(shown?.header.time_s, count)) });
 
+let moving = null; // the axes of the tracked object and its way
 let waiting = null; // the newest view not yet drawn
 let shown = null; // the view on the screen
 let status = null; // what the server said last
@@ -76,6 +78,7 @@ const connection = new Connection({
   answer: (answer) => press.answer(answer),
 });
 const press = new PressPanel((command) => connection.send(command));
+const tracking = new Tracking(element("track"), (command) => connection.send(command));
 const tool = () => (measuring() ? measure : press);
 const pictures = new Pictures([...planes.canvases, element("truth")], {
   point: (place) => measure.pointAt(place),
@@ -167,6 +170,8 @@ function draw(view) {
   truth.draw(view, planes.colours);
   surface?.update(view, planes.normalPixels);
   measure.show(view);
+  moving = tracking.follow(view.header.pose);
+  stats.pose = view.header.pose;
   stats.contacts = view.header.contacts.toSorted((one, other) => one.number - other.number);
   drawSurface();
   overlay();
@@ -197,7 +202,7 @@ function mark() {
 function overlay() {
   const several = stats.contacts.length > 1 ? stats.contacts : [];
   const labels = several.map(({ number, centroid_mm: place }) => [String(number), place]);
-  pictures.mark({ line: measure.line, point: measure.point, labels, ...arrowsOf(shown.header.shear) });
+  pictures.mark({ line: measure.line, point: measure.point, moving, labels, ...arrowsOf(shown.header.shear) });
   stats.section = measure.section;
 }
 
@@ -215,6 +220,7 @@ function takeStatus(said) {
   stats.error = said.error ?? null;
   showStatus(said);
   press.show(said.stage);
+  tracking.show(said);
   watch.show(said.watch);
 }
 

@@ -50,13 +50,14 @@ export class Pictures {
   }
 
   /**
-   * Draw over every picture: `line` ([start, end] or null), `point` (or null), `labels` [[text, place], ...], `arrows`
+   * Draw over every picture: `line` ([start, end] or null), `point` (or null), `moving` (an object's `axes` and
+   * `path`, or null), `labels` [[text, place], ...], `arrows`
    * [[x, y, along x, along y], ...] and, larger, `pull` (one of these, or null).
    */
-  mark({ line, point, labels, arrows = [], pull = null }) {
+  mark({ line, point, moving = null, labels, arrows = [], pull = null }) {
     if (!this.#viewMm) return;
     const [width, height] = this.#viewMm;
-    const marked = JSON.stringify([width, height, line, point, labels, arrows, pull]);
+    const marked = JSON.stringify([width, height, line, point, moving, labels, arrows, pull]);
     if (marked === this.#marked) return;
     this.#marked = marked;
     for (const layer of this.#marks) {
@@ -64,6 +65,10 @@ export class Pictures {
       svg.setAttribute("viewBox", `${-width / 2} ${-height / 2} ${width} ${height}`);
       svg.setAttribute("preserveAspectRatio", "none");
       if (line) svg.append(...strokes(`M${line[0]}L${line[1]}`), ...line.flatMap((end) => strokes(cross(end, 0.4))));
+      if (moving) {
+        svg.append(...strokes(`M${moving.path.join("L")}`));
+        moving.axes.forEach(([from, to], axis) => svg.append(...strokes(`M${from}L${to}`, `axis-${"xyz"[axis]}`)));
+      }
       if (arrows.length) svg.append(...strokes(arrows.map((one) => arrow(one, 0.4)).join("")));
       if (pull) svg.append(...strokes(arrow(pull, 1)).map((made) => (made.classList.add("pull"), made)));
       if (point) svg.append(...strokes(cross(point, 0.8)));
@@ -114,8 +119,8 @@ export class Pictures {
   }
 }
 
-function strokes(path) {
-  return ["under", "over"].map((className) => {
+function strokes(path, also = "") {
+  return ["under", `over ${also}`].map((className) => {
     const made = document.createElementNS(SVG, "path");
     made.setAttribute("class", className);
     made.setAttribute("d", path);

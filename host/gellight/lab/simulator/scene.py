@@ -5,24 +5,38 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+import scipy.fft
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from gellight.frames.shear import ShearTruth
 from gellight.lab.simulator.dragging import Motion, Sheared, sheared
 from gellight.lab.simulator.printed_dots import PrintedDots, paint, seen_px
 from sim_reference import gel
+from sim_reference.bodies import BODY_NAMES, body
 from sim_reference.camera import CameraResponse, exposure_for, linear_grey
 from sim_reference.deformation import Deformation, GelModel
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.imaging import led_irradiance, ring_light
-from sim_reference.surface import Surface, depth_at, press_object, sample, untouched
+from sim_reference.surface import (
+    GRID_EXTENT_MM,
+    GRID_SIZE,
+    Surface,
+    depth_at,
+    press_object,
+    sample,
+    untouched,
+)
 
 Array = NDArray[np.float64]
 BRIGHTEST_GREY = 200.0
 """of the untouched gel, at its brightest pixel: slopes that face the LEDs still do not clip"""
 deformed = lru_cache(maxsize=64)(press_object)
 """what a press does to the gel: the same for every scene, and wherever it happens"""
+SPACING_MM = GRID_EXTENT_MM / GRID_SIZE
+MARGIN_MM = 15.0
+"""of gel around a body: three thicknesses of the default gel"""
 READY = 3
 """presses computed ahead that are kept, 15 MB each"""
 
@@ -37,12 +51,36 @@ class Press:
     y_mm: float = 0.0
     path: tuple[Motion, ...] = ()
     """along which it was then moved sideways"""
+    turn_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """about x, y and z at once: the axis of the turn, as long as its angle; about the object's origin"""
+    within_mm: float = 0.0
+    """radius of the circle that the object is cut by; 0: it is whole"""
 
     @property
     def place(self) -> Motion:
         """x, y mm from the image centre and the turn, rad, of the object now."""
         x, y, turn = self.path[-1] if self.path else (0.0, 0.0, 0.0)
         return self.x_mm + x, self.y_mm + y, turn
+
+    @property
+    def is_body(self) -> bool:
+        """Whether it is pressed as a mesh: turned, cut, or known as a mesh alone."""
+        return any(self.turn_rad) or self.within_mm > 0 or self.object_name in BODY_NAMES
+
+    @property
+    def pose(self) -> Array:
+        """(4, 4) carries points of the object, mm, to x right, y down, z towards the camera from the image centre."""
+        x, y, dragged_rad = self.place
+        rotation = (Rotation.from_rotvec([0, 0, dragged_rad]) * Rotation.from_rotvec(self.turn_rad)).as_matrix()
+        top_mm = self.upper_side[1] if self.is_body else 0.0
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = rotation, (x, y, self.depth_mm - top_mm)
+        return pose
+
+    @property
+    def upper_side(self) -> tuple[Array, float]:
+        """What of the body meets the gel, on a grid of its own, and its top: see `Body.upper_side`."""
+        return _upper_side(self.object_name, self.within_mm, self.turn_rad)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +90,21 @@ class Printed:
     dots: PrintedDots
     friction: float = 0.6
     """coefficient between object and gel"""
+
+
+@lru_cache(maxsize=2)
+def _upper_side(name: str, within_mm: float, turn_rad: tuple[float, float, float]) -> tuple[Array, float]:
+    """Return the height of a turned body on a grid of its own, and its top: see `Body.upper_side`."""
+    turned = body(name, within_mm)
+    most = round(min(GRID_SIZE, 2 * (turned.reach_mm + MARGIN_MM) / SPACING_MM))
+    size = min(GRID_SIZE, scipy.fft.next_fast_len(most, real=True))
+    return turned.upper_side(Rotation.from_rotvec(turn_rad).as_matrix(), size, SPACING_MM)
+
+
+@lru_cache(maxsize=64)
+def deformed_by_body(press: Press, geometry: SensorGeometry, model: GelModel) -> Deformation:
+    """Press a body, wherever that happens: `press` lies in the middle."""
+    return model(press.upper_side[0], SPACING_MM, press.depth_mm, geometry)
 
 
 Lit = tuple[Press | None, Surface, NDArray[np.float32]]
@@ -126,6 +179,8 @@ class Scene:
 
     def deformation(self, press: Press) -> Deformation:
         """Return what the press does to the gel, on the grid of the object."""
+        if press.is_body:
+            return deformed_by_body(replace(press, x_mm=0.0, y_mm=0.0, path=()), self._gel, self._model)
         return deformed(press.object_name, press.depth_mm, self._gel, model=self._model)
 
     def shear(self, press: Press | None) -> ShearTruth | None:

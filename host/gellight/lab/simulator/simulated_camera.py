@@ -14,6 +14,7 @@ the LEDs' brightness, as a share), `dim` (all LEDs darker by this share). `gel=f
 with `resolution` mm between vertices: a minute a press, kept on the disk. `dots=9x7` prints columns and rows of marker
 dots on the gel, `dot_pitch` and `dot_diameter` mm, of `dot_albedo`, of which the share `dots_missing` has come off;
 `friction` is its coefficient for what is dragged over such a gel.
+`sequence=FILE` moves an object as the file says, a step a frame, there and back: see `sequence.py`.
 """
 
 import logging
@@ -22,6 +23,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from math import inf
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +44,7 @@ from gellight.lab.simulator.printed_dots import PrintedDots
 from gellight.lab.simulator.read_noise import ReadNoise
 from gellight.lab.simulator.scene import Array, Press, Printed, Scene
 from gellight.lab.simulator.selfcheck import SelfCheck
+from gellight.lab.simulator.sequence import read_sequence
 from gellight.lab.simulator.shutter import Shutter, row_weights
 from gellight.lab.simulator.simulated_controls import SimulatedControls
 from gellight.lab.simulator.stage import Stage
@@ -246,6 +249,7 @@ class SimulatedCamera(Camera):
                 press_depth_mm=press.depth_mm if press else 0.0,
                 place_mm=press.place[:2] if press else (0.0, 0.0),
                 shear=self._scene.shear(press),
+                pose=press.pose if press else None,
             )
             self._shown = press, key, grey, truth
         return self._shown[2], self._shown[3]
@@ -271,6 +275,7 @@ class SimulatedUrl(BaseModel):
     dim: float = Field(0.0, ge=0, le=0.9)
     gel: GelKind = "layer"
     resolution: float = Field(0.3, ge=0.1, le=2.5)
+    sequence: str = ""
     dots: str = Field("", pattern=r"^(\d{1,2}x\d{1,2})?$")
     dot_pitch: float = Field(2.0, ge=0.5, le=10)
     dot_diameter: float = Field(0.6, ge=0.1, le=5)
@@ -317,6 +322,8 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
     stage = Stage(sensor, programme=wanted.programme)
     if wanted.model_fields_set & {"object_name", "depth", "x", "y"}:
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
+    if wanted.sequence:
+        stage.play(read_sequence(Path(wanted.sequence), sensor).presses)
     if wanted.gel == "fem":
         check_memory(wanted.resolution, sensor)
     model = gel_model(wanted.gel, wanted.resolution)

@@ -2,7 +2,7 @@
 
 import itertools
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from math import hypot
@@ -29,6 +29,20 @@ PROGRAMME = (
     Press("SINWAVE", 0.9, 0.0, 0.0),
     Press("CCONVEX", 0.9, 0.0, 0.0),
 )
+
+
+def moving_peg(steps: int = 20) -> tuple[Press, ...]:
+    """Return a peg that slides, turns and tilts, there and back."""
+    s = np.linspace(0, 1, steps)
+    ways = 1.5 * np.sin(2 * np.pi * s), 1.5 * s, np.radians(2 * np.sin(2 * np.pi * s)), np.radians(12 * s)
+    there = [
+        Press("PEG", 0.8, x, y, turn_rad=(tilt, 0.0, turn)) for x, y, tilt, turn in np.stack(ways, axis=1).tolist()
+    ]
+    return (*there, *there[-2:0:-1])
+
+
+MOVING = moving_peg()
+"""what moves by itself while a page tracks"""
 
 
 def programme_of_presses() -> Iterator[Press | None]:
@@ -65,6 +79,8 @@ class Stage:
         self._lock = threading.Lock()
         self._wanted: Press | None = None
         self._programme = programme_of_presses() if programme else None
+        self._sequence: Iterator[Press | None] | None = None
+        """what is shown a frame each; a visitor takes it over"""
         self._frames_until_programme = 0
         self._preparing: list[str] = []
         """objects whose press is being computed"""
@@ -126,6 +142,17 @@ class Stage:
         self.press(object_name, depth_mm, x_mm, y_mm)
         self._programme = None
 
+    def play(self, presses: Sequence[Press | None]) -> None:
+        """Show a sequence of presses, a frame each, forwards and back for ever; no programme plays afterwards."""
+        there_and_back = [*presses, *presses[-2:0:-1]]
+        self._sequence, self._programme = itertools.cycle(there_and_back), None
+
+    def drive(self, *, on: bool) -> None:
+        """Let a peg slide, turn and tilt by itself, there and back; or lift it. A visitor's press ends it too."""
+        self._sequence = itertools.cycle(MOVING) if on else None
+        self._want(None)
+        self._frames_until_programme = 0 if on else RETURN_FRAMES
+
     def drag(self, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> None:
         """Move what is pressed straight to (x, y) from where it was pressed, turned from x towards y.
 
@@ -147,7 +174,7 @@ class Stage:
     def take_over(self) -> None:
         """Lift the object; no programme plays afterwards."""
         self._want(None)
-        self._programme = None
+        self._programme = self._sequence = None
 
     def status(self) -> PressStatus:
         """Return what is pressed now."""
@@ -165,6 +192,8 @@ class Stage:
         with self._lock:
             if self._frames_until_programme > 0:
                 self._frames_until_programme -= self._wanted is None
+            elif self._sequence is not None:
+                self._wanted = next(self._sequence)
             elif self._programme is not None:
                 self._wanted = next(self._programme)
             return self._wanted

@@ -1,0 +1,75 @@
+"""Surfaces with a formula, moved rigidly: views of them whose motion is known to the last digit."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from gellight.tracking.rigid import inverse, pose_of
+from gellight.tracking.view import View, eroded
+
+Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
+PIXEL_MM = 0.1176
+SHAPE = (120, 160)
+Y, X = ((np.arange(n) - (n - 1) / 2) * PIXEL_MM for n in SHAPE)
+X, Y = np.meshgrid(X, Y)
+
+
+def ball(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A ball of 5 mm radius, 1 mm deep."""
+    return np.sqrt(np.maximum(25 - x**2 - y**2, 1.0)) - 4.0
+
+
+def bar(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A bar of 5 mm radius along x."""
+    return np.sqrt(np.maximum(25 - y**2, 1.0)) - 4.0 + 0 * x
+
+
+def relief(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The ball with a gentle relief in every direction."""
+    return ball(x, y) + 0.04 * (
+        np.sin(1.9 * x + 0.7 * y) + np.sin(2.3 * y - 1.1 * x + 1) + np.sin(1.4 * x + 1.7 * y + 2)
+    )
+
+
+def other(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The ball with another relief."""
+    return ball(x, y) + 0.05 * (np.sin(2.8 * x - 1.7 * y + 2) + np.sin(2.2 * y + 2.1 * x) + np.sin(3.1 * x + 1))
+
+
+def seen(height: Height, pose: np.ndarray | None = None, *, noise: float = 0.0, seed: int = 0, radius_mm: float = 2.2,
+         beside_mm: tuple[float, float] = (0.0, 0.0)) -> View:  # fmt: skip
+    """What a sensor sees of a surface that was moved; it touches in a disc, by default in the middle."""
+    back = inverse(np.eye(4) if pose is None else pose)
+    depth = height(X, Y)
+    for _ in range(40):
+        x, y, z = (back[row, 0] * X + back[row, 1] * Y + back[row, 2] * depth + back[row, 3] for row in range(3))
+        depth = depth + 0.8 * (height(x, y) - z)
+    down, across = np.gradient(depth, PIXEL_MM)
+    planes = np.dstack([depth, across, down])
+    touching = np.hypot(X - beside_mm[0], Y - beside_mm[1]) < radius_mm
+    pixel = (PIXEL_MM, PIXEL_MM)
+    middle = ((SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2)
+    view = View(planes.astype(np.float32), touching, eroded(touching, 0.12, pixel), pixel, middle)
+    return noisy(view, noise, seed) if noise else view
+
+
+def noisy(view: View, noise: float, seed: int, *, shared: float = 0.0) -> View:
+    """The same view with noise in the slopes, and errors that all of the contact shares: a constant, and ever more."""
+    random = np.random.default_rng(seed)
+    planes = view.planes.copy()
+    planes[..., 1:] += noise * random.standard_normal((*SHAPE, 2))
+    for channel, size in enumerate((2 * shared, shared, shared)):
+        constant, across, down = size * random.standard_normal(3)
+        planes[..., channel] += constant + (across * X + down * Y) / 2.2
+    return View(planes, view.touching, view.inside, view.pixel_mm, view.middle_px)
+
+
+def nothing() -> View:
+    """The gel at rest."""
+    none = np.zeros(SHAPE, np.bool_)
+    return View(np.zeros((*SHAPE, 3), np.float32), none, none, (PIXEL_MM, PIXEL_MM), (79.5, 59.5))
+
+
+def moved(x: float, y: float, turn_deg: tuple[float, float, float], z: float = 0.0) -> np.ndarray:
+    """The pose that moves the point in the middle, 1 mm deep, by (x, y, z) mm and turns about it."""
+    return pose_of(np.array([x, y, z, *np.radians(turn_deg)]), np.array([0.0, 0.0, 1.0]))

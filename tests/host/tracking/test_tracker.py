@@ -1,0 +1,79 @@
+"""From frame to frame: one object keeps its number, a loss is announced, and what comes then is another one."""
+
+import numpy as np
+import pytest
+
+from gellight.frames.pose import ObjectPose, PoseFigures
+from gellight.tracking.rigid import inverse, twist_of
+from gellight.tracking.tracker import GIVE_UP, Tracker
+from tests.helpers.moving import moved, nothing, other, relief, seen
+
+
+def way(count: int) -> list[np.ndarray]:
+    return [moved(0.12 * i, 0.05 * i, (0.6 * i, -0.8 * i, 1.5 * i)) for i in range(count)]
+
+
+def test_an_object_is_followed_with_one_number() -> None:
+    tracker = Tracker()
+    for number, motion in enumerate(way(9)):
+        pose = tracker.follow(seen(relief, motion, noise=0.003, seed=number), number)
+        assert pose is not None
+        assert (pose.number, pose.since_sequence, pose.lost) == (1, 0, False)
+        off = twist_of(pose.motion @ inverse(motion), pose.centre_mm)
+        assert np.linalg.norm(off[:3]) < 0.02
+        assert np.degrees(np.linalg.norm(off[3:])) < 0.5
+
+
+def test_a_fresh_tracker_backwards_takes_the_motion_back() -> None:
+    """Closure with the keyframes of the way there would be zero whatever they are worth."""
+    views = [seen(relief, motion, noise=0.003, seed=number) for number, motion in enumerate(way(7))]
+    there, back = Tracker(), Tracker()
+    forwards = [there.follow(view, number) for number, view in enumerate(views)][-1]
+    backwards = [back.follow(view, number) for number, view in enumerate(reversed(views))][-1]
+    assert forwards is not None
+    assert backwards is not None
+    closed = twist_of(backwards.motion @ forwards.motion, forwards.origin_mm)
+    assert np.linalg.norm(closed[:3]) < 0.03
+    assert np.degrees(np.linalg.norm(closed[3:])) < 0.5
+    assert np.degrees(np.linalg.norm(twist_of(forwards.motion)[3:])) > 8
+
+
+def test_another_object_is_announced_at_once_and_gets_another_number() -> None:
+    tracker = Tracker()
+    for number in range(4):
+        tracker.follow(seen(relief), number)
+    poses = [tracker.follow(seen(other), number) for number in range(4, 4 + GIVE_UP + 1)]
+    assert all(pose is not None for pose in poses)
+    assert [pose.lost for pose in poses if pose] == [*[True] * (GIVE_UP - 1), False, False]
+    assert [pose.number for pose in poses if pose] == [*[1] * (GIVE_UP - 1), 2, 2]
+    assert poses[-1].since_sequence == 4 + GIVE_UP - 1
+
+
+def test_a_lifted_object_is_lost_once_and_found_again() -> None:
+    tracker = Tracker()
+    tracker.follow(seen(relief), 0)
+    lost = tracker.follow(nothing(), 1)
+    assert lost is not None
+    assert lost.lost
+    assert np.isnan(lost.motion).all()
+    assert tracker.follow(nothing(), 2) is None
+    again = tracker.follow(seen(relief, moved(0.1, 0, (0, 0, 2))), 3)
+    assert again is not None
+    assert (again.number, again.lost) == (1, False)
+    tracker.forget()
+    assert tracker.follow(seen(relief), 4).number == 2
+
+
+def test_a_pose_travels_as_figures() -> None:
+    tracker = Tracker()
+    tracker.follow(seen(relief), 5)
+    pose = tracker.follow(seen(relief, moved(0.1, 0.1, (1, 2, 3))), 6)
+    again = ObjectPose.of(PoseFigures.model_validate_json(pose.figures().model_dump_json()))
+    for name in ("motion", "origin_mm", "centre_mm", "covariance", "untellable", "place_mm"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(pose, name))
+    assert again.since_sequence == 5
+    assert again.in_words().startswith("object 1 at (")
+    lost = tracker.follow(nothing(), 7)
+    assert ObjectPose.of(lost.figures()).lost
+    with pytest.raises(ValueError, match="reshape"):
+        ObjectPose.of(pose.figures().model_copy(update={"motion": (1.0, 2.0)}))
