@@ -60,6 +60,8 @@ SYNTHETIC = "synthetic"
 SUFFIX = ".gelcal"
 REPORT = "report.html"
 
+OTHER_UNITS = "learnt_on_other_units"
+"""in the metrics of a starter bundle: the names of the sensors whose presses it learnt from"""
 _PRESSES = "presses.npz"
 
 

@@ -28,7 +28,7 @@ from gellight.reconstruction.measures import BundleMeasures
 from gellight.series.recorded import frame_of_lights
 from gellight.series.single_light_path import has_single_lights, read_directions, slopes_by
 from gellight.watch.findings import WatchFinding
-from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth
+from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth, learnt_elsewhere
 
 
 @dataclass(frozen=True)
@@ -140,6 +140,8 @@ def command(
         for frame, path in method.frames(paths, bundle)
     ]
     show(rows, as_json, _table(rows))
+    for finding in learnt_elsewhere(bundle) if bundle is not None else ():
+        say(f"gellight: {finding.text}")
     if thickness_mm is None:
         say(
             "gellight: no depth was judged, since nobody told how thick the gel is: give gel_thickness_mm under "

@@ -38,7 +38,7 @@ class WatchFinding:
     """Something about the sensor is not as it was calibrated."""
 
     kind: str
-    """too_deep, not_learnt, other_unit, drift, led_dimmed, led_dead, camera_moved, uneven, tear, dirt, stuck,
+    """starter, too_deep, not_learnt, other_unit, drift, led_dimmed, led_dead, camera_moved, uneven, tear, dirt, stuck,
     never_at_rest, zero_off, recalibrate"""
     severity: Severity
     text: str
@@ -151,6 +151,17 @@ def other_unit(figures: UnitFigures, felt_deg: float) -> WatchFinding:
         text=f"this bundle was made with another unit: {figures.reason}; as it is, the gel is felt {felt_deg:.0f} "
         "degrees tilted; calibrate this sensor, or give its own bundle",
         figures={**figures.as_json(), "felt_deg": round(felt_deg, 1)},
+    )
+
+
+def starter(units: list[str]) -> WatchFinding:
+    """Return the finding that a bundle was learnt on other units of the same kind."""
+    return WatchFinding(
+        kind="starter",
+        severity=Severity.WARNING,
+        text=f"not your unit: this bundle was learnt on others ({', '.join(units)}), so contacts and shapes are seen, "
+        "but depth and normals are rough; calibrate this sensor",
+        figures={"units": units},
     )
 
 

@@ -18,7 +18,7 @@ from gellight.watch.expected import ErrorEstimate, ExpectedError
 from gellight.watch.explanation import Explanation, explain
 from gellight.watch.findings import WatchFinding, advice, light_findings, never_at_rest, other_unit, spot_finding
 from gellight.watch.other_unit import UnitCheck
-from gellight.watch.possible import impossible_depth, unseen_contact
+from gellight.watch.possible import impossible_depth, learnt_elsewhere, unseen_contact
 from gellight.watch.rezero import Situation, refusal
 from gellight.watch.spots import SpotTracker
 from gellight.watch.untouched_model import Mask, UntouchedModel
@@ -93,6 +93,7 @@ class SensorWatch:
         self._state = "starting"
         self._findings: list[WatchFinding] = []
         self._thickness_mm = thickness_mm
+        self._of_bundle = learnt_elsewhere(self.bundle)
         self._of_frame: list[WatchFinding] = []
         """of the latest frame"""
         self._unit_check: UnitCheck | None = None
@@ -257,7 +258,7 @@ class SensorWatch:
 
         Empty while the sensor is as it was calibrated.
         """
-        return [*self._of_frame, *self._of_another_unit, *self._findings]
+        return [*self._of_bundle, *self._of_frame, *self._of_another_unit, *self._findings]
 
     @property
     def _of_another_unit(self) -> list[WatchFinding]:

@@ -7,16 +7,22 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gellight.bundle.bundle import Bundle
+from gellight.bundle.bundle import OTHER_UNITS, Bundle
 from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.force_file import read_force
-from gellight.watch.findings import WatchFinding, never_seen, not_learnt, too_deep
+from gellight.watch.findings import WatchFinding, never_seen, not_learnt, starter, too_deep
 
 MOST_GUESSED = 0.6
 """share of a contact that may have quality flags: pins, pressed deep by a bundle of balls, have up to 0.50"""
 
 MOST_SAMPLES = 2000
 """pixels of a contact that are looked at while the sensor runs"""
+
+
+def learnt_elsewhere(bundle: Bundle) -> list[WatchFinding]:
+    """Return the finding that a bundle is a starter bundle; none for another one."""
+    units = bundle.metrics.get(OTHER_UNITS)
+    return [starter(list(map(str, units)))] if units else []
 
 
 def gel_thickness_mm(bundle: Bundle, told_mm: float | None = None) -> float | None:
