@@ -20,11 +20,19 @@ SMALL = (
 )
 
 
+NO_TORCH = """import importlib.machinery
+search = importlib.machinery.PathFinder.find_spec
+importlib.machinery.PathFinder.find_spec = lambda name, path=None, target=None: (
+    None if name.partition(".")[0] == "torch" else search(name, path, target))
+"""
+"""None in `sys.modules` would do, but SciPy looks there for a module"""
+
+
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """An environment in which this Python, and every Python that it starts, finds no torch."""
     place = tmp_path_factory.mktemp("without torch")
-    (place / "sitecustomize.py").write_text("import sys\nsys.modules['torch'] = None\n")
+    (place / "sitecustomize.py").write_text(NO_TORCH)
     path = os.pathsep.join([str(place), *filter(None, [os.environ.get("PYTHONPATH")])])
     return {**os.environ, "PYTHONPATH": path, "XDG_DATA_HOME": str(place), "XDG_CONFIG_HOME": str(place)}
 

@@ -189,7 +189,7 @@ def test_a_frame_without_depth_shows_its_picture_and_no_figures(opened: Open, so
     draw(page, source, 0.5)
     felt = bump(0.5, 0.0, 0.0)
     nothing = Contact(mask=np.zeros_like(felt.contact.mask), area_mm2=np.nan, indentation_mm=np.nan, centroid_mm=None)
-    empty = {name: np.full_like(getattr(felt, name), np.nan) for name in ("depth_mm", "gradient_map", "normal_map")}
+    empty = {name: np.full_like(getattr(felt, name), np.nan) for name in ("depth_mm", "gradient_map")}
     sequence = source.put(replace(felt, contact=nothing, **empty))
     page.wait_for_function("sequence => gellight.sequence === sequence", arg=sequence)
     expect(page.get_by_test_id("indentation")).to_have_text("–")

@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, expect
 
 from gellight.base.errors import ConfigError
 from gellight.base.settings import load_settings
-from gellight.cli.one_sensor import Running
+from gellight.cli.one_sensor import RunOptions
 from gellight.cli.several_sensors import SensorProcess
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.browsing import draw
@@ -101,5 +101,5 @@ def test_files_that_cannot_be_used_are_refused(
 def test_of_several_sensors_the_page_alone_is_encrypted() -> None:
     """The dashboards of their processes are reached by that page alone, on this computer."""
     settings = load_settings({"dashboard.tls_cert": "a.pem", "dashboard.tls_key": "a.key"})
-    inner = SensorProcess(1, settings, Running())._settings.dashboard
+    inner = SensorProcess(1, settings, RunOptions())._settings.dashboard
     assert (inner.host, inner.tls_cert, inner.tls_key) == ("127.0.0.1", "", "")

@@ -142,7 +142,7 @@ def test_a_mistyped_name_is_answered_in_one_line() -> None:
 
 def test_every_example_is_run_and_described() -> None:
     page = (CHECKOUT / "docs/streaming.md").read_text()
-    assert len(list(EXAMPLES.glob("*.py"))) == 11, "test_ros2.py runs one"
+    assert len(list(EXAMPLES.glob("*.py"))) == 12, "test_ros2.py runs one"
     assert [path.name for path in EXAMPLES.glob("*.py") if f"examples/{path.name}" not in page] == []
     assert examples("docs/streaming.md")[0].strip() in (EXAMPLES / "live.py").read_text()
 

@@ -123,17 +123,17 @@ def test_points(port: int) -> None:
 def test_the_contact_is_a_point_in_metres(port: int) -> None:
     told = read(port, "/left_finger/contact", "geometry_msgs/msg/PointStamped")
     assert told["point"][:2] == pytest.approx([0, 0], abs=1e-4)
-    assert 0.0005 < told["point"][2] < 0.01
+    assert 0.00049 < told["point"][2] < 0.01, "the first bump is 0.5 mm high, between pixels"
 
 
 def test_the_contacts_are_points_with_their_figures_in_si_units(port: int) -> None:
     told = read(port, "/left_finger/contacts", "sensor_msgs/msg/PointCloud2")
-    assert (told["height"], told["width"]) == (1, 10)
+    assert (told["height"], told["width"]) == (1, 1)
     first = told["first"]
     assert [first[name] for name in ("x", "y", "number", "velocity_x", "velocity_y")] == pytest.approx(
         [0, 0, 1, 0, 0], abs=2e-4
     )
-    assert 0.0005 < first["z"] < 0.01
+    assert 0.00049 < first["z"] < 0.01
     assert 0.3 < first["volume"] / first["area"] / first["z"] < 1
     assert 1e-5 < first["area"] < 3e-4
     assert 0 < first["age"] < 60

@@ -237,7 +237,8 @@ class EmulatedBoard:
             self.fault("interrupts were on while the flash did not answer")
 
     def _wait(self, duration_ns: float) -> None:
-        self._waits_until_ns, self._halted = self._chip_ns + duration_ns, True
+        self._waits_until_ns = self._chip_ns + duration_ns
+        self._halted = self.in_bootloader or duration_ns > 0
 
     def run(self, duration_us: float) -> None:
         """Let virtual time pass."""

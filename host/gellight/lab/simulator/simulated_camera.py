@@ -204,9 +204,14 @@ class SimulatedCamera(Camera):
         raise BoardError(f"the board of {self.url} keeps its LEDs dark: see `gellight ring info`")
 
     def _wait_until_due(self) -> None:
-        """Wait for the next frame. The schedule stays: `BUFFERS` frames wait for who reads late, no others."""
+        """Wait for the next frame. The schedule stays: `BUFFERS` frames wait for who reads late, no others.
+
+        With a strobe none waits: it begins when it is read, and the light needs a period to change.
+        """
         late = int((time.monotonic() - self._due_s) / self._period_s) - BUFFERS
         self._due_s += self._period_s * max(late, 1)
+        if self._strobe:
+            self._due_s = max(self._due_s, time.monotonic())
         time.sleep(max(self._due_s - time.monotonic(), 0.0))
 
     def _begin(self) -> float:
