@@ -88,6 +88,8 @@ class SimulatedCamera(Camera):
         self._response = scene.response
         self.controls = SimulatedControls(self._take_controls)
         self._period_s, self._strobe = 1 / fps, strobe
+        self.waiting = 0 if strobe else BUFFERS
+        """frames that wait for who reads late: none with a strobe, whose frames begin when they are read"""
         self._noise = ReadNoise(np.random.default_rng(seed))
         self._phases_us = self._shutter.pulse_period_us * np.random.default_rng([seed, 1]).random(len(scene.light))
         self._shown: tuple[Press | None, bytes, NDArray[np.float32], GroundTruth] | None = None
@@ -204,13 +206,10 @@ class SimulatedCamera(Camera):
         raise BoardError(f"the board of {self.url} keeps its LEDs dark: see `gellight ring info`")
 
     def _wait_until_due(self) -> None:
-        """Wait for the next frame. The schedule stays: `BUFFERS` frames wait for who reads late, no others.
-
-        With a strobe none waits: it begins when it is read, and the light needs a period to change.
-        """
-        late = int((time.monotonic() - self._due_s) / self._period_s) - BUFFERS
+        """Wait for the next frame. The schedule stays: `waiting` frames wait for who reads late, no others."""
+        late = int((time.monotonic() - self._due_s) / self._period_s) - self.waiting
         self._due_s += self._period_s * max(late, 1)
-        if self._strobe:
+        if not self.waiting:
             self._due_s = max(self._due_s, time.monotonic())
         time.sleep(max(self._due_s - time.monotonic(), 0.0))
 

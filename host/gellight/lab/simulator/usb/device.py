@@ -207,6 +207,7 @@ def open_virtual(
         check_drivable(leds)
     camera = open_simulated(url + ("&" if "?" in url else "?") + "board=0", geometry)
     camera.url = url
+    camera.waiting = 0  # a camera sends what it sees now; who reads late waits behind the bus
     return VirtualSensor(camera, serial_number=number, frame_rate=wanted.fps, has_board=wanted.board, leds=leds,
                          faults=faults)  # fmt: skip
 
