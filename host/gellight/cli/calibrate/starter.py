@@ -22,7 +22,7 @@ def command(
     pixel_size_mm: Annotated[float, typer.Option(min=0.0001, help="mm per pixel on the gel of your unit")],
     as_json: AsJson = False,
 ) -> None:
-    """Learn on the presses of other units, for a unit that nobody calibrated.
+    """Learn on other units, for one that nobody calibrated: rough.
 
     Contact and shape are there at once; depth and normals are rough, and the page, `reconstruct` and each frame say
     that the bundle is not of this unit. Pictures of all units have to lie alike.
