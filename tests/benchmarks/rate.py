@@ -43,9 +43,10 @@ NAMED = ("capture", "reconstruct", "check", "watch_now_and_then", "dashboard")
 def by_thread() -> Counter[str]:
     """Return the processor seconds of this process so far, by thread; others are those of libraries."""
     used: Counter[str] = Counter()
-    for thread in threading.enumerate():
-        fields = Path(f"/proc/self/task/{thread.native_id}/stat").read_text().rpartition(")")[2].split()
-        name = next((one for one in NAMED if thread.name.startswith(one)), "others")
+    names = {thread.native_id: thread.name for thread in threading.enumerate()}
+    for task in Path("/proc/self/task").iterdir():
+        fields = (task / "stat").read_text().rpartition(")")[2].split()
+        name = next((one for one in NAMED if names.get(int(task.name), "").startswith(one)), "others")
         used[name] += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")  # type: ignore[assignment]
     used["all"] = time.process_time()  # type: ignore[assignment]
     return used
