@@ -181,6 +181,15 @@ def test_the_inverse_is_that_of_linear_algebra() -> None:
     np.testing.assert_allclose(np.moveaxis(found, 2, 0), np.linalg.inv(np.moveaxis(matrix, 2, 0)), rtol=1e-8)
 
 
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_lights_in_one_plane_have_no_inverse_at_any_strength(scale: float) -> None:
+    rows = np.random.default_rng(4).normal(size=(5, 3, 7))
+    rows[:, 2] = rows[:, 0] - 2 * rows[:, 1]
+    assert (inverse(normal_matrix(scale * rows, scale * rows)) == 0).all()
+    rows[:, 2] += 0.01 * np.random.default_rng(5).normal(size=(5, 7))
+    assert (inverse(normal_matrix(scale * rows, scale * rows))[0, 0] > 0).all()
+
+
 def test_prediction_and_solution_are_one() -> None:
     rng = np.random.default_rng(3)
     rows, scaled = rng.normal(size=(6, 3, 9)), rng.normal(size=(3, 9))

@@ -10,6 +10,8 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -403,3 +405,15 @@ def test_the_first_block_of_the_page_runs_as_it_is_printed(tmp_path: Path) -> No
     done = children.run(["bash", "-euc", block], cwd=tmp_path, env=environment)
     assert done.returncode == 0, done.stderr
     assert list((tmp_path / "press").glob("*.npz"))
+
+
+def test_what_a_minute_takes_is_what_a_frame_takes_at_the_rate_of_the_camera() -> None:
+    stamps = iter([(3, 10.0), (4, 10.5), (13, 11.0)])  # frames are left out on the way
+
+    def next_frame(*_: object) -> SimpleNamespace:
+        sequence, time_s = next(stamps)
+        return SimpleNamespace(camera_frame=SimpleNamespace(sequence=sequence, time_s=time_s))
+
+    writer = SimpleNamespace(bytes_of=lambda frame: 1000)
+    recorder: Any = SimpleNamespace(_daemon=SimpleNamespace(next_frame=next_frame), _writer=writer)
+    assert Recorder.bytes_a_minute(recorder) == pytest.approx(1000 * 60 / 0.1)

@@ -251,3 +251,22 @@ def test_a_ring_is_lit_in_the_colours_of_its_design(colours: str) -> None:
 def test_a_ring_that_cannot_be_is_refused(colours: str) -> None:
     with pytest.raises(InputError, match="give a letter for each LED of the ring"):
         RoutineOptions(out=Path("b"), led_colours=colours)
+
+
+@pytest.mark.parametrize(("radius_px", "step"), [(10, 1), (18, 1), (30, 2), (100, 8)])
+def test_the_live_error_looks_at_some_25_pixels_along_a_contact(radius_px: int, step: int) -> None:
+    press, live = at(160, 120, radius_px), LiveError(REFERENCE, BALL)
+    live.add(0, photograph(press, BALL, REFERENCE, 0), press)
+    (one,) = live._learnt.values()
+    assert one.grid_mm == pytest.approx(step * BALL.pixel_size_mm)
+    assert one.inside.sum() == contact_circle(press, SHAPE)[::step, ::step].sum()
+
+
+def test_the_pictures_that_are_shown_are_a_copy_that_nobody_changes_later() -> None:
+    shown, picture = Display(), np.zeros((2, 2, 3), np.uint8)
+    shown.show(gel=picture)
+    before, version = shown.pictures(), shown.version
+    shown.show(press=picture)
+    assert list(before) == ["gel"]
+    assert list(shown.pictures()) == ["gel", "press"]
+    assert shown.version == version + 1

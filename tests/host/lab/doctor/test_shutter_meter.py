@@ -112,3 +112,10 @@ def test_pictures_that_cannot_be_told_apart_are_refused() -> None:
         TwoLights((picture, np.zeros_like(picture)))
     with pytest.raises(InputError, match="12 x 10 px is too small"):
         TwoLights((picture[:10, :12], picture[:10, :12]))
+
+
+@pytest.mark.parametrize(("told", "bands"), [(2, 0), (3, 3)])
+def test_a_change_is_seen_from_three_bands_on(told: int, bands: int) -> None:
+    amounts = seen(np.linspace(0.3, 0.7, BANDS))
+    amounts[told:] = np.nan
+    assert ShutterMeter().add(amounts, 0, 1, 0.01) == bands

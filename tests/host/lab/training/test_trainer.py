@@ -3,6 +3,7 @@
 import os
 import sys
 import time
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import pytest
@@ -98,3 +99,12 @@ def test_a_child_that_says_nothing_can_be_stopped() -> None:
     assert time.monotonic() - begun < 60
     with pytest.raises(ProcessLookupError):
         os.kill(children[0], 0)
+
+
+@pytest.mark.parametrize("spec", [None, ModuleSpec("gelnet", None)], ids=["missing", "a module"])
+def test_without_the_package_gelnet_it_says_what_to_do(
+    spec: ModuleSpec | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(child.importlib.util, "find_spec", lambda name: spec)
+    with pytest.raises(TrainingError, match="gelnet is not installed beside gellight: reinstall"):
+        child._environment(1)

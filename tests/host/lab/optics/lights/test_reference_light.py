@@ -1,16 +1,21 @@
 """The light model from pictures of the untouched gel: what the simulated camera does to light is found again."""
 
+from contextlib import suppress
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, ConfigError
+from gellight.lab.optics.lights.adding import _untouched
 from gellight.lab.optics.lights.reference_light import check_places, fit_pattern, light_model
+from gellight.lab.simulator.stage import Stage
 from gellight.photometric.light_model import LightGroups, signals_of, unmixing
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.ring.light_groups import single_leds
-from tests.helpers.simulated_gel import PIXEL_MM, RING, Gel
+from tests.helpers.simulated_gel import PIXEL_MM, RING, SMALL, Gel
 
 
 @pytest.fixture(scope="module")
@@ -144,3 +149,17 @@ def test_an_object_in_the_gel_is_told() -> None:
 def test_a_ring_that_cannot_be_is_refused(changes: dict[str, float | str], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         RingGeometry.from_overrides(changes)
+
+
+@pytest.mark.parametrize("pressed", [True, False])
+def test_what_a_stage_presses_is_lifted_off_and_pressed_again(pressed: bool) -> None:
+    stage = Stage(SMALL, programme=False)
+    if pressed:
+        stage.press("BALL", 0.5, 1.0, -2.0)
+    before = stage.status()
+    camera: Any = SimpleNamespace(stage=stage)
+    with suppress(KeyboardInterrupt), _untouched(camera):
+        assert not stage.status()["object"]
+        raise KeyboardInterrupt
+    told = ("object", "depth_mm", "x_mm", "y_mm")
+    assert [stage.status()[name] for name in told] == [before[name] for name in told]
