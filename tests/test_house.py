@@ -55,7 +55,7 @@ DOORS = {
         "lab/boards/", "lab/design/", "lab/housing/", "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py",
     ),
     "cv2": (
-        "bundle/bundle.py", "lab/optics/lens/pins.py", "dashboard/view.py",
+        "bundle/contents.py", "lab/optics/lens/pins.py", "dashboard/view.py",
         "frames/dots.py", "frames/dot_places.py",
         "frames/image_files.py", "frames/pixel_grid.py", "frames/video_files.py", "frames/view.py",
         "reconstruction/at_rest.py", "reconstruction/integration.py", "reconstruction/lens/undistortion.py",

@@ -20,7 +20,6 @@ import io
 import json
 import logging
 import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -29,13 +28,21 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Required, TypedDict, Unpack
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError
 from gellight.base.field_docs import with_field_docs
 from gellight.base.writing import write_file, write_folder
+from gellight.bundle.contents import (
+    UNZIPPING,
+    arrays_of,
+    check_archive,
+    decoded_reference,
+    encoded_reference,
+    npz,
+    read_file,
+)
 from gellight.bundle.manifest import (
     AGAIN,
     CAPTURE_OPTIONS,
@@ -47,14 +54,11 @@ from gellight.bundle.manifest import (
     checked_manifest,
     manifest_toml,
     parse_manifest,
-    plain_name,
 )
 from gellight.bundle.manifest import LedSetting as LedSetting  # part of what a caller of `write_bundle` needs
 
 logger = logging.getLogger(__name__)
 
-UNZIPPING = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, RuntimeError)
-"""what zipfile raises for a damaged archive, or one of a kind that it does not know"""
 SYNTHETIC = "synthetic"
 """Name of the bundle of the simulated sensor that comes with GelLight."""
 SUFFIX = ".gelcal"
@@ -104,7 +108,7 @@ class Bundle:
     @cached_property
     def reference(self) -> NDArray[np.float32]:
         """(H, W, 3) RGB, grey levels with fraction: the mean image of the untouched gel."""
-        image = _decode_reference(self.files[REFERENCE], self.source)
+        image = decoded_reference(self.files[REFERENCE], self.image_shape, self.source)
         image.flags.writeable = False
         return image
 
@@ -151,7 +155,7 @@ class Bundle:
         """
         if reference.shape != (*self.image_shape, 3):
             raise ValueError(f"reference image has shape {reference.shape}: give {(*self.image_shape, 3)}")
-        other = self.with_files({REFERENCE: _encode_reference(reference)})
+        other = self.with_files({REFERENCE: encoded_reference(reference)})
         return replace(other, manifest=other.manifest.model_copy(update={"reference_frames": frames}))
 
     def with_files(self, files: Mapping[str, bytes]) -> "Bundle":
@@ -164,8 +168,10 @@ class Bundle:
         """The arrays of `presses.npz`; raises BundleError where the bundle has none."""
         if _PRESSES not in self.files:
             raise BundleError(f"{self.source} has no {_PRESSES}: calibrate the sensor again to record presses")
-        with np.load(io.BytesIO(self.files[_PRESSES]), allow_pickle=False) as table:
-            return {name: table[name] for name in table.files}
+        try:
+            return arrays_of(self.files[_PRESSES])
+        except UNZIPPING as error:
+            raise BundleError(f"{self.source}: {_PRESSES} cannot be read ({error}): {AGAIN}") from error
 
 
 def load_bundle(path: str | Path) -> Bundle:
@@ -175,7 +181,7 @@ def load_bundle(path: str | Path) -> Bundle:
     """
     place = _synthetic_folder() if str(path) == SYNTHETIC else Path(path)
     if place.is_dir():
-        return _load(str(place), lambda name: (place / name).read_bytes())
+        return _load(str(place), lambda name: read_file(place / name))
     if not place.exists():
         raise BundleError(f"calibration bundle {place} does not exist: give a folder, a {SUFFIX} file or '{SYNTHETIC}'")
     return _unpacked(place, str(place))
@@ -189,7 +195,7 @@ def unpack_bundle(content: bytes, source: str) -> Bundle:
 def _unpacked(packed: Path | io.BytesIO, source: str) -> Bundle:
     try:
         with zipfile.ZipFile(packed) as archive:
-            _check_archive(archive, source)
+            check_archive(archive, source)
             return _load(source, archive.read)
     except UNZIPPING as error:
         raise BundleError(f"{source} is not a whole {SUFFIX} file ({error}): {AGAIN}") from error
@@ -232,10 +238,10 @@ def write_bundle(
     """
     files = {
         **(extra_files or {}),
-        REFERENCE: _encode_reference(reference),
+        REFERENCE: encoded_reference(reference),
         METRICS: (json.dumps(metrics, indent=2, sort_keys=True, allow_nan=False) + "\n").encode(),
         network_name: network,
-        **({_PRESSES: _npz(presses)} if presses is not None else {}),
+        **({_PRESSES: npz(_finite(presses))} if presses is not None else {}),
     }
     manifest = checked_manifest(
         folder,
@@ -313,15 +319,10 @@ def _load(source: str, read: Callable[[str], bytes]) -> Bundle:
     manifest = parse_manifest(_read(source, read, MANIFEST), source)
     files = {name: _verified(source, read, name, digest) for name, digest in manifest.files.items()}
     bundle = Bundle(manifest=manifest, files=files, source=source)
-    if bundle.reference.shape[:2] != bundle.image_shape:
-        height, width = bundle.reference.shape[:2]
-        raise BundleError(
-            f"{source}: {REFERENCE} is {width} x {height} px, the manifest says "
-            f"{manifest.image_width_px} x {manifest.image_height_px}: {AGAIN}"
-        )
+    bundle.reference  # noqa: B018  (decoded now, so that a broken one is an error of loading)
     try:
-        bundle.metrics  # noqa: B018  (decoded now, so that a broken one is an error of loading)
-    except ValueError as error:
+        bundle.metrics  # noqa: B018  (as well)
+    except (ValueError, RecursionError) as error:
         raise BundleError(f"{source}: {METRICS} is not JSON ({error}): {AGAIN}") from error
     return bundle
 
@@ -346,18 +347,6 @@ def _verified(source: str, read: Callable[[str], bytes], name: str, digest: str)
     return content
 
 
-def _check_archive(archive: zipfile.ZipFile, place: str) -> None:
-    """Refuse names that leave the bundle and archives that would fill the memory."""
-    for entry in archive.infolist():
-        try:
-            plain_name(entry.filename)
-        except ValueError as error:
-            raise BundleError(f"{place}: {error}; do not use this file, get it again from its source") from error
-    total = sum(entry.file_size for entry in archive.infolist())
-    if total > 512 * 1024 * 1024:
-        raise BundleError(f"{place} unpacks to {total / 1e6:.0f} MB: no bundle is that large; get it again")
-
-
 def _digests(files: Mapping[str, bytes]) -> dict[str, str]:
     return {name: hashlib.sha256(content).hexdigest() for name, content in sorted(files.items())}
 
@@ -369,31 +358,11 @@ def _software() -> str:
         return "gellight (not installed)"
 
 
-def _encode_reference(reference: NDArray[np.floating]) -> bytes:
-    if reference.ndim != 3 or reference.shape[2] != 3:
-        raise ValueError(f"reference image has shape {reference.shape}: give (H, W, 3)")
-    if not (np.isfinite(reference).all() and reference.min() >= 0 and reference.max() <= 255):
-        raise BundleError(
-            "the reference image has NaN or values outside 0 to 255 grey levels: capture the reference again"
-        )
-    levels = np.round(reference.astype(np.float64) * 256).astype(np.uint16)
-    return cv2.imencode(".png", levels[..., ::-1])[1].tobytes()
-
-
-def _decode_reference(content: bytes, source: str) -> NDArray[np.float32]:
-    levels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if content else None
-    if levels is None or levels.dtype != np.uint16 or levels.ndim != 3 or levels.shape[2] != 3:
-        raise BundleError(f"{source}: {REFERENCE} is not a 16-bit RGB PNG: {AGAIN}")
-    return np.ascontiguousarray(levels[..., ::-1], dtype=np.float32) / np.float32(256)
-
-
-def _npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    for name, values in arrays.items():
+def _finite(presses: Mapping[str, NDArray[Any]]) -> Mapping[str, NDArray[Any]]:
+    for name, values in presses.items():
         if values.dtype.kind == "f" and not np.isfinite(values).all():
             raise BundleError(f"{_PRESSES}: {name} has NaN or infinite values: drop those presses")
-    content = io.BytesIO()
-    np.savez_compressed(content, **dict(arrays))  # type: ignore[arg-type]
-    return content.getvalue()
+    return presses
 
 
 def _not_written(target: Path, error: OSError) -> BundleError:

@@ -15,6 +15,7 @@ from gellight.ring.wire import MOST_LEDS
 SCHEMA_VERSION = 1
 MANIFEST, REFERENCE, METRICS = "manifest.toml", "reference.png", "metrics.json"
 AGAIN = "calibrate the sensor again or restore the bundle from a copy"
+MOST_BYTES = 1024 * 1024
 IDENTITY_BYTES = 8
 """of a bundle, as the board of its sensor remembers it"""
 BULGE = 1.71
@@ -33,6 +34,7 @@ def plain_name(name: str) -> str:
 
 FileName = Annotated[str, AfterValidator(plain_name)]
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Side = Annotated[int, Field(ge=2, le=8192)]
 Byte = Annotated[int, Field(ge=0, le=255)]
 Control = bool | int | float | str
 CAPTURE_OPTIONS = frozenset(
@@ -62,8 +64,8 @@ class Manifest(BaseModel):
     """what people call the sensor; nothing depends on it"""
     created: AwareDatetime
     software: str
-    image_width_px: Annotated[int, Field(ge=2)]
-    image_height_px: Annotated[int, Field(ge=2)]
+    image_width_px: Side
+    image_height_px: Side
     pixel_size_mm: tuple[Length, Length]
     """(x, y)"""
     reference_frames: Annotated[int, Field(ge=1)]
@@ -108,8 +110,10 @@ class Manifest(BaseModel):
 def parse_manifest(content: bytes, source: str) -> Manifest:
     """Read `manifest.toml`; BundleError, naming `source`, for one that is damaged or too new."""
     try:
+        if len(content) > MOST_BYTES:
+            raise ValueError(f"it has {len(content)} bytes, a manifest at most {MOST_BYTES}")
         values = tomllib.loads(content.decode())
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise BundleError(f"{source}: {MANIFEST} is not TOML ({error}): {AGAIN}") from error
     schema = values.get("schema_version")
     if isinstance(schema, int) and schema > SCHEMA_VERSION:

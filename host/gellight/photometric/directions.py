@@ -8,7 +8,6 @@ with a factor rho common to all lights. A distant light has the same v everywher
 is near changes over the view. Nothing is assumed about where lights stand, how many there are, or their colours.
 """
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
-from gellight.bundle.bundle import UNZIPPING
+from gellight.bundle.contents import UNZIPPING, arrays_of, npz
 from gellight.photometric.solver import LEAST_LIGHTS, slopes, solve_robustly
 
 Array = NDArray[np.float64]
@@ -84,9 +83,7 @@ class LightDirections:
 
     def content(self) -> bytes:
         """Return them as the content of an .npz file."""
-        content = io.BytesIO()
-        np.savez_compressed(content, **vars(self))
-        return content.getvalue()
+        return npz(vars(self))
 
     def write(self, path: Path) -> None:
         """Write them as an .npz file; OSError where that cannot be."""
@@ -105,9 +102,9 @@ class LightDirections:
     def of_content(cls, content: bytes, source: str) -> Self:
         """Read them from the content of a file that came from `source`; InputError for what is no such file."""
         try:
-            with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-                given = {name: stored[name] for name in ("vectors", "untouched", "noise_grey", "pixel_size_mm")}
-                groups = stored["groups"] if "groups" in stored.files else _recorded()
+            stored = arrays_of(content)
+            given = {name: stored[name] for name in ("vectors", "untouched", "noise_grey", "pixel_size_mm")}
+            groups = stored["groups"] if "groups" in stored else _recorded()
         except (*UNZIPPING, KeyError) as error:
             raise InputError(f"{source} holds no lights ({error}): {_REMEDY}") from error
         vectors, untouched = given["vectors"], given["untouched"]

@@ -12,6 +12,7 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, first_line
+from gellight.reconstruction.network_file import check_network
 
 Floats = NDArray[np.float32]
 
@@ -30,6 +31,7 @@ class NetworkSession:
         """
         self._source, self._channels, self.threads = source, channels, threads
         content = network if isinstance(network, bytes) else _read(network, source)
+        check_network(content, source)
         self._session = _session(content, threads, source)
         self.has_jacobian = _check_contract(self._session, source, channels)
         """whether the file answers the Jacobian itself"""

@@ -1,14 +1,13 @@
 """The network in C, where it is GelNet's usual one and answers as ONNX Runtime does."""
 
 import logging
-import math
-from collections.abc import Iterator
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.reconstruction.native.library import Library
+from gellight.reconstruction.network_file import weights_of
 from gellight.reconstruction.network_session import NetworkSession
 
 logger = logging.getLogger(__name__)
@@ -24,7 +23,6 @@ ALLOWED = 1e-4
 """difference of slopes from ONNX Runtime's, and of Jacobians times `GREY`, over 1 + slope^2"""
 GREY = 30.0
 JUDGED = 1000
-_FLOAT = 1
 
 
 class SlopeNetwork(Protocol):
@@ -99,41 +97,3 @@ def _tiled(weights: Floats) -> Floats:
     outputs, inputs = weights.shape
     filled = np.pad(weights, ((0, -outputs % TILE), (0, 0)))
     return filled.reshape(-1, TILE, inputs).swapaxes(1, 2)
-
-
-def weights_of(content: bytes) -> dict[str, Floats]:
-    """Return the float32 constants of an ONNX file by name (ModelProto.graph.initializer: onnx.proto, version 3)."""
-    found = {}
-    for graph in (value for number, value in _fields(content) if number == 7):
-        for tensor in (value for number, value in _fields(graph) if number == 5):
-            fields = list(_fields(tensor))
-            known = dict(fields)
-            shape, content = [value for number, value in fields if number == 1], known.get(9, b"")
-            if known.get(2) == _FLOAT and len(content) == 4 * math.prod(shape):
-                found[known[8].decode()] = np.frombuffer(content, "<f4").reshape(shape)
-    return found
-
-
-def _fields(message: bytes) -> Iterator[tuple[int, Any]]:
-    """Yield number and value of the fields of a message of Protocol Buffers: whole numbers and bytes, no others."""
-    at = 0
-    while at < len(message):
-        key, at = _varint(message, at)
-        kind = key & 7
-        if kind == 0:
-            value, at = _varint(message, at)
-            yield key >> 3, value
-            continue
-        size, at = _varint(message, at) if kind == 2 else ({1: 8, 5: 4}[kind], at)
-        if kind == 2:
-            yield key >> 3, message[at : at + size]
-        at += size
-
-
-def _varint(message: bytes, at: int) -> tuple[int, int]:
-    """Read a number of seven bits a byte, the lowest first; return it and the place behind it."""
-    value = shift = 0
-    while message[at] >= 128:
-        value |= (message[at] & 127) << shift
-        at, shift = at + 1, shift + 7
-    return value | message[at] << shift, at + 1

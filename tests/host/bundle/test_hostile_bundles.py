@@ -1,0 +1,173 @@
+"""Bundles from a stranger that would fill the memory or never end: each is refused in a moment, by its name."""
+
+import hashlib
+import io
+import os
+import struct
+import sys
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BundleError
+from gellight.bundle.bundle import load_bundle
+from gellight.bundle.contents import MOST_BYTES
+from gellight.bundle.manifest import MOST_BYTES as MOST_OF_A_MANIFEST
+from tests.helpers.children import run
+from tests.helpers.linear_sensor import linear_bundle
+
+LOAD = """
+import resource, sys
+from pathlib import Path
+from gellight.base.errors import GellightError
+from gellight.bundle.bundle import load_bundle
+from gellight.photometric.directions import LightDirections
+taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (taken + (1 << 30), resource.RLIM_INFINITY))
+try:
+    bundle = load_bundle(sys.argv[1])
+    if "directions.npz" in bundle.files:
+        LightDirections.of_content(bundle.files["directions.npz"], "directions.npz")
+    bundle.presses()
+except GellightError as error:
+    print(error)
+"""
+
+
+def png(width: int, height: int) -> bytes:
+    """A picture of that size, black, in a few bytes of 16-bit RGB; only its first rows are there."""
+    head = struct.pack(">IIBBBBB", width, height, 16, 2, 0, 0, 0)
+    rows = zlib.compress(bytes((6 * width + 1) * 4), 9)
+    parts = [(b"IHDR", head), (b"IDAT", rows), (b"IEND", b"")]
+    chunks = [
+        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body)) for kind, body in parts
+    ]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
+
+
+def table_bomb() -> bytes:
+    """Arrays of 640 MB in less than 1 MB."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("rows.npy", "w") as member:
+        np.lib.format.write_array_header_1_0(
+            member, {"descr": "|u1", "fortran_order": False, "shape": (640 << 20,)}
+        )  # fmt: skip
+        for _ in range(640):
+            member.write(bytes(1 << 20))
+    return content.getvalue()
+
+
+def liar() -> bytes:
+    """A table that says it had 10^13 numbers."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive, archive.open("rows.npy", "w") as member:
+        np.lib.format.write_array_header_1_0(
+            member, {"descr": "<f8", "fortran_order": False, "shape": (10**13,)}
+        )  # fmt: skip
+    return content.getvalue()
+
+
+def seal(bundle: Path, name: str, content: bytes) -> None:
+    """Put a file into a bundle, and its checksum into the manifest."""
+    manifest, digest = bundle / "manifest.toml", hashlib.sha256(content).hexdigest()
+    old = hashlib.sha256((bundle / name).read_bytes()).hexdigest() if (bundle / name).exists() else None
+    (bundle / name).write_bytes(content)
+    text = manifest.read_text()
+    manifest.write_text(text.replace(*((old, digest) if old else ("[files]\n", f'[files]\n"{name}" = "{digest}"\n'))))
+
+
+def picture_of_gigabytes(bundle: Path) -> None:
+    seal(bundle, "reference.png", png(30_000, 30_000))
+
+
+def picture_and_manifest_of_gigabytes(bundle: Path) -> None:
+    seal(bundle, "reference.png", png(30_000, 30_000))
+    text = (bundle / "manifest.toml").read_text()
+    (bundle / "manifest.toml").write_text(text.replace("px = 32", "px = 30000").replace("px = 24", "px = 30000"))
+
+
+def presses_that_unpack(bundle: Path) -> None:
+    seal(bundle, "presses.npz", table_bomb())
+
+
+def presses_that_lie(bundle: Path) -> None:
+    seal(bundle, "presses.npz", liar())
+
+
+def presses_with_code(bundle: Path) -> None:
+    content = io.BytesIO()
+    np.savez(content, rows=np.array([os.system], dtype=object))
+    seal(bundle, "presses.npz", content.getvalue())
+
+
+def lights_that_unpack(bundle: Path) -> None:
+    seal(bundle, "directions.npz", table_bomb())
+
+
+def deep_metrics(bundle: Path) -> None:
+    seal(bundle, "metrics.json", b"[" * 200_000)
+
+
+def deep_manifest(bundle: Path) -> None:
+    (bundle / "manifest.toml").write_text("a = " + "[" * 100_000)
+
+
+def endless_manifest(bundle: Path) -> None:
+    (bundle / "manifest.toml").write_text("#" * (MOST_OF_A_MANIFEST + 1))
+
+
+def endless_device(bundle: Path) -> None:
+    (bundle / "network.onnx").unlink()
+    (bundle / "network.onnx").symlink_to("/dev/zero")
+
+
+def pipe(bundle: Path) -> None:
+    (bundle / "network.onnx").unlink()
+    os.mkfifo(bundle / "network.onnx")
+
+
+def large_file(bundle: Path) -> None:
+    os.truncate(bundle / "metrics.json", MOST_BYTES + 1)
+
+
+HOSTILE: dict[Callable[[Path], None], str] = {
+    picture_of_gigabytes: "reference.png is 30000 x 30000 px, the manifest says 32 x 24",
+    picture_and_manifest_of_gigabytes: "image_width_px: Input should be less than or equal to 8192",
+    presses_that_unpack: "presses.npz cannot be read (it unpacks to 671 MB, allowed are 537)",
+    presses_that_lie: "presses.npz cannot be read",
+    presses_with_code: "presses.npz cannot be read (Object arrays cannot be loaded",
+    lights_that_unpack: "directions.npz holds no lights (it unpacks to 671 MB",
+    deep_metrics: "metrics.json is not JSON",
+    deep_manifest: "manifest.toml is not TOML",
+    endless_manifest: "manifest.toml is not TOML (it has 1048577 bytes",
+    endless_device: "network.onnx cannot be read (it is no regular file)",
+    pipe: "network.onnx cannot be read (it is no regular file)",
+    large_file: "metrics.json cannot be read (it has 537 MB",
+}
+
+
+@pytest.mark.parametrize("make_hostile", HOSTILE, ids=lambda function: function.__name__)
+def test_it_is_refused_within_a_gigabyte(make_hostile: Callable[[Path], None], tmp_path: Path) -> None:
+    linear_bundle(tmp_path / "bundle", (24, 32))
+    make_hostile(tmp_path / "bundle")
+    done = run([sys.executable, "-c", LOAD, tmp_path / "bundle"], timeout_s=60)
+    assert done.stderr == ""
+    assert HOSTILE[make_hostile] in done.stdout
+
+
+def test_a_packed_bundle_that_lies_about_its_size_is_read_no_further(tmp_path: Path) -> None:
+    """The directory of the archive says 9 bytes; what is packed would be more."""
+    packed = tmp_path / "liar.gelcal"
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("manifest.toml", bytes(64 << 20))
+    content = bytearray(packed.read_bytes())
+    for signature, place in ((b"PK\x03\x04", 22), (b"PK\x01\x02", 24)):
+        at = content.index(signature) + place
+        content[at : at + 4] = (9).to_bytes(4, "little")
+    packed.write_bytes(content)
+    with pytest.raises(BundleError, match=r"manifest\.toml cannot be read"):
+        load_bundle(packed)
