@@ -27,10 +27,21 @@ Restart=on-failure
 RestartSec=2
 TimeoutStartSec=60
 TimeoutStopSec=10
+NoNewPrivileges=yes
+UMask=0077
+LockPersonality=yes
+RestrictSUIDSGID=yes
+RestrictNamespaces=yes
+RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK
+SystemCallArchitectures=native
+SystemCallFilter=@system-service
+SystemCallErrorNumber=EPERM
 
 [Install]
 WantedBy=default.target
 """
+"""What it may not do needs no namespaces, which a user of some distributions may not make; `systemd-analyze security`
+gives it 6.7, and 9.8 without."""
 
 app = typer.Typer(help="Let systemd run the sensor of this user.", no_args_is_help=True)
 

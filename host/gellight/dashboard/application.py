@@ -40,6 +40,10 @@ STATUS_PERIOD_S = 0.25
 MAX_CREDITS = 8
 """a greedy page is not flooded"""
 MAX_COMMAND_BYTES = 4096
+MOST_CLIENTS = 32
+"""pages that are open at once: each costs messages, and more than these are a mistake or an attack"""
+MOST_AT_ONCE = 16
+"""commands of a page that are being carried out"""
 STAGE_THREADS = 2
 """so that an object can be released while another is computed"""
 CALIBRATING = "a calibration is running, and only its own presses may touch the gel: finish or stop it in the wizard"
@@ -160,13 +164,15 @@ class Dashboard:
         self._image_shape = (height, width)
         return encode(frame, pixel_size_mm=self._source.pixel_size_mm, references=self._references)
 
-    async def _serve_client(self, request: web.Request) -> web.WebSocketResponse:
+    async def _serve_client(self, request: web.Request) -> web.StreamResponse:
+        if len(self._clients) >= MOST_CLIENTS:
+            return web.Response(status=503, text=f"{MOST_CLIENTS} pages of this sensor are open: close some")
         socket = web.WebSocketResponse(max_msg_size=MAX_COMMAND_BYTES, heartbeat=20.0, compress=False)
-        await socket.prepare(request)
         client = Client(socket)
-        self._clients.add(client)
-        client.tasks |= {asyncio.create_task(send(client)) for send in (self._send_frames, self._send_status)}
+        self._clients.add(client)  # before anything is awaited, so that many at once are counted
         try:
+            await socket.prepare(request)
+            client.tasks |= {asyncio.create_task(send(client)) for send in (self._send_frames, self._send_status)}
             await self._listen(client)
         except ConnectionResetError:
             logger.debug("a page left while it was being answered")
@@ -232,6 +238,9 @@ class Dashboard:
             async with self._changed:
                 client.credits = min(client.credits + command.count, MAX_CREDITS)
                 self._changed.notify_all()
+            return
+        if len(client.tasks) >= MOST_AT_ONCE:
+            await _answer_error(client, command.type, f"{MOST_AT_ONCE} commands are being carried out: wait for them")
             return
         self._newest_command += 1
         task = asyncio.create_task(self._carry_out(client, command, self._newest_command))

@@ -89,6 +89,8 @@ def test_the_unit_starts_this_installation_and_is_watched() -> None:
     lines = dict(line.split("=", 1) for line in unit("sensor://A 1%", "", 8420).splitlines() if "=" in line)
     assert lines["Type"] == "notify"
     assert lines["WatchdogSec"] == "30"
+    assert lines["SystemCallFilter"] == "@system-service", "and what else it may not do"
+    assert (lines["NoNewPrivileges"], lines["UMask"]) == ("yes", "0077")
     folder = Path(sys.executable).parent
     assert lines["ExecStart"] == f"{folder}/gellight run --sensor 'sensor://A 1%%' --port 8420"
 

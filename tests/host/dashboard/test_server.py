@@ -10,6 +10,7 @@ import aiohttp
 import pytest
 
 from gellight.base.errors import CameraError, ServerError
+from gellight.dashboard.application import MOST_AT_ONCE, MOST_CLIENTS, Dashboard
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import FormulaSource, bump
 from tests.helpers.page_client import FRAME_S, SILENCE_S, Page, get, with_pages
@@ -237,3 +238,40 @@ def test_a_page_that_reads_nothing_does_not_hold_up_the_end(source: FormulaSourc
         assert ended, "the server waits for a page that reads nothing"
 
     asyncio.run(run())
+
+
+def test_a_thousand_pages_at_once_leave_the_others_their_frames(server: DashboardServer, source: FormulaSource) -> None:
+    """Beyond 32 each is told why, and every place that becomes free is given away again."""
+
+    async def act(page: Page) -> None:
+        async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as session:
+            wanted = [session.ws_connect(f"{server.url}ws", timeout=aiohttp.ClientWSTimeout(10)) for _ in range(1000)]
+            answers = await asyncio.gather(*wanted, return_exceptions=True)
+            refused = [one for one in answers if isinstance(one, aiohttp.WSServerHandshakeError)]
+            assert (len(answers) - len(refused), {one.status for one in refused}) == (MOST_CLIENTS - 1, {503})
+            await page.credit()
+            last = source.put(bump(1.0, 0, 0))
+            assert (await page.frame())["sequence"] == last
+            for one in answers:
+                if isinstance(one, aiohttp.ClientWebSocketResponse):
+                    await one.close()
+            again = await session.ws_connect(f"{server.url}ws")
+            await again.close()
+
+    with_pages(server, 1, act)
+
+
+def test_a_page_that_commands_faster_than_is_done_is_told_to_wait(
+    server: DashboardServer, source: FormulaSource, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go_on = threading.Event()
+    monkeypatch.setattr(Dashboard, "_move_stage", lambda *_: go_on.wait(20))
+
+    async def act(page: Page) -> None:
+        for _ in range(3 * MOST_AT_ONCE):
+            await page.send(type="release")
+        answer = await page.text("error", "done")
+        go_on.set()
+        assert answer["message"] == f"{MOST_AT_ONCE} commands are being carried out: wait for them"
+
+    with_pages(server, 1, act)
