@@ -24,6 +24,7 @@ from gellight.base.logs import LogForm
 from gellight.base.names import ALLOWED, NAME
 
 PREFIX = "GELLIGHT_"
+TOKEN = "^([A-Za-z0-9_-]{16,200})?$"
 Values = dict[str, dict[str, object]]
 """values by section and key"""
 
@@ -157,7 +158,7 @@ class DashboardSettings(StrictModel):
     )
     token: str = Field(
         default="",
-        pattern="^([A-Za-z0-9_-]{16,200})?$",
+        pattern=TOKEN,
         description="what a browser has to know, at least 16 letters, digits, `-` and `_`; empty: one is drawn at each "
         "start where `host` is not of this computer alone",
     )
@@ -188,8 +189,12 @@ class StreamSettings(StrictModel):
         json_schema_extra={"allowed": ALLOWED},
         description="under which the sensor is found; empty: the sensor's own",
     )
-    lan: bool = Field(
-        default=False, description="accept other computers too; whoever reaches the port may read and press"
+    lan: bool = Field(default=False, description="accept other computers too; whoever reaches the port may read")
+    token: str = Field(
+        default="",
+        pattern=TOKEN,
+        description="what programs of others bring to press, light or set the zero, as dashboard.token; empty: one is "
+        "drawn at each start",
     )
     zenoh_config: str = Field(
         default="", description="file of zenoh's own settings, for TLS and access control; empty: none"

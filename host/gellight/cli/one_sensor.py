@@ -168,9 +168,13 @@ def published(daemon: SensorSession, settings: Settings) -> Iterator[None]:
     name = chosen.name or name_of_sensor(daemon.camera)
     with ExitStack() as stack:
         if chosen.enabled:
-            publisher = stack.enter_context(Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config))
+            publisher = stack.enter_context(
+                Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config, token=chosen.token)
+            )
             there = f"zenoh://<this computer>:{publisher.lan_port}/{publisher.name}" if chosen.lan else publisher.name
             logs.say(f"publishing: gellight.subscribe({there!r})")
+            if chosen.lan:
+                logs.say(f"other computers can read; to change something they give token={publisher.token!r}")
             name = publisher.name  # numbered where several sensors have no name of their own
         if chosen.ros2:
             distance_mm = settings.geometry.camera_height_mm or RingGeometry.camera_height_mm

@@ -95,6 +95,10 @@ def read_call(content: bytes) -> Call:
         raise InputError(f"no call of GelLight: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
 
 
+READING = (Status, Calibration)
+"""calls that change nothing: every program may make them"""
+
+
 def answer(daemon: SensorSession, call: Call) -> bytes:
     """Do what is asked and return the answer; raises what the daemon raises."""
     match call:

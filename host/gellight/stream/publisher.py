@@ -5,7 +5,9 @@ all, loses frames and slows neither the sensor nor the other readers. Readers on
 frame lies in memory that they share, others the frame itself over the network.
 """
 
+import hmac
 import logging
+import secrets
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -17,12 +19,12 @@ from urllib.parse import urlsplit
 
 import zenoh
 
-from gellight.base.errors import GellightError
+from gellight.base.errors import GellightError, InputError
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import Camera
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
-from gellight.stream.calls import answer, read_call
+from gellight.stream.calls import READING, answer, read_call
 from gellight.stream.frame_thread import POLL_S, sending
 from gellight.stream.network import close, free_lan_port, key, publishing_session
 from gellight.stream.running import RunningDaemon, announced
@@ -45,9 +47,21 @@ def name_of_sensor(camera: Camera) -> str:
 class Publisher:
     """Publishes a daemon that was started; a context manager."""
 
-    def __init__(self, daemon: SensorSession, *, name: str = "", lan: bool = False, config: Path | None = None) -> None:
-        """Publish `daemon` under `name`, by default that of its sensor; the rest: `network.publishing_session`."""
+    def __init__(
+        self,
+        daemon: SensorSession,
+        *,
+        name: str = "",
+        lan: bool = False,
+        config: Path | None = None,
+        token: str = "",
+    ) -> None:
+        """Publish `daemon` under `name`, by default that of its sensor; lan, config: see `network.publishing_session`.
+
+        token: what who changes something has to bring; by default one is drawn. Programs of this user find it.
+        """
         self._daemon, self._asked, self._lan, self._config = daemon, name, lan, config
+        self.token = token or secrets.token_urlsafe(24)
         self._until = ExitStack()
         self._wanted, self._read_parts = threading.Event(), set[str]()
         self._noting = threading.Lock()
@@ -108,7 +122,7 @@ class Publisher:
         numbered = not (self._asked or own_name(camera))
         memory = self._memory.path if self._memory else ""
         name = self._asked or name_of_sensor(camera)
-        return announced(name, endpoint, camera.url, memory=memory, numbered=numbered)
+        return announced(name, endpoint, camera.url, memory=memory, token=self.token, numbered=numbered)
 
     def _note_readers(self, part: str, status: zenoh.MatchingStatus) -> None:
         with self._noting:
@@ -135,11 +149,22 @@ class Publisher:
             logger.warning("no shared memory (%s): a frame goes over the network", error.strerror)
             return b"".join(pieces)
 
+    def _check(self, brought: zenoh.ZBytes | None) -> None:
+        """Raise InputError where no token came with a call, or another one."""
+        if not hmac.compare_digest(brought.to_bytes() if brought else b"", self.token.encode()):
+            raise InputError(
+                f"{self.name} may be read by every program, and changed by those that bring its token: `gellight run` "
+                "prints it with --lan, and takes it from stream.token; give it as subscribe(..., token=...)"
+            )
+
     def _answer(self, query: zenoh.Query) -> None:
         with query:
             try:
                 content = query.payload.to_bytes() if query.payload else b""
-                query.reply(query.key_expr, answer(self._daemon, read_call(content[:MOST_DETAILS])))
+                call = read_call(content[:MOST_DETAILS])
+                if not isinstance(call, READING):
+                    self._check(query.attachment)
+                query.reply(query.key_expr, answer(self._daemon, call))
             except (GellightError, ValueError) as error:
                 query.reply_err(str(error))
             except Exception:

@@ -39,6 +39,8 @@ class RunningDaemon(StrictModel):
     """URL that it was opened with"""
     memory: str
     """of its frames, see shared_memory.py; empty where there is none"""
+    token: str = ""
+    """what a program brings that changes something; the file is its owner's alone"""
     process: int
     since_unix_s: float
     session: int = 0
@@ -48,7 +50,9 @@ class RunningDaemon(StrictModel):
 
 
 @contextmanager
-def announced(name: str, endpoint: str, sensor: str, *, memory: str = "", numbered: bool) -> Iterator[RunningDaemon]:
+def announced(
+    name: str, endpoint: str, sensor: str, *, memory: str = "", token: str = "", numbered: bool
+) -> Iterator[RunningDaemon]:
     """Announce the daemon of this process under `name`, as long as the context lasts.
 
     numbered: where another one has the name, take NAME-2, NAME-3, ...: there may be several, as of simulated sensors.
@@ -62,11 +66,13 @@ def announced(name: str, endpoint: str, sensor: str, *, memory: str = "", number
             endpoint=endpoint,
             sensor=sensor,
             memory=memory,
+            token=token,
             process=os.getpid(),
             since_unix_s=time.time(),
             session=_session(),
             command=(starter.pid if starter else None) or os.getpid(),
         )
+        os.fchmod(handle.fileno(), 0o600)  # the token is its owner's, whatever the folder allows
         handle.truncate(0)
         handle.write(daemon.model_dump_json())
         handle.flush()

@@ -65,6 +65,7 @@ class FrameMemory(_Mapped):
         if not hasattr(os, "memfd_create"):
             raise OSError("files without a name are Linux's")
         super().__init__(os.memfd_create(NAME))
+        os.fchmod(self._file, 0o600)
         self.path = f"/proc/{os.getpid()}/fd/{self._file}"
         self._place_bytes = 0
         self._number = 0

@@ -52,6 +52,7 @@ def subscribe(
     patience_s: float = PATIENCE_S,
     wait_s: float = 0.0,
     config: str | Path | None = None,
+    token: str = "",
 ) -> "Subscription":
     """Receive the frames of a daemon that runs in another process (`gellight run`).
 
@@ -63,17 +64,20 @@ def subscribe(
     daemon computes them for all who ask and sends them along; what does not come is computed here when it is asked for.
     wait_s: how long a daemon is waited for that is not there, as one that starts now; where others of this user are
     there and none is starting, `MISTYPED_S` at most, since the name is a wrong one then.
-    config: a file of zenoh's own settings, for TLS and access control. Raises StreamError with the remedy.
+    config: a file of zenoh's own settings, for TLS and access control. token: of a daemon of another computer or user,
+    to change something: light, mode, zero, presses; reading needs none. Raises StreamError with the remedy.
     """
     if not target:
         raise InputError("subscribe(''): give auto, the name of a sensor or zenoh://HOST[:PORT][/NAME]")
     path = Path(config) if config is not None else None
     asked = _asked(maps)
-    endpoint, name, memory = _awaited(target, path, wait_s)
+    endpoint, name, memory, known = _awaited(target, path, wait_s)
     session = subscribing_session(endpoint, config=path)
     try:
         name = _present(session, name, endpoint)
-        return Subscription(session, name, memory_path=memory, every=every, asked=asked, patience_s=patience_s)
+        return Subscription(
+            session, name, memory_path=memory, every=every, asked=asked, patience_s=patience_s, token=token or known
+        )
     except BaseException:
         close(session)
         raise
@@ -90,8 +94,8 @@ class _NobodyThereError(StreamError):
     """No daemon of that name, or none at all, was found."""
 
 
-def _awaited(target: str, config: Path | None, wait_s: float) -> tuple[str, str, str]:
-    """Return endpoint, name and memory of a daemon; look again where there is none, for `wait_s`."""
+def _awaited(target: str, config: Path | None, wait_s: float) -> tuple[str, str, str, str]:
+    """Return endpoint, name, memory and token of a daemon; look again where there is none, for `wait_s`."""
     begun_s, told = time.monotonic(), False
     while True:
         try:
@@ -112,17 +116,17 @@ def _mistyped(target: str) -> bool:
     return bool(names) and target not in (*names, "auto") and not is_starting()
 
 
-def _found(target: str, config: Path | None) -> tuple[str, str, str]:
-    """Return endpoint, name, which may be empty, and memory, which may be empty too, of what `subscribe` is given."""
+def _found(target: str, config: Path | None) -> tuple[str, str, str, str]:
+    """Return endpoint, name, memory and token of what `subscribe` is given; all but the first may be empty."""
     if "://" in target:
-        return *_parsed(target), ""
+        return *_parsed(target), "", ""
     daemons = running()
     there = [daemon for daemon in daemons if target in ("auto", daemon.name)]
     if not there:
-        return *_on_the_lan("" if target == "auto" else target, config), ""
+        return *_on_the_lan("" if target == "auto" else target, config), "", ""
     if (found := meant(there)) is None:
         raise StreamError(f"several daemons publish: name one of {', '.join(daemon.name for daemon in there)}")
-    return found.endpoint, found.name, found.memory
+    return found.endpoint, found.name, found.memory, found.token
 
 
 def _on_the_lan(wanted: str, config: Path | None) -> tuple[str, str]:
@@ -245,10 +249,11 @@ class Subscription(FrameSource):
         every: bool,
         asked: Collection[MapOnRequest] = (),
         patience_s: float,
+        token: str = "",
     ) -> None:
         """Take over `session`, which is connected to the daemon of the sensor `name`; see `RunningDaemon.memory`."""
         super().__init__(patience_s=patience_s)
-        self.name, self._session = name, session
+        self.name, self._session, self._token = name, session, token
         memory = _mapped(memory_path)
         self._inbox = inbox = _Inbox(name, memory, every=every)
         self._bundles: dict[str, Bundle] = {}
@@ -278,7 +283,10 @@ class Subscription(FrameSource):
 
     def _ask(self, call: Call) -> bytes:
         try:
-            replies = list(self._session.get(key(self.name, "call"), payload=call.model_dump_json(), timeout=CALL_S))
+            asked = self._session.get(
+                key(self.name, "call"), payload=call.model_dump_json(), attachment=self._token, timeout=CALL_S
+            )
+            replies = list(asked)
         except zenoh.ZError as error:
             raise StreamError(f"the daemon of {self.name} cannot be asked ({error}): subscribe anew") from error
         if not replies:

@@ -3,17 +3,20 @@
 import json
 import re
 import socket
+import stat
 import threading
 import time
 from contextlib import suppress
+from typing import get_args
 
 import pytest
 
 from gellight.base.errors import InputError, StreamError
 from gellight.stream import subscription
+from gellight.stream.calls import READING, Call
 from gellight.stream.network import key, subscribing_session
 from gellight.stream.publisher import Publisher
-from gellight.stream.running import running
+from gellight.stream.running import folder, running
 from gellight.stream.source import NoFrameError
 from gellight.stream.subscription import subscribe
 from tests.helpers import children
@@ -74,6 +77,63 @@ def test_a_call_that_is_none_is_answered_with_the_reason(content: bytes) -> None
         assert reply.err is not None
         assert "no call of GelLight" in reply.err.payload.to_string()
         session.close()
+
+
+CHANGES = [
+    {"type": "light", "colours": [[255, 255, 255]] * 12},
+    {"type": "mode", "mode": "photometric"},
+    {"type": "zero"},
+    {"type": "track", "on": True},
+    {"type": "press", "object": "BALL", "depth_mm": 1, "x_mm": 0, "y_mm": 0},
+    {"type": "drag", "x_mm": 0, "y_mm": 0, "turn_rad": 0},
+    {"type": "release"},
+]
+
+
+def test_every_call_that_is_not_of_a_reader_is_listed_here() -> None:
+    kinds = {get_args(one.model_fields["type"].annotation)[0] for one in get_args(Call) if one not in READING}
+    assert {call["type"] for call in CHANGES} == kinds
+
+
+def test_who_has_no_token_may_read_and_change_nothing() -> None:
+    """Another user of this computer, or another computer: what reaches the port."""
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon, name="finger") as publisher:
+        session = subscribing_session(running()[0].endpoint, config=None)
+        for call in CHANGES:
+            for brought in (None, "", "a", publisher.token[:-1], publisher.token + "a", b"\xff"):
+                content = json.dumps(call)
+                (reply,) = session.get(key("finger", "call"), payload=content, attachment=brought, timeout=10)
+                assert reply.err is not None
+                assert "changed by those that bring its token" in reply.err.payload.to_string()
+        (reply,) = session.get(key("finger", "call"), payload='{"type": "status"}', timeout=10)
+        assert reply.ok is not None
+        session.close()
+
+
+def test_a_program_of_this_user_has_the_token_and_another_computer_is_given_it() -> None:
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon, name="finger", token="a-token-of-my-own") as publisher:
+        url = running()[0].endpoint.replace("tcp/", "zenoh://") + "/finger"
+        assert publisher.token == running()[0].token == "a-token-of-my-own"
+        with subscribe() as own, subscribe(url, token="a-token-of-my-own") as told, subscribe(url) as stranger:
+            for frames in (own, told):
+                with pytest.raises(InputError, match="objects can be pressed into a simulated gel only"):
+                    frames.press("BALL", 1.0)
+            with pytest.raises(InputError, match="finger may be read by every program"):
+                stranger.press("BALL", 1.0)
+            assert stranger.next_frame().contact is not None
+    other, _ = bump_daemon()
+    with other, Publisher(other) as first, Publisher(other, name="other") as second:
+        assert len({first.token, second.token, "a-token-of-my-own"}) == 3, "each start has another"
+
+
+def test_the_file_with_the_token_is_of_its_owner_alone() -> None:
+    folder().mkdir(parents=True, mode=0o755)
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon, name="finger"):
+        (place,) = folder().glob("*.json")
+        assert stat.S_IMODE(place.stat().st_mode) == 0o600
 
 
 def test_hostile_bytes_on_the_port_do_not_disturb_the_stream() -> None:

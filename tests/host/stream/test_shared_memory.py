@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import stat
 import threading
 import time
 from pathlib import Path
@@ -24,6 +25,10 @@ def reader(memory: FrameMemory):
     reader = MappedMemory(memory.path)
     yield reader
     reader.close()
+
+
+def test_the_memory_is_of_its_owner_alone(memory: FrameMemory) -> None:
+    assert stat.S_IMODE(os.stat(memory.path).st_mode) == 0o600  # noqa: PTH116  (a file without a name)
 
 
 def test_messages_arrive_in_pieces_and_whole(memory: FrameMemory, reader: MappedMemory) -> None:
