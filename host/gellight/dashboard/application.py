@@ -22,6 +22,7 @@ from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import guard
 from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, Track, in_one_line
+from gellight.dashboard.made_once import MadeOnce
 from gellight.dashboard.messages import encode, without_nan
 from gellight.dashboard.metrics import Metrics
 from gellight.dashboard.page_files import FOR_EVER, PageFiles
@@ -70,7 +71,7 @@ class Dashboard:
         self._calibration = calibration
         self._wizard = Wizard(calibration)
         self._clients: set[Client] = set()
-        self._references = ReferenceViews()
+        self._references, self._once = ReferenceViews(), MadeOnce()
         self._message = b""
         self._number = -1
         self._fresh = False
@@ -162,7 +163,8 @@ class Dashboard:
         self._sequence = frame.camera_frame.sequence
         height, width = frame.depth_mm.shape
         self._image_shape = (height, width)
-        return encode(frame, pixel_size_mm=self._source.pixel_size_mm, references=self._references)
+        size = self._source.pixel_size_mm
+        return encode(frame, pixel_size_mm=size, references=self._references, once=self._once)
 
     async def _serve_client(self, request: web.Request) -> web.StreamResponse:
         if len(self._clients) >= MOST_CLIENTS:

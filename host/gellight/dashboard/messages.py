@@ -40,9 +40,10 @@ from typing import Any
 
 import numpy as np
 
+from gellight.dashboard.made_once import MadeOnce
 from gellight.dashboard.reference_views import ReferenceViews
-from gellight.dashboard.view import deflate, jpeg, pack_depth, reduce, view_shape
-from gellight.frames.frames import TactileFrame
+from gellight.dashboard.view import jpeg, pack_contact, pack_depth, reduce, view_shape
+from gellight.frames.frames import GroundTruth, TactileFrame
 from gellight.frames.pose import ObjectPose
 from gellight.reconstruction.errors import depth_errors
 
@@ -53,21 +54,25 @@ MOST_CONTACTS = 12
 PREFIX = struct.Struct("<4sII")
 
 
-def encode(frame: TactileFrame, *, pixel_size_mm: tuple[float, float], references: ReferenceViews) -> bytes:
+def encode(
+    frame: TactileFrame, *, pixel_size_mm: tuple[float, float], references: ReferenceViews, once: MadeOnce
+) -> bytes:
     """Encode `frame`; `pixel_size_mm` is the (x, y) size of a camera pixel on the gel.
 
-    `references` knows the reference image of the frame afterwards.
+    `references` knows the reference image of the frame afterwards, `once` what may serve for the next one too.
     """
-    shape = view_shape(frame.depth_mm.shape)
+    depth_mm, mask, truth = frame.depth_mm, frame.contact.mask, frame.camera_frame.truth
+    shape = view_shape(depth_mm.shape)
     planes = {
         "image": jpeg(reduce(frame.camera_frame.image, shape)),
-        "depth": pack_depth(frame.depth_mm, shape),
-        "contact": deflate(np.packbits(reduce(frame.contact.mask.astype(np.float32), shape) >= 0.5).tobytes()),
+        "depth": once.of("depth", (depth_mm,), lambda: pack_depth(depth_mm, shape)),
+        "contact": once.of("contact", (mask,), lambda: pack_contact(mask, shape)),
     }
-    if (truth := frame.camera_frame.truth) is not None:
-        planes["truth"] = references.truth(truth, shape)
+    if truth is not None:
+        planes["truth"] = once.of("truth", (truth,), lambda: pack_depth(truth.depth_mm, shape))
     reference, drift = references.of(frame)
     header = _header(frame, pixel_size_mm) | {
+        "truth": truth and once.of("figures", (depth_mm, truth), lambda: _truth_figures(frame, truth)),
         "reference": reference,
         "light_drift": drift,
         "view_px": [shape[1], shape[0]],
@@ -108,7 +113,6 @@ def _header(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str
         "contacts": [vars(patch) for patch in frame.contacts[:MOST_CONTACTS]],
         "light": None if camera_frame.light is None else camera_frame.light.tolist(),
         "stage_ms": {stage: seconds * 1e3 for stage, seconds in frame.stage_seconds.items()},
-        "truth": _truth_figures(frame),
     }
     return header
 
@@ -142,10 +146,7 @@ def _shear(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> dict[str,
     }
 
 
-def _truth_figures(frame: TactileFrame) -> dict[str, float] | None:
-    truth = frame.camera_frame.truth
-    if truth is None:
-        return None
+def _truth_figures(frame: TactileFrame, truth: GroundTruth) -> dict[str, float]:
     map_error_mm, contact_error_mm = depth_errors(frame, truth)
     return {
         "indentation_mm": float(truth.depth_mm.max()),

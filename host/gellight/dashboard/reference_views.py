@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.dashboard.view import pack_depth, reduce, view_shape, webp
-from gellight.frames.frames import GroundTruth, TactileFrame
+from gellight.dashboard.view import reduce, view_shape, webp
+from gellight.frames.frames import TactileFrame
 
 SAMPLE_PX = 8
 """every eighth pixel of every eighth row tells whether the reference image is still the same"""
@@ -22,21 +22,13 @@ KEPT = 4
 
 
 class ReferenceViews:
-    """What stays the same from frame to frame, at view size: reference image, and the truth of a press that is held."""
+    """The reference images of the frames that were shown last, at view size."""
 
     def __init__(self) -> None:
         """Know none yet."""
         self._pictures: dict[str, bytes] = {}
         self._name = ""
         self._sample: NDArray[np.float32] | None = None
-        self._truth: GroundTruth | None = None
-        self._packed_truth = b""
-
-    def truth(self, truth: GroundTruth, shape: tuple[int, int]) -> bytes:
-        """Return the true depth map, packed; that of a press that is held is packed once."""
-        if truth is not self._truth:
-            self._truth, self._packed_truth = truth, pack_depth(truth.depth_mm, shape)
-        return self._packed_truth
 
     def of(self, frame: TactileFrame) -> tuple[str, list[float]]:
         """Return the name of the reference image of `frame`, and its (3,) light drift in grey levels.

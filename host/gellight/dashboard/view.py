@@ -59,6 +59,11 @@ def pack_depth(depth_mm: NDArray[np.float32], shape: tuple[int, int]) -> bytes:
     return deflate((small & 0xFF).astype(np.uint8).tobytes() + (small >> 8).astype(np.uint8).tobytes())
 
 
+def pack_contact(mask: NDArray[np.bool_], shape: tuple[int, int]) -> bytes:
+    """Pack a contact patch at view size, one bit a pixel, highest bit first, deflated."""
+    return deflate(np.packbits(reduce(mask.astype(np.float32), shape) >= 0.5).tobytes())
+
+
 def deflate(block: bytes) -> bytes:
     """Compress as raw deflate. Runs only: on depth maps smaller and eight times as fast as a search for repetitions."""
     packer = zlib.compressobj(9, zlib.DEFLATED, RAW_DEFLATE, 9, zlib.Z_RLE)

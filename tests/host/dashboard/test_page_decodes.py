@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gellight.dashboard.made_once import MadeOnce
 from gellight.dashboard.messages import encode
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.view import DEPTH_UNIT_MM
@@ -39,7 +40,7 @@ def with_truth(frame: TactileFrame, depth_mm: np.ndarray) -> TactileFrame:
 
 def seen(opened: Open, frame: TactileFrame) -> tuple[bytes, dict[str, Any]]:
     references = ReferenceViews()
-    message = encode(frame, pixel_size_mm=(PIXEL_MM, PIXEL_MM), references=references)
+    message = encode(frame, pixel_size_mm=(PIXEL_MM, PIXEL_MM), references=references, once=MadeOnce())
     page = opened()
     page.route(
         "**/reference/*",
