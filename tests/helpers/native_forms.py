@@ -17,12 +17,6 @@ def both(bundle: Bundle, **options: object) -> tuple[Reconstructor, Reconstructo
     return native, cells
 
 
-def worst(found: TactileFrame, right: TactileFrame) -> tuple[float, float]:
-    """Largest angle between normals, degrees, and difference of depth, mm, of any pixel."""
-    angle = angle_deg(found.normal_map.reshape(-1, 3), right.normal_map.reshape(-1, 3))
-    return float(angle.max()), float(np.abs(found.depth_mm - right.depth_mm).max())
-
-
 def agree(found: TactileFrame, right: TactileFrame, *, but: float = 0.0) -> None:
     """Compare two frames.
 

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.pixel_grid import bounding_box
+from gellight.frames.pixel_grid import between_blocks, bounding_box
 from gellight.reconstruction.integration import surface_gradient
 
 Floats = NDArray[np.float32]
@@ -156,7 +156,7 @@ class Smoother:
         cv2.subtract(surface, measured, change)
         energy = _cell_energy(change, _cells(self.narrowest), work) / noise
         share = _noise_weight(energy, _left_out(self.narrowest))
-        cv2.resize(cv2.merge((share, share)), (surface.shape[1], surface.shape[0]), work)
+        _spread(share, work)
         cv2.add(measured, cv2.multiply(change, work, change), surface)
         return np.asarray(1 + (1 - share[..., None]) ** 2)
 
@@ -165,12 +165,12 @@ class Smoother:
         before, last, wider, change, work = self._arrays(slopes.shape, 5)
         for copy in (before, last):
             np.copyto(copy, slopes)
-        size, share = (slopes.shape[1], slopes.shape[0]), np.ones(noise.shape[:2], np.float32)
+        share = np.ones(noise.shape[:2], np.float32)
         for width, energy in zip(half_widths(self.narrowest), _energies(self.narrowest), strict=True):
             fixed(before, width, wider)
             cv2.subtract(wider, last, change)
             share *= _noise_weight(_cell_energy(change, _cells(width), work) / noise, energy)
-            cv2.resize(cv2.merge((share, share)), size, work)
+            _spread(share, work)
             slopes += cv2.multiply(change, work, change)
             last, wider = wider, last
 
@@ -224,8 +224,22 @@ def _cells(half_width: int) -> int:
     return max(3, round((2 * half_width + 1) / _CELL) | 1)
 
 
+def _spread(share: Floats, work: Floats) -> None:
+    """Put (h, w) shares, linear between the middles of their cells, into both planes of an (H, W, 2) array."""
+    work[:] = between_blocks(share, _CELL, work.shape)[..., None]
+
+
 def _cell_energy(values: NDArray[Any], cells: int, work: NDArray[Any]) -> Floats:
-    """(h, w, 2) mean square of (H, W, 2) values in cells, over `cells` cells a side; `work` is overwritten."""
-    height, width = (-(-n // _CELL) for n in values.shape[:2])
-    energy = cv2.resize(cv2.multiply(values, values, work), (width, height), interpolation=cv2.INTER_AREA)
+    """(h, w, 2) mean square of (H, W, 2) values in cells, over `cells` cells a side; `work` is overwritten.
+
+    A cell that the border cuts is of the pixels that are there.
+    """
+    squares, (height, width) = cv2.multiply(values, values, work), values.shape[:2]
+    beyond_y, beyond_x = -height % _CELL, -width % _CELL
+    if beyond_y or beyond_x:
+        squares = cv2.copyMakeBorder(squares, 0, beyond_y, 0, beyond_x, cv2.BORDER_CONSTANT, value=(0, 0))
+    size = (squares.shape[1] // _CELL, squares.shape[0] // _CELL)
+    energy = cv2.resize(squares, size, interpolation=cv2.INTER_AREA)
+    energy[-1] *= _CELL / (_CELL - beyond_y)
+    energy[:, -1] *= _CELL / (_CELL - beyond_x)
     return np.asarray(cv2.blur(energy, (cells, cells), borderType=cv2.BORDER_REFLECT))
