@@ -113,12 +113,31 @@ def halved(bundle: Bundle) -> Bundle:
 
 
 def over(bundle: Bundle, reference: NDArray[Any]) -> Bundle:
-    """Return a bundle with another (H, W, 3) reference image of any size; good for times, not for depths."""
+    """Return a bundle with another (H, W, 3) reference image of any size; good for times, not for depths.
+
+    Its network takes the picture's middle and corners for those of the bundle's: beyond what it learnt it bends more,
+    and more pixels would be asked about one by one.
+    """
     height, width = reference.shape[:2]
     size = {"image_width_px": width, "image_height_px": height}
     files = {name: content for name, content in bundle.files.items() if name != LIGHTS}  # which are of its own size
+    shrink = bundle.image_shape[1] / width, bundle.image_shape[0] / height
+    files[bundle.manifest.network] = _scaled_places(bundle.network, shrink)
     other = replace(bundle, manifest=bundle.manifest.model_copy(update=size), files=files)
     return other.with_reference(np.ascontiguousarray(reference, np.float32), frames=bundle.manifest.reference_frames)
+
+
+def _scaled_places(network: bytes, factors: tuple[float, float]) -> bytes:
+    """Return the network that multiplies x and y, the last of its five inputs, by the factors first."""
+    model = onnx.load_from_string(network)
+    layer = next(node for node in model.graph.node if node.op_type == "Gemm")
+    first = next(weights for weights in model.graph.initializer if weights.name == layer.input[1])
+    by_input = np.array([1, 1, 1, *factors], np.float32)
+    if not any(option.name == "transB" and option.i for option in layer.attribute):
+        by_input = by_input[:, None]
+    scaled = onnx.numpy_helper.to_array(first) * by_input
+    first.CopyFrom(onnx.numpy_helper.from_array(scaled, first.name))
+    return model.SerializeToString()
 
 
 def scenes(bundle: Bundle) -> dict[str, NDArray[np.uint8]]:

@@ -2,9 +2,9 @@
 
 Processor time of the frame path, the least of some rounds in turn, on the scenes of `frame_times` from 160 x 120 to
 1920 x 1440 pixels: in ms, and in ns a pixel, which must not grow with the size. The bundle is the shipped one with its
-reference image scaled and without its LEDs, so without cast shadows: good for times alone. Then one to four sensors of
-640 x 480 in one process, a thread each, every one given the ball 30 times: ms of processor a frame, which must not grow
-with their number.
+reference image and the places of its network scaled, and without its LEDs, so without cast shadows. Then one to four
+sensors of 640 x 480 in one process, a thread each, every one given the ball 30 times: ms of processor a frame, which
+must not grow with their number.
 """
 
 import argparse
