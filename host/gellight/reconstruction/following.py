@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import isnan
+from math import inf, isnan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,10 @@ from gellight.frames.frames import Patch, TactileFrame
 Array = NDArray[np.float64]
 MISSED_S = 0.1
 """as long may noise hide a contact near the threshold; later it is another one"""
+APART_S = 1.0
+"""as far apart may two frames be, one after the other, that both show a contact; farther, it is another one"""
 WINDOW_S = 0.15
-"""the velocity is the slope of the line through the places of the last 0.15 s"""
+"""the velocity is the slope of the line through the places of the last 0.15 s, and of the last two in any case"""
 
 
 @dataclass
@@ -36,7 +38,7 @@ class _Followed:
         self.radius_mm = _radius_mm(patch)
         if not self.places or now_s > self.seen_s:
             self.places.append((now_s, *patch.centroid_mm))
-        while now_s - self.places[0][0] > WINDOW_S:
+        while len(self.places) > 2 and now_s - self.places[0][0] > WINDOW_S:
             self.places.popleft()
 
     @property
@@ -65,15 +67,22 @@ class ContactFollower:
         """Begin with number 1; none is given twice."""
         self._followed: list[_Followed] = []
         self._given = 0
+        self._before_s = -inf
+        """when the frame before was taken"""
 
     def follow(self, frame: TactileFrame) -> TactileFrame:
         """Return the frame with number, age and velocity of its contacts; one that feels nothing as it is."""
         if isnan(frame.contact.indentation_mm):
             return frame
         now_s = frame.camera_frame.time_s
-        self._followed = [one for one in self._followed if abs(now_s - one.seen_s) <= MISSED_S]
+        self._followed = [one for one in self._followed if abs(now_s - one.seen_s) <= self._kept_s(one)]
+        self._before_s = now_s
         known = _matched(self._followed, frame.contacts, now_s)
         return replace(frame, contacts=tuple(self._note(patch, one, now_s) for patch, one in known))
+
+    def _kept_s(self, one: _Followed) -> float:
+        """How long after it was seen a contact is still the same one."""
+        return APART_S if one.seen_s == self._before_s else MISSED_S
 
     def _note(self, patch: Patch, one: _Followed | None, now_s: float) -> Patch:
         if one is None:

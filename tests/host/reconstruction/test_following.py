@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gellight.frames.frames import Patch, TactileFrame
-from gellight.reconstruction.following import MISSED_S, ContactFollower
+from gellight.reconstruction.following import APART_S, MISSED_S, ContactFollower
 from tests.helpers.dashboard_source import bump
 
 PERIOD_S = 1 / 30
@@ -40,6 +40,16 @@ def test_a_contact_that_moves_keeps_its_number_and_tells_velocity_and_age(speed_
         assert patch.age_s == pytest.approx(k * PERIOD_S)
 
 
+@pytest.mark.parametrize("fps", [2, 5, 8])
+def test_few_frames_a_second_tell_the_same_contact_and_its_velocity(fps: int) -> None:
+    follower, apart = ContactFollower(), 30 / fps
+    seen = [follower.follow(at(apart * k, (0.5 / fps * k, 0.0))).contacts[0] for k in range(5)]
+    assert [patch.number for patch in seen] == [1] * 5
+    assert seen[-1].age_s == pytest.approx(4 / fps)
+    for patch in seen[1:]:
+        assert patch.velocity_mm_s == pytest.approx((0.5, 0.0), abs=1e-9)
+
+
 def test_what_moves_faster_than_its_size_is_found_where_it_is_expected() -> None:
     frames = [at(k, (k * k * 0.15, 0.0)) for k in range(20)]  # at the end 5.6 mm a frame, circles of 1 mm
     assert numbers(*frames) == [[1]] * 20
@@ -61,9 +71,21 @@ def test_noise_of_the_place_is_averaged() -> None:
         ([at(0, (0, 0)), at(1, (1.5, 0), BESIDE)], [[1], [2, 1]]),
         ([at(0, (0, 0)), at(1), at(2, (0, 0))], [[1], [], [1]]),
         ([at(0, (0, 0)), at(1), at(2 + MISSED_S / PERIOD_S, (0, 0))], [[1], [], [2]]),
+        ([at(0, (0, 0)), at(0.9 * APART_S / PERIOD_S, (0, 0))], [[1], [1]]),
+        ([at(0, (0, 0)), at(1.1 * APART_S / PERIOD_S, (0, 0))], [[1], [2]]),
         ([at(0, (0, 0)), at(0, (0, 0)), at(1, (0, 0))], [[1], [1], [1]]),
     ],
-    ids=["deeper in turn", "elsewhere", "grown together", "parted", "missed once", "touched again", "twice the same"],
+    ids=[
+        "deeper in turn",
+        "elsewhere",
+        "grown together",
+        "parted",
+        "missed once",
+        "touched again",
+        "few frames",
+        "a break",
+        "twice the same",
+    ],
 )
 def test_which_contact_is_which(frames: list[TactileFrame], expected: list[list[int]]) -> None:
     assert numbers(*frames) == expected
