@@ -5,6 +5,7 @@ import threading
 import time
 from collections import deque
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,9 @@ FREE_CELLS = 2
 """number of cells that may be outliers by chance"""
 JUMP_GREY = 0.5
 """a look at rest that is farther than that from those before it begins anew"""
+UNSEEN_GREY_S, MOST_UNSEEN_S = 0.25, 10.0
+"""as fast may the light drift while nobody looks, because the processor is busy or a new zero is made; the longest such
+time that counts"""
 NOISE_LOOKS = 20
 MOST_NOISE = 2.0
 """times the noise of the bundle; what is louder than that counts as touched"""
@@ -105,6 +109,8 @@ class SensorWatch:
         self._zero_s: float | None = None
         self._zeros = 0
         self._sudden_grey = 0.0
+        self._looked_s, self._unseen_s = inf, 0.0
+        """time of the latest look; how long nobody looked since the latest judgement"""
         self._looks = 0
         self._costs_s: deque[float] = deque(maxlen=100)
 
@@ -151,6 +157,8 @@ class SensorWatch:
             # The median over the cells sees noise and flicker, and no touch that covers less than half of the view.
             self._noises.append(1.05 * float(np.median(np.abs(change - self._last))))
         self._last = change
+        self._unseen_s += max(time_s - self._looked_s - 2 * PERIOD_S, 0.0)
+        self._looked_s = time_s
         found = self._model.judge(change, noise_grey=self._noise_grey)
         known = self._spots.around
         self._spots.note(found.outliers, time_s)
@@ -185,8 +193,9 @@ class SensorWatch:
             explanation=explain(self._model, change, kept, noise_grey=float(noise)),
         )
         before = self._judgement.change if self._judgement else np.zeros_like(change)
-        self._sudden_grey = max(self._sudden_grey, _rms(change - before, kept))
-        self._judgement = judgement
+        unseen_grey = UNSEEN_GREY_S * min(self._unseen_s, MOST_UNSEEN_S)
+        self._sudden_grey = max(self._sudden_grey, _rms(change - before, kept) - unseen_grey)
+        self._judgement, self._unseen_s = judgement, 0.0
         self._report(judgement)
 
     def _report(self, judgement: _Judgement) -> None:

@@ -109,6 +109,20 @@ def test_a_jump_is_told_and_set_to_zero_only_when_asked(new_sensor: New) -> None
     assert "zero_off" not in {found.kind for found in sensor.watch.findings()}, "a new zero mends it"
 
 
+@pytest.mark.parametrize(("lost", "jump"), [(0.015, False), (0.06, True)])
+def test_what_drifts_while_a_new_zero_is_made_slowly_is_no_jump(new_sensor: New, lost: float, jump: bool) -> None:
+    sensor = new_sensor(2250)
+    sensor.run(3)
+    fade(sensor, 0.98, 20)
+    zero = sensor.watch.propose_zero(asked=False)
+    sensor.time_s += 8.0
+    sensor.gain = np.full(3, 0.98 - lost)
+    sensor.watch.accept_zero(zero)
+    sensor.run(12)
+    reason = sensor.watch.refusal(asked=False)
+    assert ("at once: that is no drift" in reason) if jump else (reason == "")
+
+
 def finding(sensor: WatchedSensor, kind: str) -> WatchFinding:
     return next(found for found in sensor.watch.findings() if found.kind == kind)
 
