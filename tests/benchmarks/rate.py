@@ -3,8 +3,9 @@
 A simulated sensor (640 x 480, steady light without an emulated board) with its page's server in a process of its own:
 BALL and WAVE at 60 frames a second, BALL with the page open in Chromium, and nothing that touches at 30, without and
 with the page. Rates mean something on a quiet machine alone. Processor time is of the threads, as a share of one core
-and of a frame, with that of the simulated camera (`capture`) and of its self-check (`check`), which a real sensor does
-without. `MB/h` is the slope of the memory, which 3600 seconds give a meaning.
+and of a frame; "without the simulation" leaves out the simulated camera (`capture`) and its self-check (`check`), in
+whose place a real sensor has its camera's decoding. `MB/h` is the slope of the memory, which 3600 seconds give a
+meaning.
 """
 
 import argparse
@@ -107,9 +108,10 @@ def measure(case: str, seconds: float, realtime: bool) -> None:
         else:
             found = figures_of(child)
     ages = " to ".join(f"{ms:.0f}" for ms in found["age_ms"].values())
+    own = found["share"] - found["fps"] * (found["ms"]["capture"] + found["ms"]["check"]) / 1e3
     print(
         f"{case:24} {found['fps']:5.1f} frames/s, age {ages} ms (median, 95 %), {found['share']:.1%} of a core, "
-        f"{found['memory_mb_h']:.1f} MB/h, priority: {found['priority']}"
+        f"{own:.1%} without the simulation, {found['memory_mb_h']:.1f} MB/h, priority: {found['priority']}"
     )
     threads = ", ".join(f"{name} {ms:.2f}" for name, ms in found["ms"].items())
     print(f"{'':24} ms of processor a frame: {found['frame_ms']:.2f}; {threads}", flush=True)
