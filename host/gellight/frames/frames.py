@@ -201,7 +201,7 @@ class Patch:
     age_s: float = 0.0
     """since it was first seen"""
     velocity_mm_s: tuple[float, float] | None = None
-    """(x, y) of the centroid, over the last 0.15 s; None in its first frame"""
+    """(x, y) of the centroid, over the last 0.15 s, or since the frame before; None in its first frame"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
