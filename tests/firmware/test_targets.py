@@ -44,7 +44,7 @@ def test_both_chips_run_the_same_core_and_the_same_usb() -> None:
     first, second = (set(sources(CHECKOUT, find_target(name))) for name in ("rp2040", "rp2350"))
     common = {path.name for path in first & second}
     assert {path.name for path in (CHECKOUT / "firmware/core").glob("*.c")} <= common
-    assert {"usb.c", "usb_control.c", "usb_descriptors.c", "light.c", "pins.c", "main.c"} <= common
+    assert {"usb.c", "usb_control.c", "usb_descriptors.c", "flash.c", "light.c", "pins.c", "main.c"} <= common
 
 
 # ---- the RP2350 ----

@@ -79,7 +79,7 @@ void join_interrupt(void);
 const uint8_t *usb_descriptor(uint8_t type, uint8_t index, uint16_t *count);
 void usb_serial_number(const uint8_t unique_id[8]);
 
-/* flash.c */
+/* flash.c, and rom.c of each chip */
 void flash_unique_id(uint8_t unique_id[8]);
 void flash_read(void *context, uint32_t offset, void *to, size_t count);
 bool flash_erase(void *context, uint32_t sector);

@@ -11,6 +11,18 @@ from gellight.ring.wire import MOST_LEDS
 
 
 @dataclass(frozen=True, kw_only=True)
+class CarrierPins:
+    """GPIOs that the carrier uses beside those of the preset."""
+
+    switch: int
+    """closes the load switch"""
+    status: int
+    """of the carrier's own LED"""
+    thermistor: int
+    """an input of the ADC: the temperature of the ring"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Board:
     """Pins by their GPIO number, and what is printed beside them."""
 
@@ -22,11 +34,16 @@ class Board:
     """ACTIVE_LOW is added where the LED lights when low; NO_PIN: it has none that a pin alone can light"""
     printed: str
     """data, trigger and output as the board labels them"""
+    carrier: CarrierPins | None = None
+    """None: no carrier takes this board"""
 
 
 def _board(told: dict[str, Any]) -> Board:
     pins = {f"{name}_pin": told[name] for name in ("data", "trigger", "output")}
-    return Board(name=told["name"], printed=told["printed"], status_pin=told.get("status", NO_PIN), **pins)
+    carrier = CarrierPins(**told["carrier"]) if "carrier" in told else None
+    return Board(
+        name=told["name"], printed=told["printed"], status_pin=told.get("status", NO_PIN), carrier=carrier, **pins
+    )
 
 
 def presets(targets: Iterable[Target]) -> dict[str, Board]:

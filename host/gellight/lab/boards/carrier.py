@@ -20,7 +20,7 @@ from gellight.lab.boards.footprints import (
     SOT23_6,
 )
 from gellight.lab.boards.model import GROUND, Board, Footprint, Item, Part, Point, Rules, polygon
-from gellight.lab.boards.modules import LOGIC, STATUS_PIN, SWITCH_PIN, VBUS, WARM_PIN, Module, find_module
+from gellight.lab.boards.modules import LOGIC, VBUS, Module, carrier_pins, find_module
 from gellight.lab.boards.routing import Router
 from gellight.lab.boards.strip import TAIL_NETS
 from gellight.ring.boards import Board as Preset
@@ -39,13 +39,14 @@ SCREW_MM = 3.2
 
 def pin_nets(preset: Preset) -> dict[int, str]:
     """Return which net of the carrier each GPIO drives, by the firmware's preset of the controller."""
+    others = carrier_pins(preset)
     return {
         preset.data_pin: "DATA",
         preset.trigger_pin: "TRIGGER",
         preset.output_pin: "OUTPUT",
-        SWITCH_PIN: "SWITCH",
-        STATUS_PIN: "STATUS",
-        WARM_PIN: "NTC",
+        others.switch: "SWITCH",
+        others.status: "STATUS",
+        others.thermistor: "NTC",
     }
 
 

@@ -6,11 +6,12 @@ from gellight.lab.boards.currents import drop_v, full_ma
 from gellight.lab.boards.gerbers import gerber_archive
 from gellight.lab.boards.kicad import board_file, project_file
 from gellight.lab.boards.model import Board
-from gellight.lab.boards.modules import STATUS_PIN, SWITCH_PIN
+from gellight.lab.boards.modules import carrier_pins
 from gellight.lab.boards.picture import wiring_svg
 from gellight.lab.boards.schematic import schematic_file
 from gellight.lab.boards.strip import strip_board
 from gellight.lab.boards.tables import bill_of_materials, placement, shopping_list
+from gellight.ring.boards import find_board
 from sim_reference.geometry import SensorGeometry
 
 Files = dict[str, bytes | str]
@@ -42,6 +43,7 @@ def _files(board: Board) -> Files:
 def _order(geometry: SensorGeometry, controller: str, package: str, strip: Board) -> str:
     """Return what the order forms ask, and how to tell the firmware."""
     lamp, count, drop = find_lamp(package), len(geometry.led_colours), drop_v(geometry, strip, package)
+    pins = carrier_pins(find_board(controller))
     lines = [
         "Nobody has ordered or built these boards yet.",
         "",
@@ -54,7 +56,7 @@ def _order(geometry: SensorGeometry, controller: str, package: str, strip: Board
         "less than the contacts of the tail (copper at 60 degrees C, computed). The firmware allows 450 mA from USB.",
         "",
         "Tell the board, once it is flashed:",
-        f"gellight ring configure --board {controller} --leds {count} --led {lamp.kind} --switch-pin {SWITCH_PIN} "
-        f"--status-pin {STATUS_PIN}",
+        f"gellight ring configure --board {controller} --leds {count} --led {lamp.kind} --switch-pin {pins.switch} "
+        f"--status-pin {pins.status}",
     ]
     return "\n".join(lines) + "\n"

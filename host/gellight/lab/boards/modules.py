@@ -5,14 +5,9 @@ from dataclasses import dataclass
 from gellight.base.errors import InputError
 from gellight.lab.boards.footprints import module
 from gellight.lab.boards.model import GROUND, Footprint, Item, Point
+from gellight.ring.boards import Board, CarrierPins
 
 VBUS, LOGIC = "VBUS", "3V3"
-SWITCH_PIN = 6
-"""GPIO that closes the load switch"""
-STATUS_PIN = 7
-"""GPIO of the carrier's own status LED"""
-WARM_PIN = 26
-"""GPIO and ADC channel 0: the thermistor of the ring"""
 Label = int | str
 """a GPIO by its number, or the name of a net, or something that stays free"""
 
@@ -35,13 +30,19 @@ class Module:
 
 
 _G = GROUND
+_PICO: tuple[Label, ...] = (
+    0, 1, _G, 2, 3, 4, 5, _G, 6, 7, 8, 9, _G, 10, 11, 12, 13, _G, 14, 15,
+    16, 17, _G, 18, 19, 20, 21, _G, 22, "RUN", 26, 27, _G, 28, "VREF", LOGIC, "3V3_EN", _G, "VSYS", VBUS,
+)  # fmt: skip
 # Pins by the makers' pinout drawings, with the USB socket up: left row downwards, right row upwards.
 MODULES = {
     "pico": Module(
         item=Item("Raspberry Pi Pico", "Raspberry Pi", "SC0915", mounted=False),
-        pins=(0, 1, _G, 2, 3, 4, 5, _G, 6, 7, 8, 9, _G, 10, 11, 12, 13, _G, 14, 15,
-              16, 17, _G, 18, 19, 20, 21, _G, 22, "RUN", 26, 27, _G, 28, "VREF", LOGIC, "3V3_EN", _G, "VSYS", VBUS),
-        rows_mm=17.78, body=(21.5, 51.5),
+        pins=_PICO, rows_mm=17.78, body=(21.5, 51.5),
+    ),
+    "pico2": Module(
+        item=Item("Raspberry Pi Pico 2", "Raspberry Pi", "SC1631", mounted=False),
+        pins=_PICO, rows_mm=17.78, body=(21.5, 51.5),
     ),
     "xiao": Module(
         item=Item("XIAO RP2040", "Seeed", "102010428", mounted=False),
@@ -62,3 +63,10 @@ def find_module(name: str) -> Module:
     if name not in MODULES:
         raise InputError(f"there is no carrier for a board {name!r}: choose {', '.join(MODULES)}")
     return MODULES[name]
+
+
+def carrier_pins(preset: Board) -> CarrierPins:
+    """Return the GPIOs that the carrier uses beside a preset's; InputError for a board whose `board.toml` has none."""
+    if preset.carrier is None:
+        raise InputError(f"there is no carrier for a {preset.name}: choose {', '.join(MODULES)}")
+    return preset.carrier

@@ -13,7 +13,7 @@ from gellight.base.errors import InputError
 from gellight.lab.boards.carrier import pin_nets
 from gellight.lab.boards.files import board_files
 from gellight.lab.boards.model import Board
-from gellight.lab.boards.modules import MODULES, STATUS_PIN, SWITCH_PIN
+from gellight.lab.boards.modules import MODULES
 from gellight.lab.boards.strip import strip_board
 from gellight.ring.boards import BOARDS
 from sim_reference.geometry import SensorGeometry
@@ -23,10 +23,11 @@ from tests.helpers.command_line import invoke
 # From the makers' drawings: number of the pin on the module, down the left row and up the right one, by GPIO.
 PINS = {
     "pico": {2: 4, 3: 5, 4: 6, 6: 9, 7: 10, 26: 31, "VBUS": 40, "3V3": 36, "GND": (3, 8, 13, 18, 23, 28, 33, 38)},
+    "pico2": {2: 4, 3: 5, 4: 6, 6: 9, 7: 10, 26: 31, "VBUS": 40, "3V3": 36, "GND": (3, 8, 13, 18, 23, 28, 33, 38)},
     "xiao": {2: 9, 3: 11, 4: 10, 6: 5, 7: 6, 26: 1, "VBUS": 14, "3V3": 12, "GND": (13,)},
     "rp2040-zero": {2: 16, 3: 15, 4: 14, 6: 12, 7: 11, 26: 7, "VBUS": 1, "3V3": 3, "GND": (2,)},
 }
-ROWS_MM = {"pico": (17.78, 20), "xiao": (15.24, 7), "rp2040-zero": (15.24, 9)}
+ROWS_MM = {"pico": (17.78, 20), "pico2": (17.78, 20), "xiao": (15.24, 7), "rp2040-zero": (15.24, 9)}
 KINDS = {
     "U2": {"1": "supply", "2": "ground", "3": "in", "4": "passive", "5": "open", "6": "supply out"},
     "U3": {
@@ -56,7 +57,7 @@ def net_at(board: Board, part: str, pad: str) -> str:
 def test_the_pins_are_those_of_the_firmware(name: str, board: Board) -> None:
     preset, pins = BOARDS[name], PINS[name]
     wanted = {"DATA": preset.data_pin, "TRIGGER": preset.trigger_pin, "OUTPUT": preset.output_pin}
-    wanted |= {"SWITCH": SWITCH_PIN, "STATUS": STATUS_PIN, "NTC": 26}
+    wanted |= {"SWITCH": 6, "STATUS": 7, "NTC": 26}
     assert pin_nets(preset) == {gpio: net for net, gpio in wanted.items()}
     found = {pad: net for net, pads in board.nets().items() for part, pad in pads if part == "U1"}
     expected = {str(pins[gpio]): net for net, gpio in wanted.items()}
@@ -141,7 +142,7 @@ def test_the_tail_meets_the_socket_net_by_net(board: Board) -> None:
 
 
 def test_a_controller_without_a_carrier_is_refused() -> None:
-    with pytest.raises(InputError, match="no carrier for a board 'pico-w': choose pico, xiao, rp2040-zero"):
+    with pytest.raises(InputError, match="no carrier for a board 'pico-w': choose pico, pico2, xiao, rp2040-zero"):
         carrier_of("pico-w")
 
 
