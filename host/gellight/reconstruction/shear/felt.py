@@ -29,6 +29,9 @@ MOST_CELLS = 160
 """under the contact; where there are more they are put together"""
 FEWEST_NEAR = 3
 """dots in and around the contact: with fewer the force is mostly a guess"""
+UNEXPLAINED_MM, UNEXPLAINED_SHARE = 0.05, 0.5
+"""rms of what the contact does not explain of the dots' motion, and its share of all: beyond both there is no force"""
+UNEXPLAINED = "the dots have moved more than the contact that is felt explains: it may fill the view or reach beyond"
 LEAST_PRESSURE = 0.02
 """of the largest: what is pressed less pulls nothing"""
 
@@ -96,6 +99,8 @@ def felt_shear(
         return replace(known, unknown=NO_CONSTANT)
     cells = _cells(force.pressure_mpa / scale.youngs_modulus_mpa, gel.pixel_size_mm, scale.layer)
     if cells is None:
+        if _unexplained(moved[dots.seen], moved[dots.seen]):
+            return replace(known, unknown=UNEXPLAINED)
         return replace(known, force_n=(0.0, 0.0), force_error_n=(0.0, 0.0), torque_nmm=0.0, torque_error_nmm=0.0)
     return _pulled(known, rest, moved, cells, scale, force)
 
@@ -105,7 +110,9 @@ def _pulled(known: Shear, rest: Array, moved: Array, cells: _Cells, scale: Shear
     places, motions = rest[seen], moved[seen]
     near = _nearness(places + motions, cells, scale.layer)
     carried = near @ motions / max(float(near.sum()), 1e-12)
-    pull = _solved(places + carried, motions, cells, scale.layer)
+    pull, left = _solved(places + carried, motions, cells, scale.layer)
+    if _unexplained(left, motions):
+        return replace(known, unknown=UNEXPLAINED)
     newtons = scale.youngs_modulus_mpa * scale.side_scale
     (x, y, turn), spread = pull.total * newtons, np.sqrt(np.diag(pull.covariance).clip(0)) * newtons
     centre = np.average(cells.at_mm, axis=0, weights=cells.pressure)
@@ -125,12 +132,20 @@ def _pulled(known: Shear, rest: Array, moved: Array, cells: _Cells, scale: Shear
     )
 
 
-def _solved(places: Array, motions: Array, cells: _Cells, layer: Layer) -> Pull:
-    """Find the traction by dots at (n, 2) places that have moved by (n, 2) mm."""
+def _solved(places: Array, motions: Array, cells: _Cells, layer: Layer) -> tuple[Pull, Array]:
+    """Find the traction by dots at (n, 2) places that have moved by (n, 2) mm, and the (n, 2) mm it leaves."""
     xx, xy, yy, xz, yz = kernels(layer).at(places[:, None] - cells.at_mm[None])
     by_pressure = np.stack([xz @ cells.pressure, yz @ cells.pressure], axis=1) * cells.area_mm2
     influence = np.block([[xx, xy], [xy, yy]]) * cells.area_mm2
-    return find_pull(motions - by_pressure, ERROR_MM, influence, cells.pressure, cells.at_mm, cells.area_mm2)
+    along = motions - by_pressure
+    pull = find_pull(along, ERROR_MM, influence, cells.pressure, cells.at_mm, cells.area_mm2)
+    return pull, along - (influence @ pull.traction.T.ravel()).reshape(2, -1).T
+
+
+def _unexplained(left: Array, motions: Array) -> bool:
+    """Tell whether too much is left of the (n, 2) mm by which the dots have moved."""
+    rest, whole = (float(np.sqrt(np.square(each).sum(axis=1).mean())) for each in (left, motions))
+    return rest > max(UNEXPLAINED_MM, UNEXPLAINED_SHARE * whole)
 
 
 def _cells(pressure: NDArray[np.float32], pixel_size_mm: tuple[float, float], layer: Layer) -> _Cells | None:

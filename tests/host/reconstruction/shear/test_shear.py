@@ -184,3 +184,15 @@ def test_a_contact_at_the_border_and_one_far_from_dots_are_flagged(scene: Scene,
     assert FEW_DOTS in aside.flags
     cut = shear_of(scene, bundle, Press("BALL", 0.8, 18.0, 0.0, ((0.1, 0.0, 0.0),)))
     assert BEYOND_VIEW in cut.flags
+
+
+@pytest.mark.parametrize("press", [None, Press("BALL", 0.3, 0.0, 0.0)])
+def test_dots_that_no_felt_contact_moves_give_no_force(scene: Scene, bundle: Bundle, press: Press | None) -> None:
+    """As under a plate that fills the view: it drags every dot, and little or no depth is felt."""
+    dots = seen_dots(scene, press, np.random.default_rng(0))
+    dragged = replace(dots, places_px=dots.places_px + 0.2 / GEOMETRY.pixel_size_mm)
+    shear = felt(scene, bundle, press, dragged).shear
+    assert shear is not None
+    assert shear.force_n is None
+    assert "fill the view" in shear.unknown
+    assert np.nanmedian(np.abs(shear.field_mm)) > 0.15
