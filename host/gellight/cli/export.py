@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from enum import StrEnum
 from itertools import islice
 from pathlib import Path
@@ -16,13 +17,14 @@ from gellight.cli.options import AsJson
 from gellight.cli.reconstruct import maps_file
 from gellight.cli.showing import show
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.frames.frames import CameraFrame, CaptureStamp, TactileFrame
+from gellight.frames.frames import CameraFrame, CaptureStamp, Provenance, TactileFrame
 from gellight.frames.point_cloud import ply
 from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.lab.report.video import VideoFile
 from gellight.recording.array_files import write_arrays
 from gellight.recording.lerobot_files import write_lerobot
 from gellight.recording.recording_file import Recording
+from gellight.tracking.following import ObjectFollower
 
 VIDEO = "video.mp4"
 FPS_FRAMES = 30
@@ -51,6 +53,9 @@ def command(
     calibration: Annotated[str | None, typer.Option(help="Bundle.", show_default="the recording's own")] = None,
     every: Annotated[int, typer.Option(min=1, help="Take every n-th frame.")] = 1,
     depth_scale_um: Annotated[float, typer.Option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
+    track: Annotated[
+        bool, typer.Option("--track", help="Follow the object: hdf5, zarr and lerobot get its pose.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Turn a recording into arrays, pictures, surfaces or a video.
@@ -59,7 +64,10 @@ def command(
     have what those of `gellight reconstruct` have, .ply files are surfaces in mm.
     """
     recording = Recording(file)
-    frames = islice(felt_frames(recording, load_bundle(calibration) if calibration else None), 0, None, every)
+    if track and kind not in (Kind.HDF5, Kind.ZARR, Kind.LEROBOT):
+        raise InputError(f"--track: --as {kind} has no place for a pose: take hdf5, zarr or lerobot")
+    felt = felt_frames(recording, load_bundle(calibration) if calibration else None)
+    frames = islice(map(ObjectFollower(on=track).follow, felt), 0, None, every)
     try:
         out.mkdir(parents=True, exist_ok=True)
         match kind:
@@ -71,7 +79,9 @@ def command(
                 count = write_arrays(frames, out / ONE_FILE[kind], **known)
             case Kind.LEROBOT:
                 rate = fps_of(recording) / every
-                count = write_lerobot(frames, out / ONE_FILE[kind], fps=rate, task=file.stem, png=encode_png)
+                count = write_lerobot(
+                    frames, out / ONE_FILE[kind], fps=rate, task=file.stem, png=encode_png, tracked=track
+                )
             case _:
                 count = sum(_written(frame, out, kind, depth_scale_um, recording.bundle) for frame in frames)
     except OSError as error:
@@ -91,9 +101,15 @@ def felt_frames(recording: Recording, bundle: Bundle | None) -> Iterator[Tactile
             reconstructor = Reconstructor(wanted)
         stamp = CaptureStamp(zeroed=wanted, unix_s=info.unix_s)
         image = record.image(source)
-        yield reconstructor.reconstruct(
-            CameraFrame(image=image, time_s=info.time_s, sequence=info.sequence, source=source, stamp=stamp)
+        taken = CameraFrame(image=image, time_s=info.time_s, sequence=info.sequence, source=source, stamp=stamp)
+        provenance = Provenance(
+            calibration=(bundle or recording.bundle).identity,
+            zero=wanted.identity,
+            pixel_size_mm=wanted.pixel_size_mm,
+            unix_s=info.unix_s,
+            ages_s={},
         )
+        yield replace(reconstructor.reconstruct(taken), provenance=provenance)
 
 
 def fps_of(recording: Recording) -> float:

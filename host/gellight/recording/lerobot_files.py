@@ -2,7 +2,8 @@
 
 One recording is one episode. LeRobot counts time in frames, so `timestamp` is the number of the frame over the frame
 rate; `observation.time_s` is when it was taken, since the first one. Depth is in metres, as the camera plug-in gives
-it, rounded by 0.03 um at most, so that it is packed; it has no entry in the statistics.
+it, rounded by 0.03 um at most, so that it is packed. The pose of the object is no observation: it is NaN where there is
+none, and a policy that takes every observation must not meet that. Neither has an entry in the statistics.
 """
 
 import json
@@ -20,6 +21,9 @@ from gellight.base.errors import InputError
 from gellight.frames.frames import TactileFrame
 
 IMAGE, DEPTH, STATE, TIME = (f"observation.{name}" for name in ("images.gel", "gel_depth", "state", "time_s"))
+NUMBER, MOTION, COVARIANCE = (f"object.{name}" for name in ("number", "motion", "covariance"))
+"""of `frames.pose.ObjectPose`; matrices row by row"""
+POSE_SIZES = {MOTION: 16, COVARIANCE: 36}
 INDICES = ("frame_index", "episode_index", "index", "task_index")
 STEP_M = 2.0**-24
 REMEDY = 'this needs a package: pip install "gellight[lerobot]"'
@@ -28,12 +32,18 @@ _FIRST = "chunk-000/file-000.parquet"
 
 
 def write_lerobot(
-    frames: Iterable[TactileFrame], folder: Path, *, fps: float, task: str, png: Callable[[NDArray[np.uint8]], bytes]
+    frames: Iterable[TactileFrame],
+    folder: Path,
+    *,
+    fps: float,
+    task: str,
+    png: Callable[[NDArray[np.uint8]], bytes],
+    tracked: bool = False,
 ) -> int:
     """Write frames as one episode into a new `folder`, all or nothing, and return their number.
 
-    task: what was done, in words. png: encodes an image. Raises InputError where the folder exists,
-    without pyarrow, or without frames.
+    task: what was done, in words. png: encodes an image. tracked: the pose of the object is written too. Raises
+    InputError where the folder exists, without pyarrow, or without frames.
     """
     if folder.exists():
         raise InputError(f"{folder} exists: choose another folder, or remove it")
@@ -45,14 +55,16 @@ def write_lerobot(
         if first is None:
             raise InputError("the recording has no frames")
         names = state_names(first)
-        with _table(draft / "data" / _FIRST, features_of(first, names)) as append:
+        features = features_of(first, names, tracked=tracked)
+        with _table(draft / "data" / _FIRST, features) as append:
             for count, frame in enumerate(_chained(first, rows), start=1):
                 state = np.array([_state(frame)[name] for name in names], np.float32)
                 statistics.add(frame.camera_frame.image, state)
                 image = {"bytes": png(frame.camera_frame.image), "path": None}
                 since_s = frame.camera_frame.time_s - first.camera_frame.time_s
-                append({IMAGE: image, STATE: state.tolist(), TIME: since_s, **_row(frame, count - 1, rate)})
-        _write_meta(draft, features_of(first, names), statistics, count, rate, task)
+                row = _row(frame, count - 1, rate) | (_pose(frame) if tracked else {})
+                append({IMAGE: image, STATE: state.tolist(), TIME: since_s, **row})
+        _write_meta(draft, features, statistics, count, rate, task)
         draft.rename(folder)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
@@ -83,16 +95,27 @@ def _along(frame: TactileFrame) -> dict[str, float]:
     return {"force_x_n": x, "force_y_n": y, "torque_nmm": nan if torque is None else torque}
 
 
-def features_of(frame: TactileFrame, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _pose(frame: TactileFrame) -> dict[str, Any]:
+    """Return the number of the object, 0 without one, and its pose, NaN without one or where it is lost."""
+    pose = frame.pose
+    if pose is None:
+        return {NUMBER: 0, **{name: [nan] * size for name, size in POSE_SIZES.items()}}
+    return {NUMBER: pose.number, MOTION: pose.motion.ravel().tolist(), COVARIANCE: pose.covariance.ravel().tolist()}
+
+
+def features_of(frame: TactileFrame, names: Sequence[str], *, tracked: bool) -> dict[str, dict[str, Any]]:
     """Return the features as info.json lists them."""
     height, width = frame.depth_mm.shape
     axes = ["height", "width", "channels"]
     single = {"shape": [1], "names": None}
+    poses = {name: {"dtype": "float32", "shape": [size], "names": None} for name, size in POSE_SIZES.items()}
+    of_object = {NUMBER: {"dtype": "int64", **single}, **poses} if tracked else {}
     return {
         IMAGE: {"dtype": "image", "shape": [height, width, 3], "names": axes},
         DEPTH: {"dtype": "float32", "shape": [height, width, 1], "names": axes},
         STATE: {"dtype": "float32", "shape": [len(names)], "names": list(names)},
         TIME: {"dtype": "float32", **single},
+        **of_object,
         "timestamp": {"dtype": "float32", **single},
         **{name: {"dtype": "int64", **single} for name in INDICES},
     }
@@ -148,11 +171,17 @@ def _table(path: Path, features: dict[str, dict[str, Any]]) -> Iterator[Any]:
     fields: dict[str, Any] = {name: kinds.get(one["dtype"]) for name, one in features.items()}
     fields[IMAGE] = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
     fields[DEPTH] = pa.list_(pa.list_(pa.list_(pa.float32())))
-    fields[STATE] = pa.list_(pa.float32(), features[STATE]["shape"][0])
+    for name in _vectors(features):
+        fields[name] = pa.list_(pa.float32(), features[name]["shape"][0])
     schema = pa.schema(list(fields.items()), metadata={"huggingface": json.dumps(_kinds_of_datasets(features))})
     path.parent.mkdir(parents=True)
     with parquet.ParquetWriter(path, schema, compression="zstd", use_dictionary=False) as writer:
         yield lambda row: writer.write_table(pa.Table.from_pylist([row], schema))
+
+
+def _vectors(features: dict[str, dict[str, Any]]) -> list[str]:
+    """Return which features are rows of numbers."""
+    return [name for name in features if name in (STATE, *POSE_SIZES)]
 
 
 def _kinds_of_datasets(features: dict[str, dict[str, Any]]) -> dict[str, Any]:
@@ -160,7 +189,8 @@ def _kinds_of_datasets(features: dict[str, dict[str, Any]]) -> dict[str, Any]:
     kinds: dict[str, Any] = {name: {"dtype": one["dtype"], "_type": "Value"} for name, one in features.items()}
     kinds[IMAGE] = {"_type": "Image"}
     kinds[DEPTH] = {"shape": features[DEPTH]["shape"], "dtype": "float32", "_type": "Array3D"}
-    kinds[STATE] = {"feature": kinds[STATE], "length": features[STATE]["shape"][0], "_type": "List"}
+    for name in _vectors(features):
+        kinds[name] = {"feature": kinds[name], "length": features[name]["shape"][0], "_type": "List"}
     return {"info": {"features": kinds}}
 
 

@@ -1,0 +1,72 @@
+"""`gellight export --track`: the motion of what slid in a recording is in the arrays and in the episode."""
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gellight
+from gellight.stream.recorder import Recorder
+from tests.helpers import children
+
+SLID_MM = 0.2
+STEPS = [[0.8, 0, 0, 0, 0, 0], [0.8, SLID_MM, 0, 0, 0, 0]]
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Frames of a relief that slides to and fro along x."""
+    folder = tmp_path_factory.mktemp("slid")
+    (folder / "slide.json").write_text(json.dumps({"object": "CCONVEX", "within_mm": 8, "steps": STEPS}))
+    with gellight.connect(f"sim://?board=0&fps=4&sequence={folder / 'slide.json'}") as sensor:
+        sensor.next_frame()
+        with Recorder(sensor.daemon, folder / "slide.mcap") as recorder:
+            while recorder.status.frames < 6:
+                time.sleep(0.05)
+    return folder / "slide.mcap"
+
+
+def slid(motions: np.ndarray) -> None:
+    """Whether (N, 4, 4) motions are those of the object: at rest, and a slide along x, whichever frame was first."""
+    assert len(motions) >= 6
+    x = motions[:, 0, 3]
+    assert np.ptp(x) == pytest.approx(SLID_MM, abs=0.01)
+    assert np.minimum(np.abs(x), np.abs(np.abs(x) - SLID_MM)).max() < 0.01
+    assert np.abs(motions[:, :3, :3] - np.eye(3)).max() < 0.005
+
+
+def test_the_arrays_have_the_motion_where_it_is_asked_for(recording: Path, tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    for name, more in (("asked", ["--track"]), ("plain", [])):
+        children.gellight("export", recording, "--out", tmp_path / name, "--as", "hdf5", *more, check=True)
+    with h5py.File(tmp_path / "asked/frames.h5") as file:
+        assert set(file["figures/object"][:]) == {1}
+        slid(file["figures/motion"][:])
+        assert np.isfinite(file["figures/motion_covariance"][:]).all()
+    with h5py.File(tmp_path / "plain/frames.h5") as file:
+        assert set(file["figures/object"][:]) == {0}
+
+
+def test_the_episode_has_the_motion_as_features_that_are_no_observation(recording: Path, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    children.gellight("export", recording, "--out", tmp_path, "--as", "lerobot", "--track", check=True)
+    folder = tmp_path / "lerobot"
+    info = json.loads((folder / "meta/info.json").read_text())
+    rows = parquet.read_table(folder / "data/chunk-000/file-000.parquet").to_pylist()
+    assert set(rows[0]) == set(info["features"])
+    assert {name: info["features"][f"object.{name}"]["shape"] for name in ("number", "motion", "covariance")} == {
+        "number": [1], "motion": [16], "covariance": [36],
+    }  # fmt: skip
+    assert {row["object.number"] for row in rows} == {1}
+    slid(np.array([row["object.motion"] for row in rows]).reshape(-1, 4, 4))
+    covariance = np.array(rows[-1]["object.covariance"]).reshape(6, 6)
+    assert np.linalg.eigvalsh(covariance).min() > -1e-9
+
+
+def test_a_kind_without_a_place_for_the_pose_is_refused(recording: Path, tmp_path: Path) -> None:
+    done = children.gellight("export", recording, "--out", tmp_path / "out", "--as", "ply", "--track")
+    assert done.returncode == 2
+    assert "--as ply has no place for a pose: take hdf5, zarr or lerobot" in done.stderr
+    assert not (tmp_path / "out").exists()
