@@ -2,7 +2,8 @@
 
 layer.py          the elastic layer: pressure and depth from a gap
 picture.py        the picture of a gel surface, in milliseconds
-touch_sensor.py   `TouchSensor`: both for one sensor
+traction.py       sticking and slipping along the gel
+touch_sensor.py   `TouchSensor`: all of it for one sensor
 mujoco_gap.py     the gap of a gel in a MuJoCo model
 mujoco_gels.py    `MujocoGels`: the gels of a model, as they look and feel
 mujoco_carry.py   the layer's forces in place of MuJoCo's contact
@@ -13,8 +14,9 @@ gripper.xml       a parallel gripper with two gels, to try it
 from pathlib import Path
 
 from gellight.lab.touch.touch_sensor import Felt, TouchSensor
+from gellight.lab.touch.traction import Sheared
 
-__all__ = ["GRIPPER", "Felt", "TouchSensor"]
+__all__ = ["GRIPPER", "Felt", "Sheared", "TouchSensor"]
 
 GRIPPER = Path(__file__).parent / "gripper.xml"
 """a model of MuJoCo: sites left and right are gels, the body object lies between them"""

@@ -9,6 +9,7 @@ from gellight.base.errors import InputError
 from gellight.lab.simulator.read_noise import ReadNoise
 from gellight.lab.touch.layer import Floats, Layer
 from gellight.lab.touch.picture import Pictures
+from gellight.lab.touch.traction import Sheared, Traction
 from sim_reference.camera import CameraResponse, exposure_for, linear_grey
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry
@@ -80,6 +81,9 @@ class TouchSensor:
             )
         shear_modulus_mpa = youngs_modulus_mpa / 2 / (1 + self.geometry.poisson_ratio)
         self.layer = Layer(self.geometry, size, extent_mm, shear_modulus_mpa)
+        self._traction = Traction(
+            self.layer.at_mm, self.geometry.gel_thickness_mm, self.geometry.poisson_ratio, shear_modulus_mpa
+        )
         self._shadows = cast_shadows
         self._given = CameraResponse() if response is None else response
         self._pictures: Pictures | None = None
@@ -97,6 +101,16 @@ class TouchSensor:
         """
         pressure = self.layer.pressure_mpa(gap_mm)
         return Felt(pressure, self.layer.depth_mm(pressure), self.layer.at_mm)
+
+    def drag(
+        self, felt: Felt, motion: tuple[float, float, float], *, friction: float = 0.8, before: Sheared | None = None
+    ) -> Sheared:
+        """Return the traction when what presses has moved along the gel by `motion` since it touched.
+
+        motion: x mm, y mm, and rad from x to y about the gel's centre. friction: Coulomb's coefficient. before: the
+        step before on a path that turns. Raises InputError for what is negative or not finite, and NotConverged.
+        """
+        return self._traction.drag(felt.pressure_mpa, motion, friction, before)
 
     def sink(self, gap_mm: Floats, force_n: float) -> Felt:
         """Return the gel under objects that were moved along its normal until it carries `force_n` N.
