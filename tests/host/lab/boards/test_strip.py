@@ -145,7 +145,7 @@ def test_a_strip_that_cannot_be_made_is_refused_in_one_sentence(
 @pytest.mark.parametrize(
     ("options", "content", "reason"),
     [
-        (["--board", "teensy"], None, "no carrier for a board 'teensy': choose pico, xiao, rp2040-zero"),
+        (["--board", "teensy"], None, "no carrier for a board 'teensy': choose pico, pico2, xiao, rp2040-zero"),
         (["--package", "3535"], None, "choose 2020 or 5050"),
         ([], '[geometry]\nled_colours = "RGBRGBRGBRGBRGBRGBRGBRGBRGB"\n', "the firmware drives 24"),
     ],
