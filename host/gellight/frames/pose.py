@@ -52,6 +52,10 @@ class ObjectPose:
     untellable: NDArray[np.float64]
     """(k, 6) twists about that point, in mm and rad, along which the contact tells nothing; 3 mm weigh as 1 rad"""
 
+    def __repr__(self) -> str:
+        """Return the object and its place in one line."""
+        return f"<{type(self).__name__}: {self.in_words()}>"
+
     @property
     def lost(self) -> bool:
         """Whether the object is not followed any more."""

@@ -43,6 +43,11 @@ class DotsSeen:
     problem: str = ""
     """why the dots tell nothing of the gel, as on another gel; empty where they do"""
 
+    def __repr__(self) -> str:
+        """Return how many dots are seen in one line."""
+        told = f", {self.problem}" if self.problem else ""
+        return f"<{type(self).__name__} {int(self.seen.sum())} of {len(self.reasons)}{told}>"
+
     @property
     def seen(self) -> Bools:
         """(N,) which dots are seen."""
@@ -78,6 +83,13 @@ class Shear:
     """why the force is unknown; empty where it is known"""
     traction_of: Callable[[], NDArray[np.float32] | None] | None = field(default=None, repr=False)
     """computes the traction map; None where nothing pulls, or it is unknown"""
+
+    def __repr__(self) -> str:
+        """Return the force, or why it is unknown, in one line."""
+        told = f"force {self.unknown or 'unknown'}"
+        if self.force_n is not None:
+            told = f"force ({self.force_n[0]:.3f}, {self.force_n[1]:.3f}) N"
+        return f"<{type(self).__name__} by {int(self.dots.seen.sum())} of {len(self.dots.reasons)} dots, {told}>"
 
     @cached_property
     def traction_mpa(self) -> NDArray[np.float32] | None:

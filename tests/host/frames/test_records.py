@@ -15,6 +15,8 @@ import sim_reference
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, Contact, GroundTruth, LightLabel, LightState, TactileFrame
+from gellight.frames.pose import ObjectPose, PoseFigures
+from gellight.frames.shear import DotsSeen, Shear
 from gellight.opening import open_camera
 
 
@@ -73,3 +75,14 @@ def test_a_gel_that_nothing_touches_says_so() -> None:
     flat = np.zeros((2, 3), np.float32)
     truth = GroundTruth(depth_mm=flat, gradient_map=np.zeros((2, 3, 2), np.float32), contact=flat > 0)
     assert repr(truth) == "<GroundTruth 3x2, 0.000 mm deep>"
+
+
+def test_dots_shear_and_pose_are_printed_in_one_line_too() -> None:
+    rest, reasons = np.zeros((3, 2)), np.array([0, 1, 0], np.uint8)
+    dots = DotsSeen(rest_px=rest, places_px=rest, reasons=reasons)
+    assert repr(dots) == "<DotsSeen 2 of 3>"
+    shear = Shear(dots=dots, field_mm=rest, force_n=(0.25, -1.0))
+    assert repr(shear) == "<Shear by 2 of 3 dots, force (0.250, -1.000) N>"
+    assert repr(dataclasses.replace(shear, force_n=None, unknown="too few")) == "<Shear by 2 of 3 dots, force too few>"
+    figures = PoseFigures(number=2, since_sequence=7, origin_mm=(1, 2, 3))
+    assert repr(ObjectPose.of(figures)) == "<ObjectPose: object 2 is lost>"
