@@ -184,6 +184,8 @@ def load_bundle(path: str | Path) -> Bundle:
         return _load(str(place), lambda name: read_file(place / name))
     if not place.exists():
         raise BundleError(f"calibration bundle {place} does not exist: give a folder, a {SUFFIX} file or '{SYNTHETIC}'")
+    if not place.is_file():
+        raise BundleError(f"calibration bundle {place} is a pipe or a device: give a folder or a {SUFFIX} file")
     return _unpacked(place, str(place))
 
 

@@ -171,3 +171,11 @@ def test_a_packed_bundle_that_lies_about_its_size_is_read_no_further(tmp_path: P
     packed.write_bytes(content)
     with pytest.raises(BundleError, match=r"manifest\.toml cannot be read"):
         load_bundle(packed)
+
+
+@pytest.mark.parametrize("place", ["/dev/zero", "pipe"])
+def test_what_never_ends_is_no_bundle(place: str, tmp_path: Path) -> None:
+    if place == "pipe":
+        os.mkfifo(tmp_path / place)
+    with pytest.raises(BundleError, match="is a pipe or a device: give a folder or a"):
+        load_bundle(tmp_path / place)

@@ -280,7 +280,9 @@ class SimulatedUrl(BaseModel):
     gel: GelKind = "layer"
     resolution: float = Field(0.3, ge=0.1, le=2.5)
     sequence: str = ""
-    dots: str = Field("", pattern=r"^(\d{1,2}x\d{1,2})?$")
+    dots: str = Field(
+        "", pattern=r"^(\d{1,2}x\d{1,2})?$", json_schema_extra={"allowed": "columns x rows, such as `9x7`"}
+    )
     dot_pitch: float = Field(2.0, ge=0.5, le=10)
     dot_diameter: float = Field(0.6, ge=0.1, le=5)
     dot_albedo: float = Field(0.35, ge=0, le=1)
