@@ -25,6 +25,11 @@ class Mailbox(Generic[Item]):
         self._closed: BaseException | None = None
         self._copies: tuple[Mailbox[Item], ...] = ()
 
+    @property
+    def newest(self) -> int:
+        """Number of the item that was put last, 0 for none."""
+        return self._number
+
     def put(self, item: Item) -> None:
         """Add an item, which takes the place of the oldest where the mailbox is full, and wake all who wait."""
         with self._changed:

@@ -49,7 +49,7 @@ def command(
     """
     settings = load_settings({"sensor.url": sensor, **options.flags()})
     with opened(settings, dashboard=dashboard) as (daemon, _):
-        recorder = Recorder(daemon, out, name=settings.stream.name, depth=depth, maps=maps or ())
+        recorder = Recorder(daemon, out, name=settings.stream.name, depth=depth, maps=maps or (), frames=options.frames)
         if not daemon.camera.waits:  # of a file every frame is recorded
             logs.say(f"recording: about {recorder.bytes_a_minute() / 1e6:.0f} MB a minute")
         with recorder, until_interrupted(not (seconds or options.frames)):

@@ -61,13 +61,14 @@ class Recorder:
         name: str = "",
         depth: DepthKind = DepthKind.NONE,
         maps: Collection[MapOnRequest] = (),
+        frames: int = 0,
     ) -> None:
         """Begin the file at `path`; InputError where that cannot be, or where the disk is nearly full.
 
-        name: of the sensor, by default its own. maps: of each tactile frame, to be recorded too; InputError for the
-        pressure of a sensor whose bundle has no constant for it.
+        name: of the sensor, by default its own. frames: after which nothing more is recorded, 0 for none. maps: of each
+        tactile frame, to be recorded too; InputError for the pressure of a sensor whose bundle has no constant for it.
         """
-        self._daemon, self.path = daemon, path
+        self._daemon, self.path, self._most = daemon, path, frames
         if MapOnRequest.PRESSURE in maps and read_force(daemon.bundle) is None:
             raise InputError(
                 "the bundle has no constant for the force, so there is no pressure to record: find it with "
@@ -125,30 +126,25 @@ class Recorder:
     def _write(self, captured: Mailbox[CameraFrame], delivered: Mailbox[TactileFrame]) -> None:
         begun_s = looked_s = time.monotonic()
         number = felt = 0
+        last: int | None = None
+        """number of the last frame that is written; None until the recording ends: frames go on to come"""
         try:
-            while not (self._ended.is_set() and not self._waiting(captured, number)):
+            while last is None or number < last:
                 number = self._take_frame(captured, number)
                 felt = self._take_felt(delivered, felt)
                 if time.monotonic() - looked_s > LOOK_S:
                     looked_s = time.monotonic()
                     self._look(looked_s - begun_s)
-                if self.status.ended:
+                if self.status.ended or 0 < self._most <= self.status.frames:
                     break
+                if last is None and self._ended.is_set():
+                    last = captured.newest
             self._take_felt(delivered, felt)
         except OSError as error:
             self._end(f"the recording stopped: {'the disk is full' if error.errno == errno.ENOSPC else error.strerror}")
         except Exception as error:
             logger.exception("the recording failed")
             self._end(f"the recording failed: {error}")
-
-    @staticmethod
-    def _waiting(captured: Mailbox[CameraFrame], number: int) -> bool:
-        """Whether a frame was captured that is not written yet."""
-        try:
-            captured.take(number, 0)
-        except Exception:
-            return False
-        return True
 
     def _take_frame(self, captured: Mailbox[CameraFrame], number: int) -> int:
         """Write the next camera frame, if one comes soon; return the number of the last one."""

@@ -1,10 +1,29 @@
-"""Daemons of a test are found by that test alone."""
+"""Daemons of a test are found by that test alone; a recording that several tests read."""
 
+import time
 from pathlib import Path
 
 import pytest
+
+import gellight
+from gellight.recording.recording_file import DepthKind
+from gellight.stream.recorder import Recorder
 
 
 @pytest.fixture(autouse=True)
 def own_runtime_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+
+
+@pytest.fixture(scope="session")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A few frames of a ball in a simulated sensor, with the depth of at least three of them."""
+    path = tmp_path_factory.mktemp("recorded") / "ball.mcap"
+    with gellight.connect("sim://?object=BALL&depth=1&fps=2") as sensor:
+        sensor.next_frame()
+        with Recorder(sensor.daemon, path, depth=DepthKind.FLOAT32) as recorder:
+            assert sensor.daemon.status()["recording"] == path.name
+            while recorder.status.frames < 6 or recorder.status.depths < 3:
+                time.sleep(0.05)
+        assert sensor.daemon.status()["recording"] is None
+    return path

@@ -1,0 +1,280 @@
+"""The verbs that record, replay and export, and what their files hold."""
+
+import itertools
+import json
+import os
+import re
+import signal
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import gellight
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import extend_bundle
+from gellight.frame_path import pipeline
+from gellight.frame_path.pipeline import Reconstructor
+from gellight.frames.frames import CameraFrame
+from gellight.reconstruction.native import library
+from gellight.recording.array_files import STEP, write_arrays
+from gellight.recording.lerobot_files import write_lerobot
+from gellight.recording.recording_file import CHUNK_BYTES, Recording
+from gellight.recording.replay_camera import open_replay
+from tests.helpers import children
+from tests.helpers.doc_examples import examples, run
+from tests.helpers.linear_sensor import linear_bundle
+from tests.helpers.places import CHECKOUT
+from tests.helpers.ply import read_ply
+from tests.helpers.streamed import full_frame
+from tests.helpers.weighed import force_files, weighed
+
+
+def test_pictures_take_two_fifths_of_their_bytes_at_most(recording: Path) -> None:
+    """With the noise of the simulated camera, 1 grey level; nothing is lost."""
+    sizes = [(len(frame.data), frame.image("a").nbytes) for frame in Recording(recording).frames()]
+    assert sum(packed for packed, _ in sizes) < 0.4 * sum(raw for _, raw in sizes)
+
+
+def test_a_recording_is_replayed_with_its_own_bundle(recording: Path) -> None:
+    done = children.gellight("replay", recording, "--speed", "0", "--loop", "--frames", "4", "--no-dashboard", "--json")
+    assert done.returncode == 0, done.stderr
+    status = json.loads(done.stdout)
+    assert status["indentation_mm"] == pytest.approx(1.0, abs=0.05)
+    assert status["calibration"]["identity"] == gellight.load_bundle("synthetic").identity
+
+
+def test_no_frame_is_left_out_of_a_replay_that_waits_for_its_reader(recording: Path) -> None:
+    recorded, got = len(list(Recording(recording).frames())), []
+    with gellight.connect(f"replay://{recording}?speed=0", every=True) as sensor:
+        for frame in sensor:
+            time.sleep(0.05)
+            got.append(frame.camera_frame.sequence)
+    assert got == list(range(got[0], got[0] + recorded))
+
+
+def test_a_replay_that_ends_before_its_frames_says_so_in_words(recording: Path) -> None:
+    done = children.gellight("replay", recording, "--speed", "0", "--frames", "999", "--no-dashboard")
+    assert done.returncode == 0, done.stderr
+    assert re.match(r"\d+ frames of 999: there were no more\.\n", done.stdout)
+    assert re.search(r"deepest touch was (0\.9|1\.0)\d+ mm; the last frame feels 1\.\d\d \+- 0\.06 N\.", done.stdout)
+    assert "{" not in done.stdout
+
+
+def test_a_recording_is_exported_as_arrays_and_surfaces(recording: Path, tmp_path: Path) -> None:
+    done = children.gellight("export", recording, "--out", tmp_path, "--every", "3", "--json")
+    paths = sorted(tmp_path.glob("*.npz"))
+    assert json.loads(done.stdout) == {"frames": len(paths), "whole": True}, done.stderr
+    assert len(paths) == -(-len(list(Recording(recording).frames())) // 3)
+    maps = np.load(paths[0])
+    assert maps["depth_mm"].max() == pytest.approx(1.0, abs=0.05)
+    assert children.gellight("export", recording, "--out", tmp_path, "--as", "ply", "--every", "1000").returncode == 0
+    (surface,) = tmp_path.glob("*.ply")
+    vertices, triangles, _ = read_ply(surface)
+    assert (len(vertices["z"]), len(triangles)) == (307200, 2 * 639 * 479)
+    assert vertices["z"].max() == pytest.approx(maps["depth_mm"].max(), abs=0.02)
+    assert np.ptp(vertices["x"]) == pytest.approx(639 * gellight.load_bundle("synthetic").pixel_size_mm[0], 1e-5)
+
+
+@pytest.mark.parametrize("kind", ["hdf5", "zarr"])
+def test_a_recording_becomes_one_file_of_arrays(recording: Path, tmp_path: Path, kind: str) -> None:
+    reader = pytest.importorskip({"hdf5": "h5py"}.get(kind, kind))
+    done = children.gellight("export", recording, "--out", tmp_path, "--as", kind, "--json")
+    assert done.returncode == 0, done.stderr
+    file = reader.File(tmp_path / "frames.h5") if kind == "hdf5" else reader.open_group(tmp_path / "frames.zarr")
+    taken = list(Recording(recording).frames())
+    assert file["image"].shape[0] == json.loads(done.stdout)["frames"] == len(taken)
+    assert np.array_equal(file["image"][2], taken[2].image("a"))
+    assert file["figures/unix_s"][:].tolist() == [frame.info.unix_s for frame in taken]
+    camera_frame = CameraFrame(image=taken[2].image("a"), time_s=0.0, sequence=2)
+    felt = gellight.Reconstructor(Recording(recording).bundle).reconstruct(camera_frame)
+    assert np.abs(file["depth_mm"][2] - felt.depth_mm).max() <= STEP / 2 + 1e-7
+    assert np.abs(file["gradient_map"][2] - felt.gradient_map).max() <= STEP / 2 + 1e-7
+    assert np.array_equal(file["contact"][2], felt.contact.mask)
+    assert file["figures/force_n"][2] == pytest.approx(felt.force.normal_n)
+    assert file.attrs["depth_step_mm"] == STEP
+    again = children.gellight("export", recording, "--out", tmp_path, "--as", kind)
+    assert (again.returncode, "exists: choose another" in again.stderr) == (2, True)
+
+
+def test_a_recording_becomes_an_episode_of_lerobot(recording: Path, tmp_path: Path) -> None:
+    """LeRobot 0.6.1 itself has read such a folder; here Parquet's own reader does."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    done = children.gellight("export", recording, "--out", tmp_path, "--as", "lerobot", check=True)
+    folder, taken = tmp_path / "lerobot", list(Recording(recording).frames())
+    info = json.loads((folder / "meta/info.json").read_text())
+    rows = parquet.read_table(folder / info["data_path"].format(chunk_index=0, file_index=0)).to_pylist()
+    assert f"{info['total_frames']} frames" in done.stdout
+    assert set(rows[2]) == set(info["features"])
+    assert [row["timestamp"] for row in rows] == pytest.approx([i / info["fps"] for i in range(len(taken))])
+    image = cv2.imdecode(np.frombuffer(rows[2]["observation.images.gel"]["bytes"], np.uint8), cv2.IMREAD_COLOR_RGB)
+    assert np.array_equal(image, taken[2].image("a"))
+    camera_frame = CameraFrame(image=image, time_s=0.0, sequence=2)
+    felt = gellight.Reconstructor(Recording(recording).bundle).reconstruct(camera_frame)
+    assert np.array(rows[2]["observation.gel_depth"])[..., 0] == pytest.approx(felt.depth_mm / 1000, abs=4e-8)
+    names = info["features"]["observation.state"]["names"]
+    assert dict(zip(names, rows[2]["observation.state"], strict=True))["force_n"] == pytest.approx(felt.force.normal_n)
+    (episode,) = parquet.read_table(folder / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert (episode["length"], episode["dataset_to_index"]) == (len(taken), len(taken))
+    states = json.loads((folder / "meta/stats.json").read_text())["observation.state"]
+    assert states["mean"] == pytest.approx(np.mean([row["observation.state"] for row in rows], axis=0).tolist())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["lerobot"]
+
+
+def test_without_its_library_or_frames_no_episode_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="no frames"):
+        write_lerobot([], tmp_path / "a", fps=30, task="touch", png=bytes)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(InputError, match=r"gellight\[lerobot\]"):
+        write_lerobot([full_frame()], tmp_path / "a", fps=30, task="touch", png=bytes)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_the_library_of_arrays_the_remedy_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for package in ("h5py", "zarr"):
+        monkeypatch.setitem(sys.modules, package, None)
+    for name in ("a.h5", "a.zarr"):
+        with pytest.raises(InputError, match=r"gellight\[arrays\]"):
+            write_arrays([], tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_force_pressure_and_confidence_are_recorded_and_are_the_same_when_exported(tmp_path: Path) -> None:
+    plain = linear_bundle(tmp_path / "plain")
+    extend_bundle(plain, tmp_path / "bundle", force_files())
+    press, pictures, out = weighed(0.5), tmp_path / "pictures", tmp_path / "press.mcap"
+    pictures.mkdir()
+    for number in range(6):
+        cv2.imwrite(str(pictures / f"{number}.png"), press.picture(0.5, number)[..., ::-1])
+    sensor = ("--sensor", str(pictures), "--calibration", str(tmp_path / "bundle"))
+    done = children.gellight("record", *sensor, "--out", out, "--map", "pressure_mpa", "--map", "confidence")
+    assert done.returncode == 0, done.stderr
+    names = ("pressure_mpa", "confidence", "quality_flags")
+    recorded = {name: {info.sequence: (info, image) for info, image in Recording(out).maps(name)} for name in names}
+    assert list(Recording(out).depths()) == [], "not asked for"
+    assert set(recorded["pressure_mpa"]) == set(recorded["confidence"]) == set(recorded["quality_flags"]) != set()
+    assert children.gellight("export", out, "--out", tmp_path / "maps").returncode == 0
+    for sequence, (info, image) in recorded["pressure_mpa"].items():
+        assert info.force_n == pytest.approx(press.force_n, rel=0.1)
+        assert np.frombuffer(image.data, "<f4").sum() * 0.05**2 == pytest.approx(info.force_n, rel=1e-3)
+        with np.load(tmp_path / "maps" / f"{sequence:06}.npz") as maps:
+            for name in names:
+                assert maps[name].tobytes() == recorded[name][sequence][1].data, "bit for bit"
+            assert (maps["force_n"], maps["force_error_n"]) == (info.force_n, info.force_error_n)
+    told = children.gellight("record", *sensor[:2], "--calibration", tmp_path / "plain", "--out", tmp_path / "b.mcap",
+                             "--map", "pressure_mpa")  # fmt: skip
+    assert told.returncode == 2
+    assert "no constant for the force" in told.stderr
+    assert not (tmp_path / "b.mcap").exists()
+
+
+def test_a_recording_is_exported_as_pictures_and_as_a_video(recording: Path, tmp_path: Path) -> None:
+    assert children.gellight("export", recording, "--out", tmp_path, "--as", "png", "--every", "1000").returncode == 0
+    (picture,) = (cv2.imread(str(path)) for path in tmp_path.glob("*.png"))
+    done = children.gellight("export", recording, "--out", tmp_path, "--as", "video", "--every", "2")
+    assert done.returncode == 0, done.stderr
+    video = cv2.VideoCapture(str(tmp_path / "video.mp4"))
+    assert video.get(cv2.CAP_PROP_FRAME_COUNT) == -(-len(list(Recording(recording).frames())) // 2)
+    assert video.read()[1].shape == picture.shape
+
+
+def test_what_was_not_recorded_whole_is_exported_and_told(recording: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(recording.read_bytes()[:-2000])
+    done = children.gellight("export", cut, "--out", tmp_path / "out", "--every", "6", "--json")
+    assert json.loads(done.stdout)["whole"] is False
+    assert "its recording was cut short" in done.stderr
+
+
+def test_the_verb_records_until_it_is_ended_and_then_finishes_the_file(tmp_path: Path) -> None:
+    out = tmp_path / "new" / "a.mcap"
+    url = "sim://?object=BALL&depth=0.5&fps=5"
+    with children.started([*children.GELLIGHT, "record", "--sensor", url, "--out", out], stdout=-1, stderr=-1) as verb:
+        while not out.exists() or out.stat().st_size < 4e6:
+            assert verb.poll() is None, verb.stderr.read()
+            time.sleep(0.1)
+        begun_s = time.monotonic()
+        os.kill(verb.pid, signal.SIGTERM)
+        said, _ = verb.communicate(timeout=60)
+        assert verb.returncode == 0
+    assert time.monotonic() - begun_s < 30
+    assert b"a.mcap: " in said
+    recorded = Recording(out)
+    assert len(list(recorded.frames())) >= 3
+    assert recorded.whole
+
+
+def test_a_recording_that_is_killed_gives_its_finished_chunks(tmp_path: Path) -> None:
+    """At most one chunk is lost, of frames without a gap; what is left is exported and can be replayed."""
+    out = tmp_path / "killed.mcap"
+    url = "sim://?object=BALL&depth=0.5&fps=10"
+    with children.started([*children.GELLIGHT, "record", "--sensor", url, "--out", out], stdout=-1, stderr=-1) as verb:
+        while not out.exists() or out.stat().st_size < 2.5 * CHUNK_BYTES:
+            assert verb.poll() is None, verb.stderr.read()
+            time.sleep(0.1)
+        os.kill(verb.pid, signal.SIGKILL)
+        verb.wait(timeout=60)
+    recorded = Recording(out)
+    frames = list(recorded.frames())
+    numbers = [frame.info.sequence for frame in frames]
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    assert not recorded.whole
+    read_bytes = sum(len(frame.data) for frame in frames)
+    attached_bytes = out.stat().st_size - read_bytes
+    assert read_bytes >= CHUNK_BYTES, "two chunks and the bundle were there"
+    assert attached_bytes < 2 * CHUNK_BYTES
+    done = children.gellight("export", out, "--out", tmp_path / "out", "--every", "5", "--json")
+    assert json.loads(done.stdout) == {"frames": -(-len(frames) // 5), "whole": False}, done.stderr
+
+
+def test_depth_computed_on_another_processor_keeps_to_the_stated_bound(
+    recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each library that runs here, and NumPy, stand for other machines: the worst pixel of any two is compared."""
+    (bound_um,) = map(
+        float, re.findall(r"less than ([\d.]+) micrometres", (CHECKOUT / "docs/recording.md").read_text())
+    )
+    bundle, maps = Recording(recording).bundle, {}
+    for name in (*library.fitting(), ""):
+        if name:
+            loaded = library.Library(library.library_file(name))
+            monkeypatch.setattr(pipeline, "fitting_library", lambda found=(name, loaded): found)
+        reconstructor = Reconstructor(bundle, form=pipeline.Form.NATIVE if name else pipeline.Form.CELLS)
+        assert reconstructor.status()["computed_by"] == (f"C, {name}" if name else "NumPy, cells")
+        camera = open_replay(f"replay://{recording}?speed=0")
+        maps[name] = [reconstructor.reconstruct(camera.read()).depth_mm for _ in range(3)]
+    assert len(maps) > 1
+    for one, other in itertools.combinations(maps.values(), 2):
+        worst_um = max(float(np.abs(a - b).max()) * 1e3 for a, b in zip(one, other, strict=True))
+        assert worst_um < bound_um
+    assert max(depth.max() for depth in maps[""]) > 0.9, "the ball is in it"
+
+
+def test_a_file_that_exists_is_not_recorded_over(recording: Path) -> None:
+    done = children.gellight("record", "--sensor", "sim://", "--out", recording, "--seconds", "1")
+    assert done.returncode == 2
+    assert "exists" in done.stderr
+
+
+def test_the_program_in_the_documents_reads_a_recording(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "press.mcap").symlink_to(recording)
+    (code,) = examples("docs/recording.md")
+    run(code, "docs/recording.md")
+    assert "/sim/depth" in capsys.readouterr().out
+
+
+def test_the_first_block_of_the_page_runs_as_it_is_printed(tmp_path: Path) -> None:
+    """But that it records two seconds and not twenty, and that the port of the page is a free one."""
+    page = (CHECKOUT / "docs/recording.md").read_text()
+    block = page.partition("```sh\n")[2].partition("```")[0].replace("--seconds 20", "--seconds 2")
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    environment = {**os.environ, "PATH": path, "GELLIGHT_DASHBOARD_PORT": "0"}
+    done = children.run(["bash", "-euc", block], cwd=tmp_path, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert list((tmp_path / "press").glob("*.npz"))
