@@ -2,13 +2,15 @@
 
 speed: gap, layer and picture, ms of processor time, and how many a second on one core. truth: depth, force and picture
 against the simulated sensor's own (512 points a side). lift: a gripper holds balls, boxes and cylinders. energy: bodies
-are thrown at a gel; by how much kinetic and potential energy grow from one flight to the next.
+are thrown at a gel; by how much kinetic and potential energy grow from one flight to the next. tasks: in what share of
+50 episodes rules with touch and without do what the environments ask for. worlds: what a step of one costs among 16.
 """
 
 import argparse
 import time
 from collections.abc import Callable, Iterator
 
+import gymnasium
 import mujoco
 import numpy as np
 
@@ -19,6 +21,7 @@ from gellight.lab.touch.mujoco_gels import MujocoGels
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import OBJECT_NAMES, object_height
+from tests.benchmarks import touch_tasks
 
 DEPTH_MM = 0.9
 STEP_S = 0.002
@@ -169,7 +172,34 @@ def grows(rng: np.random.Generator) -> float | None:
     return worst
 
 
-PARTS = {"speed": speed, "truth": truth, "lift": lift, "energy": energy}
+def tasks() -> Iterator[str]:
+    for name in touch_tasks.TASKS:
+        shares = [touch_tasks.share(name, touch=touch) for touch in (True, False)]
+        yield f"{name:<11} done with touch in {shares[0]:.0%} of 50 episodes, without in {shares[1]:.0%}"
+
+
+def worlds() -> Iterator[str]:
+    for name, steps in (("PressAndTell", 24), ("SlideToEdge", 24), ("InsertPeg", 24), ("Lift", 5)):
+        one, sixteen = step_ms(name, 1, 3 * steps), step_ms(name, 16, steps)
+        yield f"{name:<12} a step and world {one:.2f} ms alone, {sixteen:.2f} ms among 16: {sixteen / one:.2f} times"
+
+
+def step_ms(name: str, count: int, steps: int) -> float:
+    """Return the processor time of a step and world under random actions, with the episodes begun anew, ms."""
+    several = gymnasium.make_vec(f"gellight/{name}-v0", num_envs=count, vectorization_mode="sync")
+    several.reset(seed=0)
+    several.action_space.seed(0)
+    taken = []
+    for _ in range(steps):
+        action = several.action_space.sample()
+        begun = time.process_time()
+        several.step(action)
+        taken.append(time.process_time() - begun)
+    several.close()
+    return float(np.mean(taken)) / count * 1e3
+
+
+PARTS = {"speed": speed, "truth": truth, "lift": lift, "energy": energy, "tasks": tasks, "worlds": worlds}
 
 
 def main() -> None:

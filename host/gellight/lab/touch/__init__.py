@@ -9,6 +9,7 @@ mujoco_gels.py    `MujocoGels`: the gels of a model, as they look and feel
 mujoco_carry.py   the layer's forces in place of MuJoCo's contact
 environments/     tasks for Gymnasium
 gripper.xml       a parallel gripper with two gels, to try it
+peg.xml           a peg in a gripper over a slot
 """
 
 from pathlib import Path

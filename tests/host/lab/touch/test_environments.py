@@ -9,8 +9,9 @@ from gymnasium.utils.env_checker import check_env
 
 from gellight.base.errors import InputError
 from gellight.lab.touch import TouchSensor
-from gellight.lab.touch.environments import Lift, PressAndTell
+from gellight.lab.touch.environments import InsertPeg, Lift, PressAndTell, SlideToEdge
 from sim_reference.geometry import SensorGeometry
+from tests.benchmarks import touch_tasks
 
 SMALL = SensorGeometry(image_width_px=64, image_height_px=48, pixel_size_mm=0.588)
 ALL = ("depth", "wrench", "contact", "picture")
@@ -23,14 +24,18 @@ def tell(**how: Any) -> PressAndTell:
 def test_the_checker_of_gymnasium_finds_nothing() -> None:
     check_env(tell(observe=ALL, render_mode="rgb_array"))
     check_env(Lift(render_mode="rgb_array"))
+    check_env(SlideToEdge(ALL, sensor=TouchSensor(SMALL, size=64), render_mode="rgb_array"))
+    check_env(InsertPeg(ALL, sensor=TouchSensor(SMALL, size=32, extent_mm=32.0), render_mode="rgb_array"))
 
 
 def test_they_can_be_made_by_name_and_side_by_side() -> None:
     assert isinstance(gymnasium.make("gellight/Lift-v0").unwrapped, Lift)
-    several = gymnasium.make_vec("gellight/PressAndTell-v0", num_envs=2, vectorization_mode="sync")
-    seen, _ = several.reset(seed=3)
-    assert seen["depth"].shape == (2, 32, 32)
-    several.close()
+    for name in ("PressAndTell", "SlideToEdge", "InsertPeg"):
+        several = gymnasium.make_vec(f"gellight/{name}-v0", num_envs=2, vectorization_mode="sync")
+        seen, _ = several.reset(seed=3)
+        assert seen["depth"].shape == (2, 32, 32)
+        assert not np.array_equal(*seen["depth"])
+        several.close()
 
 
 def test_the_same_seed_gives_the_same_bytes() -> None:
@@ -40,6 +45,53 @@ def test_the_same_seed_gives_the_same_bytes() -> None:
         return b"".join(one[kind].tobytes() for one in seen for kind in ALL)
 
     assert bytes_of(1) == bytes_of(1) != bytes_of(2)
+
+
+@pytest.mark.parametrize("make", [SlideToEdge, InsertPeg])
+def test_the_same_seed_and_actions_give_the_same_bytes(make: Any) -> None:
+    def bytes_of(env: Any, seed: int) -> bytes:
+        seen = [env.reset(seed=seed)[0], *(env.step(np.array(act))[0] for act in ((1, 0.5, 0), (0.2, 0, 1)))]
+        return b"".join(part.tobytes() for one in seen for part in one.values())
+
+    used, fresh = (make(("depth", "picture"), sensor=TouchSensor(SMALL, size=32, extent_mm=32.0)) for _ in range(2))
+    bytes_of(used, 5)
+    assert bytes_of(used, 1) == bytes_of(fresh, 1) != bytes_of(used, 2)
+
+
+@pytest.mark.parametrize("name", touch_tasks.TASKS)
+def test_touch_does_the_task_far_more_often(name: str) -> None:
+    assert touch_tasks.share(name, touch=True, seeds=12) > 0.9
+    assert touch_tasks.share(name, touch=False, seeds=12) < 0.6
+
+
+def test_saying_that_the_edge_is_there_ends_the_episode() -> None:
+    env = SlideToEdge(("wrench",))
+    _, told = env.reset(seed=1)
+    assert env.step(np.array([0, 0, 1.0]))[1:4] == (-1.0, True, False)
+    env.reset(seed=1)
+    way = np.array([np.cos(told["turn_rad"]), np.sin(told["turn_rad"]), 0])
+    for _ in range(int(told["away_mm"] / 2)):
+        assert env.step(way)[1:4] == (-0.01, False, False)
+    left = env.step(way * (told["away_mm"] / 2 % 1))[4]["away_mm"]
+    assert left == pytest.approx(0, abs=1e-6)
+    assert env.step(np.array([0, 0, 1.0]))[1:3] == (1.0, True)
+
+
+def test_a_straight_peg_over_the_slot_goes_in_and_one_beside_it_tips_in_the_gels() -> None:
+    env = InsertPeg(("depth",))
+    for miss_mm in (0.0, 0.8, -0.8):
+        seen, told = env.reset(seed=3)
+        wanted = np.array([told["slot_mm"] - told["aside_mm"] + miss_mm, -told["tilt_rad"]])
+        while np.abs(way := (wanted - seen["hand"][:2]) / [1.0, np.radians(4)]).max() > 1e-3:
+            seen, *_ = env.step(np.array([*np.clip(way, -1, 1), 0]))
+        before = touch_tasks.held(seen["depth"])[1]
+        assert before == pytest.approx(told["tilt_rad"], abs=2e-3)
+        seen, reward, done, _, told = env.step(np.array([0, 0, 1.0]))
+        assert (done, told["inserted"]) == ((miss_mm == 0),) * 2
+        if miss_mm:
+            assert np.sign(touch_tasks.held(seen["depth"])[1] - before) == -np.sign(miss_mm)
+            assert reward == -0.01
+    assert [env.step(np.array([0, 0, 1.0]))[1:3] for _ in range(3)][-1] == (-1.0, True)
 
 
 def test_telling_ends_the_episode_and_pressing_costs() -> None:

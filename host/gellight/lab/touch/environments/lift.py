@@ -36,7 +36,7 @@ class Lift(gymnasium.Env[dict[str, Any], Floats]):
     behind the hand by 3 mm, which ends the episode. `info`: mass, friction, height, grip, and whether both gels stick.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}  # noqa: RUF012 - as Gymnasium has it
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 25}  # noqa: RUF012 - as Gymnasium has it
 
     def __init__(
         self,

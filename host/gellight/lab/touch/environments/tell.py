@@ -25,7 +25,7 @@ class PressAndTell(gymnasium.Env[dict[str, Any], int]):
     Reward: 1 for the right object, -1 for a wrong one, -0.02 for a press. `info` names object, place and turn.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}  # noqa: RUF012 - as Gymnasium has it
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012 - as Gymnasium has it
 
     def __init__(
         self,
