@@ -4,6 +4,7 @@ layer.py          the elastic layer: pressure and depth from a gap
 picture.py        the picture of a gel surface, in milliseconds
 traction.py       sticking and slipping along the gel
 touch_sensor.py   `TouchSensor`: all of it for one sensor
+episode.py        touches as the frames of a recording
 mujoco_gap.py     the gap of a gel in a MuJoCo model
 mujoco_gels.py    `MujocoGels`: the gels of a model, as they look and feel
 mujoco_carry.py   the layer's forces in place of MuJoCo's contact

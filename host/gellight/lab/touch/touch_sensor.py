@@ -12,7 +12,7 @@ from gellight.lab.touch.picture import Pictures
 from gellight.lab.touch.traction import Sheared, Traction
 from sim_reference.camera import CameraResponse, exposure_for, linear_grey
 from sim_reference.fem.gel import FemGel
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.surface import GRID_EXTENT_MM
 
 BRIGHTEST_GREY = 200.0
@@ -155,7 +155,19 @@ class TouchSensor:
 
     def depth_map_mm(self, felt: Felt) -> Floats:
         """Return the depth on the pixels of the camera, (H, W) mm."""
-        return self._drawing().surface(felt.depth_mm)[0]
+        return self.surface(felt)[0]
+
+    def surface(self, felt: Felt) -> tuple[Floats, Floats, Floats]:
+        """Return depth (mm) and its slopes along x and y on the pixels of the camera, (H, W) each."""
+        return self._drawing().surface(felt.depth_mm)
+
+    def pressure_map_mpa(self, felt: Felt) -> NDArray[np.float32]:
+        """Return the pressure (H, W), MPa, on the pixels: that of the nearest point of the grid, 0 beyond it."""
+        spacing_mm, at_mm = self.layer.spacing_mm, self.layer.at_mm
+        x, y = (np.rint((at.ravel() - at_mm[0]) / spacing_mm).astype(int) for at in pixel_grid(self.geometry))
+        inside = [(at >= 0) & (at < len(at_mm)) for at in (y, x)]
+        nearest = felt.pressure_mpa[np.ix_(*(np.clip(at, 0, len(at_mm) - 1) for at in (y, x)))]
+        return np.where(np.outer(*inside), nearest, 0).astype(np.float32)
 
     def _drawing(self) -> Pictures:
         """Prepare the tables of the light when the first picture is asked for."""

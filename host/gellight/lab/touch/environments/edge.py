@@ -1,6 +1,7 @@
 """Slide a gel over a flat part until the part's edge lies under the middle of the view, and say so."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -9,8 +10,9 @@ from gymnasium import spaces
 
 from gellight.lab.touch.environments.observing import Observing
 from gellight.lab.touch.layer import NOTHING, Floats
-from gellight.lab.touch.touch_sensor import Felt, TouchSensor
+from gellight.lab.touch.touch_sensor import TouchSensor
 
+SENSOR = partial(TouchSensor, size=64)
 PRESSED_MM = 0.3
 ROUNDED_MM = 0.5
 """radius of the edge"""
@@ -39,16 +41,15 @@ class SlideToEdge(gymnasium.Env[dict[str, Any], Floats]):
         observe: Sequence[str] = ("depth",),
         *,
         depth_size: int = 32,
-        sensor: TouchSensor | None = None,
+        sensor: Callable[[], TouchSensor] = SENSOR,
         render_mode: str | None = None,
     ) -> None:
-        """Choose what is observed (see `observing.KINDS`) and the sensor. Raises InputError."""
-        self._sensor = TouchSensor(size=64) if sensor is None else sensor
+        """Choose what is observed (see `observing.KINDS`) and what makes the sensor. Raises InputError."""
+        self._sensor = sensor()
         self.render_mode = render_mode
-        self._observing = Observing(self._sensor, observe, depth_size)
-        self.observation_space = self._observing.space()
+        self.observing = Observing(self._sensor, observe, depth_size)
+        self.observation_space = self.observing.space()
         self.action_space = spaces.Box(-1, 1, (3,), np.float32)
-        self._felt: Felt | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -72,15 +73,16 @@ class SlideToEdge(gymnasium.Env[dict[str, Any], Floats]):
 
     def render(self) -> Any:
         """Return the picture of the gel, where `render_mode` is rgb_array."""
-        return self._sensor.picture(self._felt) if self.render_mode == "rgb_array" and self._felt else None
+        felt = self.observing.felt
+        return self._sensor.picture(felt) if self.render_mode == "rgb_array" and felt else None
 
     def _pressed(self) -> dict[str, Any]:
         at = self._sensor.layer.at_mm
         beyond = at[None, :] * np.cos(self._turn) + at[:, None] * np.sin(self._turn) - self._away_mm
         round_off = np.clip(beyond + ROUNDED_MM, 0, ROUNDED_MM)
         gap = ROUNDED_MM - np.sqrt(ROUNDED_MM**2 - round_off**2) - PRESSED_MM
-        felt = self._felt = self._sensor.feel(np.where(beyond > 0, NOTHING, gap))
-        return self._observing.observe(felt)
+        felt = self._sensor.feel(np.where(beyond > 0, NOTHING, gap))
+        return self.observing.observe(felt)
 
     def _told(self) -> dict[str, Any]:
         return {"away_mm": self._away_mm, "turn_rad": self._turn}

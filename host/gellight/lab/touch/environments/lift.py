@@ -48,8 +48,8 @@ class Lift(gymnasium.Env[dict[str, Any], Floats]):
     ) -> None:
         """Choose what is observed of each gel (see `observing.KINDS`), and the points a side of the layer."""
         self._points, self.render_mode = points, render_mode
-        self._watching = {name: Observing(self._sensor(), observe, depth_size) for name in ("left", "right")}
-        self.observation_space = spaces.Dict({name: one.space() for name, one in self._watching.items()})
+        self.watching = {name: Observing(self._sensor(), observe, depth_size) for name in ("left", "right")}
+        self.observation_space = spaces.Dict({name: one.space() for name, one in self.watching.items()})
         self.action_space = spaces.Box(-1, 1, (2,), np.float32)
 
     def reset(
@@ -100,7 +100,7 @@ class Lift(gymnasium.Env[dict[str, Any], Floats]):
 
     def _observed(self) -> dict[str, Any]:
         gels = self._carry.gels
-        return {name: one.observe(gels[name].feel(self._data)) for name, one in self._watching.items()}
+        return {name: one.observe(gels[name].feel(self._data)) for name, one in self.watching.items()}
 
     def _told(self) -> dict[str, Any]:
         return {

@@ -24,22 +24,25 @@ class Observing:
         """Choose kinds of `KINDS`; depth maps have `depth_size` points a side. Raises InputError for others."""
         if not kinds or set(kinds) - set(KINDS):
             raise InputError(f"observations {list(kinds)}: choose of {', '.join(KINDS)}")
-        self._sensor, self._kinds, self._size = sensor, tuple(kinds), depth_size
+        self.sensor, self._kinds, self._size = sensor, tuple(kinds), depth_size
+        self.felt: Felt | None = None
+        """what was observed last"""
 
     def space(self) -> spaces.Dict:
         """Return the space of the observation."""
-        deepest, reach = self._sensor.geometry.deepest_press_mm, float(self._sensor.layer.at_mm[-1])
+        deepest, reach = self.sensor.geometry.deepest_press_mm, float(self.sensor.layer.at_mm[-1])
         force = float(np.finfo(np.float32).max)
         known: dict[str, spaces.Space[Any]] = {
             "depth": spaces.Box(-deepest, 2 * deepest, (self._size, self._size), np.float32),
             "wrench": spaces.Box(*np.array([[0, -reach, -reach], [force, reach, reach]], np.float32)),
             "contact": spaces.MultiBinary(1),
-            "picture": spaces.Box(0, 255, (*self._sensor.geometry.image_shape, 3), np.uint8),
+            "picture": spaces.Box(0, 255, (*self.sensor.geometry.image_shape, 3), np.uint8),
         }
         return spaces.Dict({kind: known[kind] for kind in self._kinds})
 
     def observe(self, felt: Felt) -> dict[str, NDArray[Any]]:
         """Return the observation of a felt gel."""
+        self.felt = felt
         return {kind: getattr(self, f"_{kind}")(felt) for kind in self._kinds}
 
     def _depth(self, felt: Felt) -> Floats:
@@ -52,4 +55,4 @@ class Observing:
         return np.array([felt.contact.any()], np.int8)
 
     def _picture(self, felt: Felt) -> NDArray[np.uint8]:
-        return self._sensor.picture(felt)
+        return self.sensor.picture(felt)

@@ -1,6 +1,7 @@
 """Put a peg into a slot: it hangs aside and tilted in the gripper, and the slot is not quite where it should be."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from gellight.lab.touch.layer import Floats
 from gellight.lab.touch.mujoco_gels import MujocoGels
 from gellight.lab.touch.touch_sensor import Felt, TouchSensor
 
+SENSOR = partial(TouchSensor, size=32, extent_mm=32.0)
 MODEL = Path(__file__).parent.parent / "peg.xml"
 ASIDE_MM, TILT_RAD = 3.0, np.radians(8)
 """by which the peg is displaced in the gripper, at most"""
@@ -46,18 +48,18 @@ class InsertPeg(gymnasium.Env[dict[str, Any], Floats]):
         observe: Sequence[str] = ("depth",),
         *,
         depth_size: int = 32,
-        sensor: TouchSensor | None = None,
+        sensor: Callable[[], TouchSensor] = SENSOR,
         render_mode: str | None = None,
     ) -> None:
-        """Choose what is observed (see `observing.KINDS`) and the sensor. Raises InputError."""
-        self._sensor = TouchSensor(size=32, extent_mm=32.0) if sensor is None else sensor
-        self._observing, self.render_mode = Observing(self._sensor, observe, depth_size), render_mode
+        """Choose what is observed (see `observing.KINDS`) and what makes the sensor. Raises InputError."""
+        self._sensor = sensor()
+        self.observing, self.render_mode = Observing(self._sensor, observe, depth_size), render_mode
         self._model = mujoco.MjModel.from_xml_path(str(MODEL))
         self._gel = MujocoGels(self._model, ["gel"], touching=["peg"], sensor=lambda: self._sensor)["gel"]
         self._plate = self._model.body("plate").id
         _hold(self._model, self._sensor, self._gel.feel(self._begun()))
         reach = np.array([REACH_MM, REACH_RAD, 50.0], np.float32)
-        self.observation_space = spaces.Dict({**self._observing.space(), "hand": spaces.Box(-reach, reach)})
+        self.observation_space = spaces.Dict({**self.observing.space(), "hand": spaces.Box(-reach, reach)})
         self.action_space = spaces.Box(-1, 1, (3,), np.float32)
 
     def reset(
@@ -114,7 +116,7 @@ class InsertPeg(gymnasium.Env[dict[str, Any], Floats]):
 
     def _observed(self) -> dict[str, Any]:
         hand = np.array([*self._hand, self._height_mm()], np.float32)
-        return {**self._observing.observe(self._gel.feel(self._data)), "hand": hand}
+        return {**self.observing.observe(self._gel.feel(self._data)), "hand": hand}
 
     def _told(self) -> dict[str, Any]:
         return {

@@ -1,6 +1,7 @@
 """Press a gel on an object that nobody names, move, press again, and tell which it is."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -9,9 +10,10 @@ from gymnasium import spaces
 
 from gellight.base.errors import InputError
 from gellight.lab.touch.environments.observing import Observing
-from gellight.lab.touch.touch_sensor import Felt, TouchSensor
+from gellight.lab.touch.touch_sensor import TouchSensor
 from sim_reference.objects import OBJECT_NAMES, object_height
 
+SENSOR = partial(TouchSensor, size=64)
 MOVES_MM = ((2.0, 0.0), (-2.0, 0.0), (0.0, 2.0), (0.0, -2.0))
 """of the object under the gel, by the first four actions"""
 PRESSED_MM = 0.5
@@ -33,19 +35,18 @@ class PressAndTell(gymnasium.Env[dict[str, Any], int]):
         observe: Sequence[str] = ("depth",),
         *,
         depth_size: int = 32,
-        sensor: TouchSensor | None = None,
+        sensor: Callable[[], TouchSensor] = SENSOR,
         render_mode: str | None = None,
     ) -> None:
-        """Choose the objects, what is observed (see `observing.KINDS`) and the sensor. Raises InputError."""
+        """Choose the objects, what is observed (see `observing.KINDS`) and what makes the sensor. Raises InputError."""
         if len(objects) < 2 or set(objects) - set(OBJECT_NAMES):
             raise InputError(f"objects {list(objects)}: choose two or more of {', '.join(OBJECT_NAMES)}")
-        self._sensor = TouchSensor(size=64) if sensor is None else sensor
+        self._sensor = sensor()
         self._objects, self.render_mode = tuple(objects), render_mode
-        self._observing = Observing(self._sensor, observe, depth_size)
-        self.observation_space = self._observing.space()
+        self.observing = Observing(self._sensor, observe, depth_size)
+        self.observation_space = self.observing.space()
         self.action_space = spaces.Discrete(len(MOVES_MM) + len(objects))  # type: ignore[assignment]
         self._object, self._turn, self._place = 0, 0.0, np.zeros(2)
-        self._felt: Felt | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -67,14 +68,15 @@ class PressAndTell(gymnasium.Env[dict[str, Any], int]):
 
     def render(self) -> Any:
         """Return the picture of the gel, where `render_mode` is rgb_array."""
-        return self._sensor.picture(self._felt) if self.render_mode == "rgb_array" and self._felt else None
+        felt = self.observing.felt
+        return self._sensor.picture(felt) if self.render_mode == "rgb_array" and felt else None
 
     def _pressed(self) -> dict[str, Any]:
         at, cos, sin = self._sensor.layer.at_mm, np.cos(self._turn), np.sin(self._turn)
         x, y = np.meshgrid(at - self._place[0], at - self._place[1])
         height = object_height(self._objects[self._object], cos * x + sin * y, cos * y - sin * x)
-        felt = self._felt = self._sensor.feel(-(height + PRESSED_MM))
-        return self._observing.observe(felt)
+        felt = self._sensor.feel(-(height + PRESSED_MM))
+        return self.observing.observe(felt)
 
     def _told(self) -> dict[str, Any]:
         return {"object": self._objects[self._object], "place_mm": self._place.copy(), "turn_rad": self._turn}
