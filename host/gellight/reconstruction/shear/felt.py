@@ -135,11 +135,11 @@ def _pulled(known: Shear, rest: Array, moved: Array, cells: _Cells, scale: Shear
 def _solved(places: Array, motions: Array, cells: _Cells, layer: Layer) -> tuple[Pull, Array]:
     """Find the traction by dots at (n, 2) places that have moved by (n, 2) mm, and the (n, 2) mm it leaves."""
     xx, xy, yy, xz, yz = kernels(layer).at(places[:, None] - cells.at_mm[None])
-    by_pressure = np.stack([xz @ cells.pressure, yz @ cells.pressure], axis=1) * cells.area_mm2
+    by_pressure = np.stack([np.einsum("ij,j->i", one, cells.pressure) for one in (xz, yz)], axis=1) * cells.area_mm2
     influence = np.block([[xx, xy], [xy, yy]]) * cells.area_mm2
     along = motions - by_pressure
     pull = find_pull(along, ERROR_MM, influence, cells.pressure, cells.at_mm, cells.area_mm2)
-    return pull, along - (influence @ pull.traction.T.ravel()).reshape(2, -1).T
+    return pull, along - np.einsum("ij,j->i", influence, pull.traction.T.ravel()).reshape(2, -1).T
 
 
 def _unexplained(left: Array, motions: Array) -> bool:
