@@ -56,6 +56,8 @@ class DotsSeen:
 
 FEW_DOTS = "few_dots"
 """flag: hardly a dot is in the contact or beside it, so the force is mostly a guess; its error says how much of one"""
+FRICTION = "friction"
+"""flag: the force along the gel is larger than friction lets the normal force hold, so one of them is wrong"""
 PERSPECTIVE = "perspective"
 """flag: the bundle does not say how high the camera is, so what perspective moves is still in the displacement"""
 
@@ -78,7 +80,7 @@ class Shear:
     centre_mm: tuple[float, float] | None = None
     """x, y of the centre of the pressure, from the image centre; None where nothing touches, or it is unknown"""
     flags: tuple[str, ...] = ()
-    """`few_dots`, `perspective`, and `beyond_view` as of the normal force"""
+    """`few_dots`, `friction`, `perspective`, and those of the normal force"""
     unknown: str = ""
     """why the force is unknown; empty where it is known"""
     traction_of: Callable[[], NDArray[np.float32] | None] | None = field(default=None, repr=False)

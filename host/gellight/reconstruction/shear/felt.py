@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.measures import BEYOND_VIEW, Force
+from gellight.frames.measures import Force
 from gellight.frames.pixel_grid import block_means, spread_blocks
-from gellight.frames.shear import FEW_DOTS, PERSPECTIVE, DotsSeen, Shear
+from gellight.frames.shear import FEW_DOTS, FRICTION, PERSPECTIVE, DotsSeen, Shear
 from gellight.reconstruction.force import Layer, cell_side_px
 from gellight.reconstruction.shear.inverse import Pull, find_pull
 from gellight.reconstruction.shear.layer import kernels
@@ -29,6 +29,8 @@ MOST_CELLS = 160
 """under the contact; where there are more they are put together"""
 FEWEST_NEAR = 3
 """dots in and around the contact: with fewer the force is mostly a guess"""
+MOST_FRICTION = 1.5
+"""force along the gel over the normal force, three times what `inverse.SAME` expects; few things grip a gel better"""
 UNEXPLAINED_MM, UNEXPLAINED_SHARE = 0.05, 0.5
 """rms of what the contact does not explain of the dots' motion, and its share of all: beyond both there is no force"""
 UNEXPLAINED = "the dots have moved more than the contact that is felt explains: it may fill the view or reach beyond"
@@ -119,7 +121,7 @@ def _pulled(known: Shear, rest: Array, moved: Array, cells: _Cells, scale: Shear
     sizes = np.array([np.hypot(x, y), np.hypot(x, y), turn])
     errors = np.hypot(spread, scale.side_error_share * sizes).tolist()
     few = FEW_DOTS if (near > 0.3).sum() < FEWEST_NEAR else ""
-    beyond = BEYOND_VIEW if BEYOND_VIEW in force.flags else ""
+    gripped = FRICTION if sizes[0] > MOST_FRICTION * force.normal_n else ""
     return replace(
         known,
         force_n=(float(x), float(y)),
@@ -127,7 +129,7 @@ def _pulled(known: Shear, rest: Array, moved: Array, cells: _Cells, scale: Shear
         torque_nmm=float(turn),
         torque_error_nmm=errors[2],
         centre_mm=(float(centre[0]), float(centre[1])),
-        flags=(*known.flags, *filter(None, (few, beyond))),
+        flags=(*known.flags, *filter(None, (few, gripped)), *force.flags),
         traction_of=lambda: _traction_map(pull.traction * newtons, cells),
     )
 

@@ -7,8 +7,8 @@ import pytest
 
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
-from gellight.frames.measures import BEYOND_VIEW
-from gellight.frames.shear import FEW_DOTS, PERSPECTIVE, DotsSeen, Shear, Unseen
+from gellight.frames.measures import BEYOND_VIEW, HEAVIER
+from gellight.frames.shear import FEW_DOTS, FRICTION, PERSPECTIVE, DotsSeen, Shear, Unseen
 from gellight.lab.simulator.known_force import known_force
 from gellight.lab.simulator.printed_dots import PrintedDots
 from gellight.lab.simulator.scene import Press, Printed, Scene
@@ -184,6 +184,34 @@ def test_a_contact_at_the_border_and_one_far_from_dots_are_flagged(scene: Scene,
     assert FEW_DOTS in aside.flags
     cut = shear_of(scene, bundle, Press("BALL", 0.8, 18.0, 0.0, ((0.1, 0.0, 0.0),)))
     assert BEYOND_VIEW in cut.flags
+
+
+def test_a_plate_that_is_felt_pulls_as_a_sheared_block_and_carries_the_flags_of_its_normal_force(
+    scene: Scene, bundle: Bundle
+) -> None:
+    """It ends 20 px inside the view; under it the gel is sheared by 0.2 mm over 5 mm, at a modulus of E / 2.98."""
+    depth = np.zeros(GEOMETRY.image_shape, np.float32)
+    depth[20:-20, 20:-20] = 0.3
+    dots = seen_dots(scene, None, np.random.default_rng(0))
+    _, spread = BundleMeasures(bundle).dot_motion(depth, dots)
+    carried = (np.array([0.2, 0.0]) - spread) / GEOMETRY.pixel_size_mm
+    measures = BundleMeasures(bundle)
+    shear = measures.shear(depth, replace(dots, places_px=dots.places_px + carried), measures.force(depth))
+    area = (depth > 0).sum() * GEOMETRY.pixel_size_mm**2
+    record = ForceRecord.model_validate_json(bundle.files[FILE_NAME])
+    assert shear.force_n == pytest.approx(
+        (area * record.side.youngs_modulus_mpa / 2.98 * 0.2 / 5.0, 0.0), rel=0.25, abs=0.1
+    )
+    assert HEAVIER in shear.flags
+
+
+def test_more_than_friction_holds_is_flagged(scene: Scene, bundle: Bundle) -> None:
+    """As where the depth is told far too low."""
+    press = DRAGS[0]
+    measures, dots = BundleMeasures(bundle), seen_dots(scene, press, np.random.default_rng(0))
+    depth = felt(scene, bundle, press, dots).depth_mm
+    told = {share: measures.shear(depth * share, dots, measures.force(depth * share)) for share in (1.0, 0.1)}
+    assert [FRICTION in shear.flags for shear in told.values()] == [False, True]
 
 
 @pytest.mark.parametrize("press", [None, Press("BALL", 0.3, 0.0, 0.0)])
