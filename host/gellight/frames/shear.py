@@ -114,7 +114,7 @@ class SlipState(StrEnum):
 @with_field_docs
 @dataclass(frozen=True, kw_only=True)
 class Slip:
-    """Whether what touches the gel slips, over the last 0.06 s."""
+    """Whether what touches the gel slips, over the last 0.06 s, or 0.24 s where it slips slowly."""
 
     state: SlipState
     confidence: float = 0.0

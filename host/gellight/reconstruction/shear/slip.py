@@ -17,12 +17,14 @@ from gellight.frames.shear import Slip, SlipState
 Array = NDArray[np.float64]
 SPAN_S = 0.06
 """over which motions are compared"""
+CREEP_S = 0.24
+"""over which they are compared where that shows no slip: what slips at the rim leaves the middle behind slowly"""
 LONGEST_S = 1.0
 """between two frames that are compared"""
 LEAST_SLIP_MM = 0.02
 """in that time; less is the noise of both places"""
-FULL_SHARE = 0.7
-"""of the faster of the two motions: what slips farther slips as a whole"""
+PARTIAL_SHARE, FULL_SHARE = 0.15, 0.7
+"""of the faster of the two motions: less is how gel that sticks gives way, more is slip of the whole"""
 INSIDE = 0.5
 """radii of the contact: standard deviation of how dots count by their distance from its middle"""
 LEAST_WEIGHT = 0.6
@@ -45,6 +47,8 @@ class SlipFollower:
     def __init__(self) -> None:
         """Begin without a contact."""
         self._before: deque[_Seen] = deque()
+        self._slid_s = -np.inf
+        """when all of it slipped last"""
 
     def follow(self, frame: TactileFrame) -> TactileFrame:
         """Return the frame with what is known of slip; as it is for a gel without dots or without depth."""
@@ -64,14 +68,30 @@ class SlipFollower:
         if self._before and not _same(self._before[-1], seen):
             self._before.clear()
         self._before.append(seen)
-        while len(self._before) > 2 and seen.time_s - self._before[1].time_s >= SPAN_S:
+        while seen.time_s - self._before[0].time_s > CREEP_S and len(self._before) > 2:
             self._before.popleft()
-        first = self._before[0]
-        if seen.time_s - first.time_s < 0.9 * SPAN_S:
+        return self._compared(seen)
+
+    def _compared(self, now: _Seen) -> Slip:
+        lately = next((one for one in reversed(self._before) if now.time_s - one.time_s >= 0.9 * SPAN_S), None)
+        if lately is None:
             return Slip(state=SlipState.UNKNOWN, why="it has only begun")
-        if abs(seen.area_mm2 - first.area_mm2) > SINKING_SHARE * seen.area_mm2:
+        if _sinks(lately, now):
             return Slip(state=SlipState.UNKNOWN, why="the contact grows or shrinks")
-        return _between(first, seen)
+        slip = _between(lately, now)
+        if slip.state is SlipState.FULL:
+            self._slid_s = now.time_s
+        moves = float(np.hypot(*(now.imprint_mm - lately.imprint_mm))) > LEAST_SLIP_MM
+        if slip.state is not SlipState.STICK or not moves:
+            return slip
+        since = min(self._slid_s, lately.time_s)
+        earlier = next(one for one in self._before if one.time_s >= since)
+        crept = slip if _sinks(earlier, now) else _between(earlier, now)
+        return replace(crept, state=SlipState.PARTIAL) if crept.state is SlipState.FULL else crept
+
+
+def _sinks(first: _Seen, last: _Seen) -> bool:
+    return abs(last.area_mm2 - first.area_mm2) > SINKING_SHARE * last.area_mm2
 
 
 def _seen(frame: TactileFrame, patch: Patch) -> _Seen | str:
@@ -105,7 +125,8 @@ def _between(first: _Seen, last: _Seen) -> Slip:
     slipped = imprint - gel
     far, motion = float(np.hypot(*slipped)), max(float(np.hypot(*imprint)), float(np.hypot(*gel)))
     speed = slipped / (last.time_s - first.time_s)
-    if far < LEAST_SLIP_MM:
-        return Slip(state=SlipState.STICK, confidence=1 - far / LEAST_SLIP_MM / 2)
+    least = max(LEAST_SLIP_MM, PARTIAL_SHARE * motion)
+    if far < least:
+        return Slip(state=SlipState.STICK, confidence=1 - far / least / 2)
     state = SlipState.FULL if far > FULL_SHARE * motion else SlipState.PARTIAL
-    return Slip(state=state, confidence=1 - LEAST_SLIP_MM / far / 2, velocity_mm_s=(float(speed[0]), float(speed[1])))
+    return Slip(state=state, confidence=1 - least / far / 2, velocity_mm_s=(float(speed[0]), float(speed[1])))

@@ -88,6 +88,20 @@ def test_a_drag_sticks_then_slips_and_a_held_object_does_not(scene: Scene, bundl
     assert velocity[0] == pytest.approx(STEP_MM / FRAME_S, rel=0.35)
 
 
+def test_a_slow_drag_slips_in_part_where_most_of_the_contact_does_and_only_while_it_goes_on(
+    scene: Scene, bundle: Bundle
+) -> None:
+    """At 0.75 mm/s what slips in 0.06 s is no more than the noise of places."""
+    drag = [0.05 * step for step in range(1, 12)] + [0.55 + 0.025 * step for step in range(1, 11)]
+    told = judged(scene, bundle, [0.0] * 4 + drag + [drag[-1]] * 6)
+    while_moved = told[2:25]
+    partial = [slip.state for slip, sticks in while_moved if sticks < 0.3]
+    assert len(partial) > 4
+    assert set(partial) == {SlipState.PARTIAL}
+    assert {slip.state for slip, sticks in while_moved if sticks > 0.5} == {SlipState.STICK}
+    assert {slip.state for slip, _ in told[27:]} == {SlipState.STICK}
+
+
 def test_nothing_is_said_where_no_dot_is_under_the_contact(scene: Scene, bundle: Bundle) -> None:
     told = judged(scene, bundle, [0.0, 0.06, 0.12, 0.18], at=(15.0, 0.0))
     assert {(slip.state, slip.why) for slip, _ in told} == {(SlipState.UNKNOWN, "no dot is under the contact")}
