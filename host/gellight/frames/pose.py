@@ -1,7 +1,7 @@
 """Where the object in the gel has gone since it was first touched."""
 
 from dataclasses import dataclass
-from math import isnan
+from math import isnan, radians
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -13,6 +13,8 @@ from gellight.base.field_docs import with_field_docs
 
 Numbers = tuple[float, ...]
 Row = Annotated[Numbers, Field(min_length=6, max_length=6)]
+DOUBTFUL_MM, DOUBTFUL_RAD = 1.0, radians(5.0)
+"""a pose with a larger standard deviation is doubtful"""
 
 
 class PoseFigures(StrictModel):
@@ -26,6 +28,8 @@ class PoseFigures(StrictModel):
     """the first three rows"""
     covariance: Annotated[tuple[Row, ...], Field(max_length=6)] = ()
     untellable: Annotated[tuple[Row, ...], Field(max_length=6)] = ()
+    doubtful: bool = False
+    """follows from the covariance"""
 
 
 @with_field_docs
@@ -62,6 +66,18 @@ class ObjectPose:
         return isnan(self.motion[0, 0])
 
     @property
+    def doubtful(self) -> bool:
+        """Whether the covariance states more than 1 mm or 5 degrees along some direction; False where it is lost.
+
+        It is where a direction is untellable.
+        """
+        if self.lost:
+            return False
+        blocks = self.covariance[:3, :3], self.covariance[3:, 3:]
+        moved, turned = (float(np.linalg.eigvalsh(block)[-1]) for block in blocks)
+        return moved > DOUBTFUL_MM**2 or turned > DOUBTFUL_RAD**2
+
+    @property
     def place_mm(self) -> NDArray[np.float64]:
         """(3,) where the point is that was in the middle of the contact at first."""
         return np.asarray(self.motion[:3, :3] @ self.origin_mm + self.motion[:3, 3])
@@ -88,6 +104,7 @@ class ObjectPose:
             motion=tuple(self.motion[:3].ravel().tolist()),
             covariance=tuple(map(tuple, self.covariance.tolist())),
             untellable=tuple(map(tuple, self.untellable.tolist())),
+            doubtful=self.doubtful,
         )
 
     @classmethod
@@ -112,4 +129,5 @@ class ObjectPose:
             return f"object {self.number} is lost"
         x, y, z = self.place_mm.tolist()
         told = f", {len(self.untellable)} of 6 directions untellable" if len(self.untellable) else ""
-        return f"object {self.number} at ({x:.2f}, {y:.2f}, {z:.2f}) mm{told}"
+        doubt = ", doubtful" if self.doubtful else ""
+        return f"object {self.number} at ({x:.2f}, {y:.2f}, {z:.2f}) mm{told}{doubt}"

@@ -11,6 +11,7 @@ IMAGE, COMPRESSED_IMAGE, STRING = "sensor_msgs/msg/Image", "sensor_msgs/msg/Comp
 CAMERA_INFO, POINTS = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/PointCloud2"
 POINT, WRENCH = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped"
 POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+TF = "tf2_msgs/msg/TFMessage"
 MULTI_ARRAY = "std_msgs/msg/Float64MultiArray"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
@@ -20,7 +21,7 @@ def _definition(fields: str, **parts: str) -> str:
 
     Header and time are added where there is a header.
     """
-    if "std_msgs/Header header" in fields:
+    if any("std_msgs/Header header" in text for text in (fields, *parts.values())):
         parts |= {
             "std_msgs_Header": "builtin_interfaces/Time stamp; string frame_id",
             "builtin_interfaces_Time": "int32 sec; uint32 nanosec",
@@ -57,6 +58,13 @@ DEFINITIONS = {
         geometry_msgs_PoseWithCovariance="geometry_msgs/Pose pose; float64[36] covariance",
         geometry_msgs_Pose="geometry_msgs/Point position; geometry_msgs/Quaternion orientation",
         geometry_msgs_Point="float64 x; float64 y; float64 z",
+        geometry_msgs_Quaternion="float64 x 0; float64 y 0; float64 z 0; float64 w 1",
+    ),
+    TF: _definition(
+        "geometry_msgs/TransformStamped[] transforms",
+        geometry_msgs_TransformStamped=_HEADER + "string child_frame_id; geometry_msgs/Transform transform",
+        geometry_msgs_Transform="geometry_msgs/Vector3 translation; geometry_msgs/Quaternion rotation",
+        geometry_msgs_Vector3="float64 x; float64 y; float64 z",
         geometry_msgs_Quaternion="float64 x 0; float64 y 0; float64 z 0; float64 w 1",
     ),
     MULTI_ARRAY: _definition(

@@ -14,7 +14,7 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.recording.ros_messages import DEFINITIONS, DIAGNOSTICS
 from gellight.stream.frame_thread import sending
-from gellight.stream.ros_topics import DIAGNOSTICS_S, DIAGNOSTICS_TOPIC, RosTopics, taken_s
+from gellight.stream.ros_topics import DIAGNOSTICS_S, DIAGNOSTICS_TOPIC, RosTopics, taken_s, topic_of
 
 if TYPE_CHECKING:
     from foxglove import Channel
@@ -53,7 +53,9 @@ class FoxgloveServer:
 
         with ExitStack() as stack:
             topics = self._messages.of_frames
-            self._channels = [(channel(f"/{NAME}/{name}", kind), encode) for name, (kind, encode) in topics.items()]
+            self._channels = [
+                (channel(topic_of(f"/{NAME}", name), kind), encode) for name, (kind, encode) in topics.items()
+            ]
             self._diagnostics = channel(DIAGNOSTICS_TOPIC, DIAGNOSTICS)
             try:
                 server = foxglove.start_server(

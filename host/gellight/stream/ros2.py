@@ -20,10 +20,20 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.recording.recording_file import topic_name
-from gellight.recording.ros_messages import CAMERA_INFO, DIAGNOSTICS, IMAGE, MULTI_ARRAY, POINT, POINTS, POSE, WRENCH
+from gellight.recording.ros_messages import (
+    CAMERA_INFO,
+    DIAGNOSTICS,
+    IMAGE,
+    MULTI_ARRAY,
+    POINT,
+    POINTS,
+    POSE,
+    TF,
+    WRENCH,
+)
 from gellight.stream.frame_thread import sending
 from gellight.stream.network import close, routed_session
-from gellight.stream.ros_topics import DIAGNOSTICS_S, DIAGNOSTICS_TOPIC, RosTopics
+from gellight.stream.ros_topics import DIAGNOSTICS_S, DIAGNOSTICS_TOPIC, RosTopics, topic_of
 
 logger = logging.getLogger(__name__)
 QOS = "::,1:,:,:,,"
@@ -35,6 +45,7 @@ HASHES = {
     POINT: "RIHS01_4c0296af86e01e562e9e0405d138a01537247580076c58ea38d7923ac1045897",
     WRENCH: "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77",
     POSE: "RIHS01_26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e",
+    TF: "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
     MULTI_ARRAY: "RIHS01_1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f",
     DIAGNOSTICS: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
 }
@@ -91,7 +102,7 @@ class Ros2Publisher:
             stack.callback(node.undeclare)
             topics = self._messages.of_frames
             self._topics = [
-                (self._declared(session, f"{self.prefix}/{topic}", kind, number), encode)
+                (self._declared(session, topic_of(self.prefix, topic), kind, number), encode)
                 for number, (topic, (kind, encode)) in enumerate(topics.items(), 1)
             ]
             self._diagnostics = self._declared(session, DIAGNOSTICS_TOPIC, DIAGNOSTICS, len(topics) + 1)

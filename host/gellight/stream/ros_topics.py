@@ -12,6 +12,7 @@
     contacts      sensor_msgs/PointCloud2    a point each contact, frame NAME_gel, SI units: see `OF_CONTACTS`
     object/pose   geometry_msgs/PoseWithCovarianceStamped metres, frame NAME_gel: of the axes that lay at the first
                   contact's middle, along those of the gel, and move with the object; nothing while it is lost
+    /tf           tf2_msgs/TFMessage         the same pose, NAME_gel to NAME_object
     /diagnostics  diagnostic_msgs/DiagnosticArray
 
 ros2.py sends them by zenoh, foxglove.py by WebSocket.
@@ -29,6 +30,7 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.frames import Patch, TactileFrame
 from gellight.frames.measures import Force
 from gellight.frames.point_cloud import points_of
+from gellight.frames.pose import ObjectPose
 from gellight.frames.shear import Shear
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.lens.intrinsics import intrinsics
@@ -40,6 +42,7 @@ from gellight.recording.ros_messages import (
     POINT,
     POINTS,
     POSE,
+    TF,
     WRENCH,
     CdrWriter,
     RosImage,
@@ -80,8 +83,9 @@ class RosTopics:
             "contact/wrench_covariance": (MULTI_ARRAY, self._wrench_covariance),
             "contacts": (POINTS, self._contacts),
             "object/pose": (POSE, self._pose),
+            "/tf": (TF, self._transform),
         }
-        """type and encoder by topic"""
+        """type and encoder by topic; a name with / in front belongs to all sensors, see `topic_of`"""
 
     def _image(self, frame: TactileFrame) -> bytes:
         image = frame.camera_frame.image
@@ -147,12 +151,16 @@ class RosTopics:
         # The gel's axes of ROS have y up: turned by F = diag(1, -1, 1), F R F is a rotation again, and a turn, which is
         # an axial vector, is turned by -F. Lengths become metres.
         mirror = np.diag([1.0, -1.0, 1.0])
-        place_m = mirror @ pose.place_mm * 1e-3
         turned = np.kron(np.diag([1e-3, -1.0]), mirror)
         covariance = turned @ pose.covariance_at(pose.place_mm) @ turned.T
-        turn = Rotation.from_matrix(mirror @ pose.motion[:3, :3] @ mirror).as_quat()
-        writer = CdrWriter().header(taken_s(frame), f"{self._name}_gel").put("d", *place_m.tolist(), *turn.tolist())
+        writer = CdrWriter().header(taken_s(frame), f"{self._name}_gel").put("d", *place_and_turn(pose))
         return writer.put("d", *covariance.ravel().tolist()).finish()
+
+    def _transform(self, frame: TactileFrame) -> bytes | None:
+        if frame.pose is None or frame.pose.lost:
+            return None
+        writer = CdrWriter().put("I", 1).header(taken_s(frame), f"{self._name}_gel").string(f"{self._name}_object")
+        return writer.put("d", *place_and_turn(frame.pose)).finish()
 
     def diagnostics(self) -> bytes:
         """Return the status as a DiagnosticArray: level 2 for an error, 1 for findings of the watch."""
@@ -167,6 +175,18 @@ class RosTopics:
         for name, value in values.items():
             writer.string(name).string(value)
         return writer.finish()
+
+
+def topic_of(prefix: str, name: str) -> str:
+    """Return the topic that a name in `RosTopics.of_frames` stands for."""
+    return name if name.startswith("/") else f"{prefix}/{name}"
+
+
+def place_and_turn(pose: ObjectPose) -> tuple[float, ...]:
+    """Return where an object is, m, and its turn as a quaternion x, y, z, w, in a right-handed frame whose y is up."""
+    mirror = np.diag([1.0, -1.0, 1.0])
+    turn = Rotation.from_matrix(mirror @ pose.motion[:3, :3] @ mirror).as_quat()
+    return *(mirror @ pose.place_mm * 1e-3).tolist(), *turn.tolist()
 
 
 def _row(patch: Patch) -> tuple[float, ...]:

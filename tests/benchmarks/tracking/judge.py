@@ -2,9 +2,10 @@
 
 Presses the sequences that are not in DIR yet (sequences.py), reconstructs their pictures with GelNet and tracks the
 object. A row a sequence: median and largest error in mm at the middle of the contact and in degrees, without what the
-object hides; frames lost; frames wrong by more than 1 mm or 5 degrees while called tracked, and how many of those said
-that directions are untellable; share of errors within the stated 90 % ellipsoid of what is told; keyframes; processor
-time of tracking a frame. `--swaps`: within how many frames the change to another object is announced.
+object hides; frames lost; frames wrong by more than 1 mm or 5 degrees while called tracked, how many of those said that
+directions are untellable, and how many did not say that the pose is doubtful; frames that are doubtful; share of errors
+within the stated 90 % ellipsoid of what is told; processor time of tracking a frame. `--swaps`: within how many frames
+the change to another object is announced.
 """
 
 import argparse
@@ -75,9 +76,11 @@ def within(pose: ObjectPose, off: Array) -> bool:
     return square < float(chi2.ppf(WITHIN, int(told.sum())))
 
 
-def judge(name: str, folder: Path, every: int) -> tuple[str, int, int, int]:
-    """Return the row of a sequence, its frames, those within the ellipsoid, and those wrong."""
-    tracker, errors, inside, lost, wrong, vague, spent = Tracker(), [], [], 0, 0, 0, 0.0
+def judge(name: str, folder: Path, every: int) -> tuple[str, Array]:
+    """Return the row of a sequence, and its frames, those within the ellipsoid, wrong, and wrong but not doubtful."""
+    tracker, errors, inside, lost, spent = Tracker(), [], [], 0, 0.0
+    wrong: list[ObjectPose] = []
+    doubtful = 0
     starts: dict[int, Array] = {}
     for true, frame in itertools.islice(felt(press(name, folder)), 0, None, every):
         begun = time.process_time()
@@ -92,19 +95,22 @@ def judge(name: str, folder: Path, every: int) -> tuple[str, int, int, int]:
         if first is not true:
             inside.append(within(pose, off))
         if errors[-1][0] > WRONG_MM or errors[-1][1] > WRONG_DEG:
-            wrong, vague = wrong + 1, vague + (len(pose.untellable) > 0)
+            wrong.append(pose)
+        doubtful += pose.doubtful
     (mm, deg), (most_mm, most_deg) = np.median(errors, axis=0), np.max(errors, axis=0)
+    unsaid = sum(not pose.doubtful for pose in wrong)
     parts = (
         f"{name:16s} {mm:.3f} mm {deg:.2f} deg ({most_mm:.3f} {most_deg:.2f})",
         f"end {errors[-1][0]:.3f} {errors[-1][1]:.2f}",
         f"lost {lost}",
         f"objects {len(starts)}",
-        f"wrong {wrong}, of these untellable {vague}",
+        f"wrong {len(wrong)}, of these untellable {sum(len(pose.untellable) > 0 for pose in wrong)}",
+        f"not doubtful {unsaid}  (doubtful {doubtful} of {len(errors)})",
         f"within {np.mean(inside):.2f}",
         f"{1e3 * spent / (len(errors) + lost):.1f} ms",
     )
     row = "  ".join(parts)
-    return row, len(inside), int(np.sum(inside)), wrong
+    return row, np.array([len(inside), np.sum(inside), len(wrong), unsaid], np.float64)
 
 
 def swap(one: str, other: str, folder: Path) -> int | None:
@@ -120,12 +126,14 @@ def swap(one: str, other: str, folder: Path) -> int | None:
 
 
 def judged(names: Sequence[str], folder: Path, every: int) -> None:
-    frames = inside = wrong = 0
+    total = np.zeros(4)
     for name in names:
-        row, *counts = judge(name, folder, every)
+        row, counts = judge(name, folder, every)
         print(row, flush=True)
-        frames, inside, wrong = frames + counts[0], inside + counts[1], wrong + counts[2]
-    print(f"of {frames} frames {inside / frames:.3f} within the ellipsoid, {wrong} wrong while called tracked")
+        total += counts
+    frames, inside, wrong, unsaid = total
+    within_it = f"of {frames:.0f} frames {inside / frames:.3f} within the ellipsoid"
+    print(f"{within_it}, {wrong:.0f} wrong while called tracked, {unsaid:.0f} of these not doubtful")
 
 
 def main() -> None:

@@ -35,6 +35,7 @@ TOPICS = {
     "/gellight/contact/wrench_covariance": "std_msgs/msg/Float64MultiArray",
     "/gellight/contacts": "sensor_msgs/msg/PointCloud2",
     "/gellight/object/pose": "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "/tf": "tf2_msgs/msg/TFMessage",
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
 }
 MESSAGE = 1
@@ -85,7 +86,7 @@ def served() -> Iterator[tuple[str, BumpReconstructor]]:
 def test_every_topic_arrives(served: tuple[str, BumpReconstructor]) -> None:
     url, made = served
     # without marker dots, and nobody asked for tracking
-    got = looked_at(url, set(TOPICS) - {"/gellight/contact/wrench_covariance", "/gellight/object/pose"})
+    got = looked_at(url, set(TOPICS) - {"/gellight/contact/wrench_covariance", "/gellight/object/pose", "/tf"})
     height, width = SHAPE
     image, depth = got["/gellight/image_raw"], got["/gellight/depth/image"]
     assert (image.encoding, image.height, image.width, image.step) == ("rgb8", height, width, 3 * width)

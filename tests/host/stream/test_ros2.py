@@ -173,6 +173,16 @@ def test_the_pose_of_the_object_is_that_of_axes_with_y_up() -> None:
     np.testing.assert_allclose(seen / size, stated / size, atol=0.08)
     assert message.header.frame_id == "finger_gel"
     assert encode(full_frame()) is None
+    transform = RosTopics(daemon, "finger").of_frames["/tf"][1]
+    told_tf = JAZZY.deserialize_cdr(transform(replace(full_frame(), pose=pose)), "tf2_msgs/msg/TFMessage")
+    (one,) = told_tf.transforms
+    assert (one.header.frame_id, one.child_frame_id) == ("finger_gel", "finger_object")
+    assert one.header.stamp == message.header.stamp
+    assert vars(one.transform.rotation) == vars(turn)
+    assert [getattr(one.transform.translation, axis) for axis in "xyz"] == [place.x, place.y, place.z]
+    lost = replace(pose, motion=np.full((4, 4), np.nan))
+    assert transform(replace(full_frame(), pose=lost)) is None
+    assert transform(full_frame()) is None
 
 
 def test_without_a_constant_for_the_force_there_is_no_wrench(router: tuple[zenoh.Session, int]) -> None:
@@ -209,11 +219,11 @@ def test_the_graph_shows_the_node_and_its_topics(router: tuple[zenoh.Session, in
     """Tokens as rmw_zenoh's design writes them; the attachment has number, time and the 16 bytes of the publisher."""
     session = router[0]
     keys, until_s = [], time.monotonic() + 20
-    while len(keys) < 11 and time.monotonic() < until_s:  # the router learns of them one by one
+    while len(keys) < 12 and time.monotonic() < until_s:  # the router learns of them one by one
         replies = session.liveliness().get("@ros2_lv/**", timeout=5)
         keys = sorted(str(reply.ok.key_expr) for reply in replies if reply.ok)
     kinds = [key.split("/")[5] for key in keys]
-    assert (kinds.count("NN"), kinds.count("MP")) == (1, 10)
+    assert (kinds.count("NN"), kinds.count("MP")) == (1, 11)
     (image,) = [key for key in keys if "%left_finger%image_raw" in key]
     parts = image.split("/")
     assert parts[1] == "7"

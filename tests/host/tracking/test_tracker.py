@@ -1,5 +1,7 @@
 """From frame to frame: one object keeps its number, a loss is announced, and what comes then is another one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,6 +66,21 @@ def test_a_lifted_object_is_lost_once_and_found_again() -> None:
     assert tracker.follow(seen(relief), 4).number == 2
 
 
+@pytest.mark.parametrize(
+    ("sd", "doubtful"), [(0.9, False), (1.1, True), (np.radians(4.9), False), (np.radians(5.1), True)]
+)
+def test_a_pose_is_doubtful_where_its_largest_deviation_is(sd: float, doubtful: bool) -> None:
+    """Along a direction askew to the axes, each of which states less."""
+    tracker = Tracker()
+    pose = tracker.follow(seen(relief), 0)
+    block = slice(0, 3) if sd > 0.5 else slice(3, 6)
+    covariance = np.eye(6) * 1e-6
+    covariance[block, block] += np.full((3, 3), sd**2 / 3)
+    stated = replace(pose, covariance=covariance)
+    assert (stated.doubtful, stated.figures().doubtful) == (doubtful, doubtful)
+    assert stated.in_words().endswith(", doubtful") == doubtful
+
+
 def test_a_pose_travels_as_figures() -> None:
     tracker = Tracker()
     tracker.follow(seen(relief), 5)
@@ -72,6 +89,7 @@ def test_a_pose_travels_as_figures() -> None:
     for name in ("motion", "origin_mm", "centre_mm", "covariance", "untellable", "place_mm"):
         np.testing.assert_array_equal(getattr(again, name), getattr(pose, name))
     assert again.since_sequence == 5
+    assert not again.doubtful
     assert again.in_words().startswith("object 1 at (")
     lost = tracker.follow(nothing(), 7)
     assert ObjectPose.of(lost.figures()).lost
