@@ -86,8 +86,8 @@ def test_after_a_transfer_that_breaks_off_the_watchdog_makes_the_leds_dark(image
 def test_the_event_tells_when_the_first_bit_left_the_pin(board: BenchBoard, ring: LightRing) -> None:
     event = ring.wait_for_light(ring.set_leds(RED).light_id)
     # the clock counts whole microseconds, and the first bit rises 0.6 us after the transfer has begun
-    assert 0 <= board.waveform.frame_starts_us[-1] - event.first_bit_us < 2
-    latched = board.timeline[-1].time_us
+    assert 0 <= board.waveform.frame_starts_us[-1] - board.timer_began_us - event.first_bit_us < 2
+    latched = board.timeline[-1].time_us - board.timer_began_us
     assert latched <= event.latched_us <= latched + 25
 
 

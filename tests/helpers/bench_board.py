@@ -15,7 +15,7 @@ from gellight.lab.emulator.chip import (
     temperature_reading,
 )
 from gellight.lab.emulator.clocks import Crystal
-from gellight.lab.emulator.registers import UsbGuard
+from gellight.lab.emulator.registers import TIMER, UsbGuard
 from gellight.lab.emulator.waveform import Light, LightTimeline, Strip, WaveformDecoder
 
 USB_INTERRUPT = 5
@@ -109,6 +109,11 @@ class BenchBoard(EmulatedBoard):
         """Warm the chip; it stays so warm when it starts anew."""
         self.temperature_c = temperature_c
         self.chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(temperature_c)
+
+    @property
+    def timer_began_us(self) -> float:
+        """Virtual time at which the timer of the chip was 0, by the ticks of now."""
+        return float(self.now_us - self.chip.peripherals[TIMER].inner._micros())
 
     def usb_text(self, name: str) -> str:
         """Return a string descriptor, as the host read it: manufacturer, product or serial."""

@@ -30,7 +30,7 @@ class Account:
     """What came of a story."""
 
     packets: list[tuple[float, Packet]] = field(default_factory=list)
-    """with the time when they came, us"""
+    """with the time when they came, on the board's clock, us"""
     lights: list[str] = field(default_factory=list)
     """the bits that the LEDs were sent"""
     pulses: list[list[list[float]]] = field(default_factory=list)
@@ -117,7 +117,7 @@ def _run(board: RecordedBoard, account: Account, duration_us: float) -> None:
     while board.run_until(lambda: 0 in board.host.received, end_us - board.now_us):
         stuffed, _, rest = bytes(board.host.received).partition(b"\0")
         board.host.received[:] = rest
-        account.packets.append((board.chip.clock.nanos / 1e3, decode(stuffed)))
+        account.packets.append((board.now_us - board.timer_began_us, decode(stuffed)))
 
 
 def second_emulator(image: bytes, story: list[Action]) -> Account:

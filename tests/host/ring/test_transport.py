@@ -80,13 +80,14 @@ def test_sim_is_a_board_like_any_other() -> None:
     with connect("sim://") as ring:
         board = ring.transport
         assert isinstance(board, SimulatedBoard)
-        reply = ring.set_leds(RED)
-        event = ring.wait_for_light(reply.light_id, timeout_s=5)
-        eventually(lambda: is_lit(board))
-        shown = board.light_during(event.first_bit_us, event.latched_us + 1)
-        assert not shown[0].colours.any()
-        np.testing.assert_array_equal(shown[-1].colours, RED)
-        assert event.first_bit_us < shown[-1].time_us <= event.latched_us
+        lights = []
+        for colours in (RED, RED // 2):
+            event = ring.wait_for_light(ring.set_leds(colours).light_id, timeout_s=5)
+            eventually(lambda wanted=colours: np.array_equal(board.timeline[-1].colours, wanted))
+            lights.append((board.timeline[-1].time_us, event))
+        (red_us, red), (dim_us, dim) = lights  # the clock of the board has a zero of its own
+        assert dim_us - red_us == pytest.approx(dim.latched_us - red.latched_us, abs=3)
+        assert red.first_bit_us < red.latched_us < dim.first_bit_us
     assert not board.timeline[-1].colours.any()
     assert board.faults == []
 

@@ -188,9 +188,9 @@ class SimulatedBoard:
         return from_us + (monotonic_s - from_s) * rate
 
     def clock_us(self, monotonic_s: float) -> float:
-        """Return what the board's clock would read then, had emulation not lagged: never before `virtual_us`.
+        """Return the virtual time that it would be then, had emulation not lagged: never before `virtual_us`.
 
-        A real board's clock reads this. It holds for times after `on_time_since_s`.
+        A real board's light goes by this. It holds for times after `on_time_since_s`.
         """
         with self._lock:
             return (monotonic_s - self._zero_s) * 1e6

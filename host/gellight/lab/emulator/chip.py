@@ -8,13 +8,14 @@ own loop stamps PIO edges late, so clocks, loop and USB host are ours.
 from collections.abc import Callable
 from functools import partial
 from math import inf
+from random import Random
 from types import SimpleNamespace
 from typing import Any
 
 from rp2040py.rp2040 import RP2040
 from rp2040py.simulator import Simulator
 
-from gellight.lab.emulator import clocks, registers
+from gellight.lab.emulator import clocks, registers, ticks
 from gellight.lab.emulator.bootrom import BOOT2_RAM, Function, rom_words
 from gellight.lab.emulator.busy_bus import B2, CHIP_ID, BusyBus
 from gellight.lab.emulator.flash_bus import RAN_ASTRAY, FlashBus, RomFlash
@@ -26,11 +27,12 @@ from gellight.ring.protocol import Configuration
 
 FLASH_BYTES = 2 << 20
 RAM_BASE, RAM_END = 0x20000000, 0x20042000
-PIO0, USB, PSM, ADC, IO_QSPI = 0x50200, 0x50110, 0x40010, 0x4004C, 0x40018
+PIO0, USB, PSM, ADC, IO_QSPI, WATCHDOG = 0x50200, registers.USB, 0x40010, 0x4004C, 0x40018, 0x40058
 """windows (address >> 12)"""
 VTOR = 0xE000ED08
-WATCHDOG_SELECTION, CRYSTAL = 0x8, 1 << 1
-"""PSM_WDSEL: what a watchdog resets"""
+WATCHDOG_SELECTION, CRYSTAL, PROCESSOR, ALL_BUT_OSCILLATORS = 0x8, 1 << 1, 1 << 15, 0x1FFFC
+"""PSM_WDSEL: what a watchdog resets (data sheet 2.13.5)"""
+POWER_ON_SEED = 2040
 OUTPUT_OFF = 1 << 7
 """of a pad"""
 CRYSTAL_WAIT_NS = 100_000.0
@@ -80,6 +82,7 @@ class EmulatedBoard:
         self.resets = 0
         self._rom_flash: RomFlash | None = None
         self.in_bootloader = False
+        self._noise = Random(POWER_ON_SEED)
         self._past_ns = self._chip_ns = 0.0
         """before the last start of the chip, and since then"""
         self.flash_chip = FlashChip(self.flash, unique_id, self._flash_ns, self.fault)
@@ -100,7 +103,11 @@ class EmulatedBoard:
         return self._past_ns + self._chip_ns + (self._rom_flash.elapsed_ns if self._rom_flash else 0.0)
 
     def _start(self, scratch: list[int] | None = None, reason: int = 0, crystal: clocks.Crystal | None = None) -> None:
-        chip = self.chip = RP2040()
+        chip = RP2040()
+        for memory in ("sram", "usb_dpram"):  # hold anything at power-on (2.6.2), and outlast a reset
+            kept = getattr(self.chip, memory) if scratch else self._noise.randbytes(len(getattr(chip, memory)))
+            getattr(chip, memory)[:] = kept
+        self.chip: RP2040 = chip
         chip.logger = log_of(self.fault)
         chip.load_bootrom(rom_words())
         chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(ROOM_C)
@@ -130,8 +137,10 @@ class EmulatedBoard:
         self._boot()
 
     def _install_registers(self, chip: Any) -> None:
-        self.resets_block = registers.Resets(self._usb_held)
-        blocks = chip.peripherals
+        blocks, timer = chip.peripherals, ticks.Timer(chip)
+        self.resets_block = registers.Resets(self._usb_held, timer.reset, lambda: self.now_us)
+        blocks[registers.TIMER] = timer
+        blocks[WATCHDOG] = self.ticks = ticks.Ticks(chip.watchdog, timer, lambda: self.clocks.reference_hz)
         blocks[0x4000C], blocks[0x40008], blocks[0x40024] = (
             self.resets_block,
             self.clocks.generators,
@@ -162,6 +171,7 @@ class EmulatedBoard:
 
     def _reclock(self) -> None:
         self._cycle_ns = 1e9 / self.clocks.system_hz
+        self.ticks.look()
         if self.clocks.raised and not self._raised:
             self._raised = True
             self._check_safety()
@@ -274,7 +284,7 @@ class EmulatedBoard:
         if self._skipped_ns:
             self._skip()
         if self._watchdog_fired:
-            self._restart()
+            self._bite()
 
     def _run_astray(self) -> None:
         """A processor that is lost does nothing more, until the watchdog bites."""
@@ -350,6 +360,16 @@ class EmulatedBoard:
             self._pio_ns, self._pio_busy = self._chip_ns, True
             self.chip.pio[0].advance(self._pio_behind)
             self._pio_behind = 0
+
+    def _bite(self) -> None:
+        """Reset what the image told the watchdog to; where that is not the processor, it goes on (2.13)."""
+        selected = self.chip.read_uint32(PSM << 12 | WATCHDOG_SELECTION)
+        if left := ALL_BUT_OSCILLATORS & ~selected:
+            self.fault(f"the watchdog bites, and does not reset 0x{left:05x} of what PSM_WDSEL knows")
+        if selected & PROCESSOR:
+            self._restart()
+        else:
+            self._watchdog_fired, self._halted = False, self.in_bootloader
 
     def _restart(self) -> None:
         """Start a new chip after the watchdog: flash and scratch registers stay, and so do LEDs and crystal."""

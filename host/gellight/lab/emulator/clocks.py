@@ -21,6 +21,12 @@ SYSTEM_OVER_USB = 1.1
 """clk_sys / clk_usb, or SETUP and other status may be lost (erratum RP2040-E16)"""
 SLOW_READ_HZ = 33e6
 """of the command 03h, which the slowest of the usual flash chips allow"""
+CRYSTAL_RANGE = 0xAA0
+"""1 to 15 MHz; the other values are reserved (data sheet 2.16.7)"""
+LOCK_US = 20.0
+"""until a PLL has locked; the data sheet (2.18.3) names no time, so an image has to look"""
+POST_DIVIDERS_OFF = 1 << 3
+"""of PWR"""
 CTRL, STATUS, STARTUP = 0x0, 0x4, 0xC
 """of XOSC"""
 CS, PWR, FBDIV, PRIM = 0x0, 0x4, 0x8, 0xC
@@ -35,14 +41,15 @@ class Crystal(RegisterBlock):
     def __init__(self, now_us: Callable[[], float], waiting: Callable[[], None]) -> None:
         """Stand still; `waiting` hears of each look at STATUS that comes too early."""
         super().__init__({STARTUP: 0xC4})
-        self._now_us, self._waiting = now_us, waiting
+        self.now_us, self._waiting = now_us, waiting
         self._started_us: float | None = None
 
     def write_uint32(self, offset: int, value: int) -> None:
         """Set a register; CTRL starts or stops the crystal."""
         super().write_uint32(offset, value)
-        if offset == CTRL and value >> 12 & 0xFFF == 0xFAB and self._started_us is None:
-            self._started_us = self._now_us()
+        starts = value >> 12 & 0xFFF == 0xFAB and value & 0xFFF == CRYSTAL_RANGE
+        if offset == CTRL and starts and self._started_us is None:
+            self._started_us = self.now_us()
         elif offset == CTRL and value >> 12 & 0xFFF == 0xD1E:
             self._started_us = None
 
@@ -59,25 +66,35 @@ class Crystal(RegisterBlock):
     @property
     def running_us(self) -> float:
         """For how long it has been running."""
-        return 0.0 if self._started_us is None else self._now_us() - self._started_us
+        return 0.0 if self._started_us is None else self.now_us() - self._started_us
 
 
 class Pll(RegisterBlock):
-    """A PLL: locks when it has power and a feedback divider."""
+    """A PLL: locks a while after it has got power and a feedback divider."""
 
-    def __init__(self, changed: Callable[[], None]) -> None:
+    def __init__(self, changed: Callable[[], None], now_us: Callable[[], float]) -> None:
         """Tell when the frequency may have changed."""
         super().__init__({CS: 1, PWR: 0x2D, FBDIV: 0, PRIM: 0x77000})
-        self._changed = changed
+        self._changed, self._now_us = changed, now_us
+        self._loop, self._locks_us = 0.0, 0.0
+        """what the VCO is held to, 0 without power; and when it has got there"""
 
     def read_uint32(self, offset: int) -> int:
         """CS carries the lock bit."""
-        return super().read_uint32(offset) | (offset == CS and self.oscillates) << 31
+        return super().read_uint32(offset) | (offset == CS and self.locked) << 31
 
     def write_uint32(self, offset: int, value: int) -> None:
         """Set a register and recompute."""
         super().write_uint32(offset, value)
+        loop = self.reference_hz * self.values[FBDIV] if self.oscillates else 0.0
+        if loop != self._loop:
+            self._loop, self._locks_us = loop, self._now_us() + LOCK_US
         self._changed()
+
+    @property
+    def locked(self) -> bool:
+        """It has power, and has had the time that it needs."""
+        return self.oscillates and self._now_us() >= self._locks_us
 
     @property
     def oscillates(self) -> bool:
@@ -98,7 +115,7 @@ class Pll(RegisterBlock):
     def hz(self) -> float:
         """Output frequency, 0 while it is off."""
         first, second = self.post_dividers
-        if not self.oscillates or self.values[PWR] & 8 or not first * second:
+        if not self.oscillates or self.values[PWR] & POST_DIVIDERS_OFF or not first * second:
             return 0.0
         return self.reference_hz * self.values[FBDIV] / (first * second)
 
@@ -114,8 +131,12 @@ class Pll(RegisterBlock):
         vco_hz = self.reference_hz * self.values[FBDIV]
         if not VCO_HZ[0] <= vco_hz <= VCO_HZ[1]:
             found.append(f"its oscillator runs at {vco_hz / 1e6:g} MHz, not 750 to 1600 MHz")
+        if self.values[PWR] & POST_DIVIDERS_OFF:
+            return found
+        if not self.locked:
+            found.append("its post dividers get power before it has locked")
         first, second = self.post_dividers
-        if not self.values[PWR] & 8 and not 1 <= second <= first:
+        if not 1 <= second <= first:
             found.append(f"its post dividers are {first} and {second}, not 1 to 7 with the higher one first")
         return found
 
@@ -148,7 +169,7 @@ class ClockTree:
     def __init__(self, crystal: Crystal, report: Callable[[str], None], changed: Callable[[], None]) -> None:
         """Run on the ring oscillator; tell when clk_sys may have changed."""
         self.crystal = crystal
-        self.pll_sys, self.pll_usb = Pll(self._note), Pll(self._note)
+        self.pll_sys, self.pll_usb = Pll(self._note, crystal.now_us), Pll(self._note, crystal.now_us)
         self.generators = Generators(self._note)
         self._report, self._changed = report, changed
         self._flash_divider = 0
@@ -160,12 +181,16 @@ class ClockTree:
         return bool(self.generators.values[REF_CTRL] & 3 or self.generators.values[SYS_CTRL] & 1)
 
     @property
+    def reference_hz(self) -> float:
+        """Frequency of clk_ref, from which the tick of timer and watchdog is made."""
+        return CRYSTAL_HZ if self.generators.values[REF_CTRL] & 3 == 2 else RING_OSCILLATOR_HZ
+
+    @property
     def system_hz(self) -> float:
         """Frequency of clk_sys; a stopped source leaves the ring oscillator, as the data sheet's resuscitation."""
         control = self.generators.values[SYS_CTRL]
-        reference_hz = CRYSTAL_HZ if self.generators.values[REF_CTRL] & 3 == 2 else RING_OSCILLATOR_HZ
         auxiliary_hz = {0: self.pll_sys.hz, 1: self.pll_usb.hz}.get(control >> 5 & 7, 0.0) or RING_OSCILLATOR_HZ
-        return (auxiliary_hz if control & 1 else reference_hz) / max(1, self.generators.values[SYS_DIV] >> 8)
+        return (auxiliary_hz if control & 1 else self.reference_hz) / max(1, self.generators.values[SYS_DIV] >> 8)
 
     @property
     def usb_hz(self) -> float:

@@ -19,10 +19,20 @@ TXF0, FSTAT = 0x10, 0x04
 ADC_HZ = 48e6
 ADC_ON, ADC_SENSOR, ADC_START, ADC_READY, ADC_TEMPERATURE = 1 << 0, 1 << 1, 1 << 2, 1 << 8, 4
 IO_QSPI, PADS_QSPI, SYSCFG, SYSINFO = 6, 9, 18, 19
+"""bits of RESETS"""
+USB, TIMER = 0x50110, 0x40054
+"""blocks (address >> 12)"""
 ALL_RESETS = 0x1FFFFFF
-RESET_BITS = {0x50000: 2, 0x40014: 5, 0x4001C: 8, 0x50200: 10, 0x50300: 11, 0x40028: 12, 0x4002C: 13, 0x40054: 21,
-              0x40034: 22, 0x50110: 24, 0x4004C: 0}  # fmt: skip
-"""block (address >> 12) -> bit of RESETS"""
+RESET_US = 1.0
+"""from a release to RESET_DONE; the data sheet (2.14) names no time, so an image has to look"""
+RESET_BITS = {0x50000: 2, 0x40014: 5, 0x4001C: 8, 0x50200: 10, 0x50300: 11, 0x40028: 12, 0x4002C: 13, TIMER: 21,
+              0x40034: 22, USB: 24, 0x4004C: 0}  # fmt: skip
+"""block -> bit of RESETS"""
+
+
+def aliased(before: int, value: int, alias: int) -> int:
+    """Return what a register holds after a write, toggle, set or clear (data sheet 2.1.2)."""
+    return (value, before ^ value, before | value, before & ~value)[alias]
 
 
 class RegisterBlock:
@@ -41,9 +51,8 @@ class RegisterBlock:
         self.values[offset] = value & 0xFFFFFFFF
 
     def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
-        """Write, toggle, set or clear bits (data sheet 2.1.2)."""
-        before = self.read_uint32(offset) if alias else 0
-        self.write_uint32(offset, (value, before ^ value, before | value, before & ~value)[alias])
+        """Write, toggle, set or clear bits."""
+        self.write_uint32(offset, aliased(self.read_uint32(offset) if alias else 0, value, alias))
 
     def reset(self) -> None:
         """Nothing: a reset makes a new chip."""
@@ -52,23 +61,39 @@ class RegisterBlock:
 class Resets(RegisterBlock):
     """Which blocks are held in reset; those that the boot ROM releases are free from the start."""
 
-    def __init__(self, usb_held: Callable[[], None]) -> None:
-        """Hold everything but what the boot ROM needs; `usb_held` hears when the USB controller is put into reset."""
+    def __init__(self, usb_held: Callable[[], None], timer_freed: Callable[[], None],
+                 now_us: Callable[[], float]) -> None:  # fmt: skip
+        """Hold everything but what the boot ROM needs.
+
+        `usb_held` hears when the USB controller is put into reset, `timer_freed` when the timer leaves it.
+        """
         super().__init__()
-        self._usb_held = usb_held
-        self.held = ALL_RESETS & ~(1 << IO_QSPI | 1 << PADS_QSPI | 1 << SYSCFG | 1 << SYSINFO)
+        self._usb_held, self._timer_freed, self._now_us = usb_held, timer_freed, now_us
+        self._asked = ALL_RESETS & ~(1 << IO_QSPI | 1 << PADS_QSPI | 1 << SYSCFG | 1 << SYSINFO)
+        self._leaving, self._left_us = 0, 0.0
+
+    @property
+    def held(self) -> int:
+        """The blocks that are in reset, or were a moment ago."""
+        if self._leaving and self._now_us() >= self._left_us:
+            self._leaving = 0
+        return self._asked | self._leaving
 
     def read_uint32(self, offset: int) -> int:
-        """RESET, and RESET_DONE as its complement."""
-        return {0: self.held, 8: ~self.held & ALL_RESETS}.get(offset, self.values.get(offset, 0))
+        """RESET, and RESET_DONE, which follows it."""
+        return {0: self._asked, 8: ~self.held & ALL_RESETS}.get(offset, self.values.get(offset, 0))
 
     def write_uint32(self, offset: int, value: int) -> None:
         """Hold or release."""
         if offset == 0:
-            newly = value & ~self.held
-            self.held = value & ALL_RESETS
-            if newly >> RESET_BITS[0x50110] & 1:
+            held, freed = value & ~self._asked, self._asked & ~value
+            self._asked = value & ALL_RESETS
+            if freed:
+                self._leaving, self._left_us = self.held & ~self._asked | freed, self._now_us() + RESET_US
+            if held >> RESET_BITS[USB] & 1:
                 self._usb_held()
+            if freed >> RESET_BITS[TIMER] & 1:
+                self._timer_freed()
         else:
             super().write_uint32(offset, value)
 
@@ -211,12 +236,11 @@ class UsbGuard(Guard):
     def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
         """Write through; with the interrupt of SOF enabled in INTE, wait for the next frame."""
         if offset in (DIRECT, OVERRIDE):  # which the emulator does not know
-            before = self._phy.get(offset, 0)
-            value = self._phy[offset] = (value, before ^ value, before | value, before & ~value)[alias]
+            value = self._phy[offset] = aliased(self._phy.get(offset, 0), value, alias)
         else:
             super().write_uint32_atomic(offset, value, alias)
         if offset == MUXING:
-            self._lines = (value, self._lines ^ value, self._lines | value, self._lines & ~value)[alias]
+            self._lines = aliased(self._lines, value, alias)
         if self.bus and offset in (DIRECT, OVERRIDE, MUXING):
             self.bus.write(offset, value)
         self._look_attached()
