@@ -85,7 +85,8 @@ def alarms(first: int, states: list[SlipState]) -> list[int]:
 
 def judge(folder: Path, other: Bundle, place: Path) -> None:
     """Print a line for each clip that can be told, and the sum."""
-    every, delays, slipped, false, still, unknown = list(marks()), [], 0, 0, 0, 0
+    every, delays = list(marks()), []
+    slipped = false = still = unknown = late_start = 0
     for one in every:
         if one.after is None:
             continue
@@ -93,6 +94,13 @@ def judge(folder: Path, other: Bundle, place: Path) -> None:
             first, states = told(folder / f"{one.clip}.avi", other, place)
         except GellightError as reason:
             print(f"{one.clip}: not felt: {reason}", flush=True)
+            continue
+        if first > one.after:
+            late_start += 1
+            print(
+                f"{one.clip}: not judged: the first frame fit as untouched, {first}, comes after {one.after}",
+                flush=True,
+            )
             continue
         called = alarms(first, states)
         quiet = states[: max(0, one.after + 1 - first)]
@@ -109,7 +117,8 @@ def judge(folder: Path, other: Bundle, place: Path) -> None:
     late = f"{np.median(delays):.0f} frames, p90 {np.percentile(delays, 90):.0f}" if delays else "not known"
     rate = f"{60 * RATE_HZ * false / still:.1f}" if still else "no"
     print(
-        f"{len(every)} clips, {sum(one.after is None for one in every)} untellable; {len(delays)} of {slipped} slips "
+        f"{len(every)} clips, {sum(one.after is None for one in every)} untellable, "
+        f"{late_start} without an untouched frame before; {len(delays)} of {slipped} slips "
         f"found, delay {late}; {rate} false alarms a minute in {still / RATE_HZ:.0f} s without slip, of which "
         f"{100 * unknown / max(1, still):.0f} % unknown"
     )
