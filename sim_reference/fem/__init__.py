@@ -12,6 +12,7 @@
 | linear systems | `multigrid` |
 | projected Newton's method | `newton` |
 | a press, from depth or load to force and surface | `gel.FemGel` |
+| then a drag, a twist, a roll | `dragging` |
 | the surface on a grid | `sampling` |
 
 Lengths are mm, and stresses are in units of the gel's shear modulus, so forces are in shear moduli times mm2.

@@ -38,15 +38,22 @@ class Barrier:
     """(3, 3) how the object is turned about `pivot`"""
     pivot: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
     """(3,) a point of the object, in its own frame"""
+    shift_mm: Array = dataclasses.field(default_factory=lambda: np.zeros(2))
+    """(2,) how far `pivot` is moved along x and y"""
+
+    @property
+    def moved_mm(self) -> Array:
+        """(3,) how far `pivot` is moved."""
+        return np.append(self.shift_mm, self.depth_mm)
 
     def local(self, at: Array) -> Array:
         """Return points `at` (S, 3) in the object's frame."""
-        arm = (at - self.pivot - [0.0, 0.0, self.depth_mm]) @ np.linalg.inv(self.matrix).T
+        arm = (at - self.pivot - self.moved_mm) @ np.linalg.inv(self.matrix).T
         return np.asarray(arm + self.pivot)
 
     def world(self, points: Array) -> Array:
         """Return where points (S, 3) of the object are."""
-        return np.asarray((points - self.pivot) @ self.matrix.T + self.pivot + [0.0, 0.0, self.depth_mm])
+        return np.asarray((points - self.pivot) @ self.matrix.T + self.pivot + self.moved_mm)
 
     def gap(self, at: Array) -> Array:
         """Return the gap (S,) in mm of vertices `at` (S, 3)."""

@@ -67,11 +67,10 @@ class Friction:
 
 def friction_of(barrier: Barrier, at: Array, start: Array, coefficient: float, stick_mm: float) -> Friction:
     """Return the friction of the contact as it is `at` (S, 3), for movements from `start`."""
-    slope = barrier.field.heights(at[:, 0], at[:, 1]).slope
-    normal_force = barrier.area * barrier.pressure(at) * np.sqrt(1 + (slope**2).sum(axis=1))
-    along_x = np.stack([np.ones(len(at)), np.zeros(len(at)), slope[:, 0]], axis=1)
-    along_x /= np.linalg.norm(along_x, axis=1, keepdims=True)
-    normal = np.stack([-slope[:, 0], -slope[:, 1], np.ones(len(at))], axis=1)
+    normal_force = np.linalg.norm(barrier.gradient(at), axis=1)
+    normal = barrier.gap_gradient(at)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    along_x = np.stack([normal[:, 2], np.zeros(len(at)), -normal[:, 0]], axis=1)
+    along_x /= np.linalg.norm(along_x, axis=1, keepdims=True)
     tangents = np.stack([along_x, np.cross(normal, along_x)], axis=1)
     return Friction(coefficient, normal_force, tangents, start, stick_mm)

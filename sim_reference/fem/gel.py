@@ -117,12 +117,10 @@ class FemGel:
         check_depth(press_depth_mm, geometry)
         load, bare = self._load(load_n, free_at_mm, geometry), replace(geometry, coating_smoothing_mm=0.0)
         solver = solver_of(self, geometry)
-        limit = STEEPEST_MM / solver.mesh.spacing_mm
         lowest = -press_depth_mm - ABOVE_MM
         if load and load.tilts:
             lowest -= float(np.tan(MOST_TILT_RAD)) * geometry.gel_diameter_mm / 2
-        body = with_slopes_below(np.maximum(object_height_mm, lowest), spacing_mm, limit)
-        field = HeightField(body, spacing_mm)
+        field = field_of(object_height_mm, spacing_mm, lowest, solver.mesh.spacing_mm)
         lean = Lean(press_depth_mm)
         if load and load.tilts:
             lean = lean_under(load, object_height_mm, spacing_mm, press_depth_mm, bare)
@@ -156,6 +154,12 @@ class FemGel:
         if not np.hypot(*at_mm) < radius:
             raise ValueError(f"load at {at_mm[0]:g}, {at_mm[1]:g} mm: give a point over the gel, within {radius:g} mm")
         return Load(load_n / self.shear_modulus_mpa(geometry), at_mm, tilts=free_at_mm is not None)
+
+
+def field_of(object_height_mm: Array, spacing_mm: float, lowest_mm: float, mesh_spacing_mm: float) -> HeightField:
+    """Return the object as the mesh can follow it, cut off at `lowest_mm`."""
+    limit = STEEPEST_MM / mesh_spacing_mm
+    return HeightField(with_slopes_below(np.maximum(object_height_mm, lowest_mm), spacing_mm, limit), spacing_mm)
 
 
 def check_depth(press_depth_mm: float, geometry: SensorGeometry) -> None:

@@ -58,6 +58,8 @@ class State:
     depth_mm: float
     matrix: Array = field(default_factory=lambda: np.eye(3))
     """(3, 3) see `barrier.Barrier`"""
+    shift_mm: Array = field(default_factory=lambda: np.zeros(2))
+    """(2,) see `barrier.Barrier`; the solver leaves it as it is"""
 
     def moved(self, step: "Change", share: float) -> "State":
         """Return the state after a share of a step."""
@@ -65,6 +67,7 @@ class State:
             self.at + share * step.direction,
             self.depth_mm + share * step.depth_mm,
             self.matrix + share * step.matrix,
+            self.shift_mm,
         )
 
 
@@ -285,4 +288,4 @@ def upright_share(elastic: NeoHookean, at: Array, step: Array) -> float:
 
 
 def _placed(barrier: Barrier, state: State) -> Barrier:
-    return replace(barrier, depth_mm=state.depth_mm, matrix=state.matrix)
+    return replace(barrier, depth_mm=state.depth_mm, matrix=state.matrix, shift_mm=state.shift_mm)

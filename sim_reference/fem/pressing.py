@@ -90,7 +90,8 @@ class Pressing:
     def barrier(self) -> Barrier:
         """The barrier of the mesh's surface against the object where it is."""
         area, state, distance = self._mesh.surface_area, self.state, BARRIER_DISTANCES_MM[self._now.narrow]
-        return Barrier(self._field, area, distance, STIFFNESS / distance, state.depth_mm, state.matrix, self._pivot)
+        at = (state.depth_mm, state.matrix, self._pivot, state.shift_mm)
+        return Barrier(self._field, area, distance, STIFFNESS / distance, *at)
 
     @property
     def gap_mm(self) -> float:
@@ -125,7 +126,7 @@ class Pressing:
         at = self.state.at.copy()
         at[:, 2] += (above - self._now.layer_mm) * (1 - self._mesh.vertices[:, 2] / self._mesh.thickness_mm)
         object_mm = depth_mm - self.gap_mm
-        at = _cleared(at, self._mesh, replace(self.barrier, depth_mm=object_mm))
+        at = cleared(at, self._mesh, replace(self.barrier, depth_mm=object_mm))
         before = self._solver.min_det_f(self.state)
         begun = replace(self.state, at=at, depth_mm=object_mm)
         if self._solver.min_det_f(begun) < 0.1 * before:
@@ -158,7 +159,7 @@ class Pressing:
     def _settle(self, depth_mm: float, load: Load | None) -> None:
         """Hold the object back by the gap, and find where the gel rests."""
         self._move(replace(self.state, depth_mm=depth_mm - self.gap_mm))
-        self._move(replace(self.state, at=_cleared(self.state.at, self._mesh, self.barrier)))
+        self._move(replace(self.state, at=cleared(self.state.at, self._mesh, self.barrier)))
         # What is friction or the last stage is built upon this; else it is where the next stage begins.
         exact = self._now.narrow or self._friction
         self._solve(Contact(self.barrier, load=load), 0.0 if exact else BEGINNING_SHARE)
@@ -205,7 +206,7 @@ def depth_above(layer: Deformation, mesh: Mesh) -> Array:
     return np.asarray(depth(mesh.vertices[:, 1::-1]))
 
 
-def _cleared(at: Array, mesh: Mesh, barrier: Barrier) -> Array:
+def cleared(at: Array, mesh: Mesh, barrier: Barrier) -> Array:
     """Return the vertices, with the gel lifted where its surface is inside the object, or all but.
 
     What lies below goes along, less the deeper it is: a surface that is lifted alone turns tetrahedra inside out.
