@@ -80,14 +80,18 @@ def test_sim_is_a_board_like_any_other() -> None:
     with connect("sim://") as ring:
         board = ring.transport
         assert isinstance(board, SimulatedBoard)
-        lights = []
+        events = []
         for colours in (RED, RED // 2):
-            event = ring.wait_for_light(ring.set_leds(colours).light_id, timeout_s=5)
+            events.append(ring.wait_for_light(ring.set_leds(colours).light_id, timeout_s=5))
             eventually(lambda wanted=colours: np.array_equal(board.timeline[-1].colours, wanted))
-            lights.append((board.timeline[-1].time_us, event))
-        (red_us, red), (dim_us, dim) = lights  # the clock of the board has a zero of its own
-        assert dim_us - red_us == pytest.approx(dim.latched_us - red.latched_us, abs=3)
-        assert red.first_bit_us < red.latched_us < dim.first_bit_us
+        red, dim = events
+        began_us = board.timeline[-2].time_us - red.latched_us
+        assert 0 < began_us < 200_000, "the clock of the board begins while it starts"
+        for event, before, after in ((red, 0 * RED, RED), (dim, RED, RED // 2)):
+            shown = board.light_during(began_us + event.first_bit_us, began_us + event.latched_us + 30)
+            np.testing.assert_array_equal(shown[0].colours, before)
+            np.testing.assert_array_equal(shown[-1].colours, after)
+            assert event.first_bit_us < shown[-1].time_us - began_us <= event.latched_us + 3
     assert not board.timeline[-1].colours.any()
     assert board.faults == []
 
