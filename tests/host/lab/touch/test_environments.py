@@ -157,3 +157,11 @@ def test_a_firm_grip_lifts_and_a_soft_one_does_not() -> None:
 def test_what_cannot_be_observed_or_pressed_is_said(make: Any, says: str) -> None:
     with pytest.raises(InputError, match=says):
         make()
+
+
+@pytest.mark.parametrize(("make", "size"), [(SlideToEdge, 3), (InsertPeg, 3), (Lift, 2)])
+def test_an_action_that_is_no_number_is_refused(make: Any, size: int) -> None:
+    environment = make()
+    environment.reset(seed=0)
+    with pytest.raises(InputError, match=r"action \[.*nan.*\]: give finite numbers, -1 to 1"):
+        environment.step(np.array([0.0] * (size - 1) + [np.nan], np.float32))

@@ -4,11 +4,10 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from gellight.lab.touch.environments.observing import Observing
+from gellight.lab.touch.environments.one_gel import OneGel, clipped
 from gellight.lab.touch.layer import NOTHING, Floats
 from gellight.lab.touch.touch_sensor import TouchSensor
 
@@ -27,14 +26,12 @@ LONGEST = 30
 STEP_COSTS = 0.01
 
 
-class SlideToEdge(gymnasium.Env[dict[str, Any], Floats]):
+class SlideToEdge(OneGel[Floats]):
     """Actions, -1 to 1: the way along x and y (2 mm), and whether the edge is there: above 0 ends the episode.
 
     At first the edge is 4 to 16 mm away, along x to 30 degrees. Reward: 1 for an edge within 0.5 mm of the middle of
     the view when it is said to be there, else -1; -0.01 for a step. `info`: distance of the edge, and its turn.
     """
-
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012 - as Gymnasium has it
 
     def __init__(
         self,
@@ -45,36 +42,27 @@ class SlideToEdge(gymnasium.Env[dict[str, Any], Floats]):
         render_mode: str | None = None,
     ) -> None:
         """Choose what is observed (see `observing.KINDS`) and what makes the sensor. Raises InputError."""
-        self._sensor = sensor()
-        self.render_mode = render_mode
-        self.observing = Observing(self._sensor, observe, depth_size)
-        self.observation_space = self.observing.space()
+        super().__init__(observe, depth_size, sensor, render_mode)
         self.action_space = spaces.Box(-1, 1, (3,), np.float32)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Draw where the edge is, and press."""
-        super().reset(seed=seed)
-        self._sensor.seed(int(self.np_random.integers(2**31)))
+        self.begin(seed)
         self._away_mm = float(self.np_random.uniform(*AWAY_MM))
         self._turn, self._steps = float(self.np_random.uniform(-TURNED_RAD, TURNED_RAD)), 0
         return self._pressed(), self._told()
 
     def step(self, action: Floats) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Slide, or say that the edge is there."""
-        x, y, there = np.clip(np.asarray(action, np.float64), -1, 1)
+        x, y, there = clipped(action)
         self._steps += 1
         if there > 0:
             right = abs(self._away_mm) <= TOLERANCE_MM
             return self._pressed(), 1.0 if right else -1.0, True, False, self._told()
         self._away_mm -= FASTEST_MM * float(x * np.cos(self._turn) + y * np.sin(self._turn))
         return self._pressed(), -STEP_COSTS, False, self._steps >= LONGEST, self._told()
-
-    def render(self) -> Any:
-        """Return the picture of the gel, where `render_mode` is rgb_array."""
-        felt = self.observing.felt
-        return self._sensor.picture(felt) if self.render_mode == "rgb_array" and felt else None
 
     def _pressed(self) -> dict[str, Any]:
         at = self._sensor.layer.at_mm

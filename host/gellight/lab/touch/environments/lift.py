@@ -10,6 +10,7 @@ from gymnasium import spaces
 
 from gellight.lab.touch import GRIPPER
 from gellight.lab.touch.environments.observing import Observing
+from gellight.lab.touch.environments.one_gel import clipped
 from gellight.lab.touch.layer import Floats
 from gellight.lab.touch.mujoco_carry import Carrying, Held
 from gellight.lab.touch.mujoco_gels import MujocoGels
@@ -69,7 +70,7 @@ class Lift(gymnasium.Env[dict[str, Any], Floats]):
 
     def step(self, action: Floats) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Change the grip and move the hand for 40 ms."""
-        change, speed = np.clip(np.asarray(action, np.float64), -1, 1)
+        change, speed = clipped(action)
         self._grip_n = float(np.clip(self._grip_n + 0.5 * change, 0, STRONGEST_N))
         before_mm = self._height_mm()
         self._go(STEPS, FASTEST_MM_S * float(speed))

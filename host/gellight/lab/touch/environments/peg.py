@@ -5,12 +5,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import mujoco
 import numpy as np
 from gymnasium import spaces
 
-from gellight.lab.touch.environments.observing import Observing
+from gellight.lab.touch.environments.one_gel import OneGel, clipped
 from gellight.lab.touch.layer import Floats
 from gellight.lab.touch.mujoco_gels import MujocoGels
 from gellight.lab.touch.touch_sensor import Felt, TouchSensor
@@ -33,15 +32,13 @@ MOST_PUSHES = 4
 GELS, FRICTION = 2, 0.8
 
 
-class InsertPeg(gymnasium.Env[dict[str, Any], Floats]):
+class InsertPeg(OneGel[Floats]):
     """Actions, -1 to 1: the hand along x (1 mm) and turning (4 degrees), and whether to push: above 0, no more moves.
 
     Observed beside the gel: `hand`, its place along x (mm), its turn (rad) and the height of the tip over the plate if
     the peg were held straight (mm). Reward: 1 for a peg 6 mm deep in the slot, which ends the episode, -1 for the
     fourth push in vain, -0.01 for a step. The gels hold the peg as stiffly as their layer. `info` tells the truth.
     """
-
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012 - as Gymnasium has it
 
     def __init__(
         self,
@@ -52,8 +49,7 @@ class InsertPeg(gymnasium.Env[dict[str, Any], Floats]):
         render_mode: str | None = None,
     ) -> None:
         """Choose what is observed (see `observing.KINDS`) and what makes the sensor. Raises InputError."""
-        self._sensor = sensor()
-        self.observing, self.render_mode = Observing(self._sensor, observe, depth_size), render_mode
+        super().__init__(observe, depth_size, sensor, render_mode)
         self._model = mujoco.MjModel.from_xml_path(str(MODEL))
         self._gel = MujocoGels(self._model, ["gel"], touching=["peg"], sensor=lambda: self._sensor)["gel"]
         self._plate = self._model.body("plate").id
@@ -66,8 +62,7 @@ class InsertPeg(gymnasium.Env[dict[str, Any], Floats]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Draw how the peg hangs in the gripper, and where the slot is."""
-        super().reset(seed=seed)
-        self._sensor.seed(int(self.np_random.integers(2**31)))
+        self.begin(seed)
         furthest = np.array([ASIDE_MM, TILT_RAD, SLOT_MM])
         self._aside_mm, self._tilt, self._slot_mm = (float(one) for one in self.np_random.uniform(-furthest, furthest))
         self._model.body_pos[self._plate, 0] = self._slot_mm / 1e3
@@ -79,7 +74,7 @@ class InsertPeg(gymnasium.Env[dict[str, Any], Floats]):
 
     def step(self, action: Floats) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Lift the hand and move it, or push."""
-        along, turn, push = np.clip(np.asarray(action, np.float64), -1, 1)
+        along, turn, push = clipped(action)
         self._steps += 1
         if push > 0:
             self._pushes += 1
@@ -92,10 +87,6 @@ class InsertPeg(gymnasium.Env[dict[str, Any], Floats]):
         done, lost = self._height_mm() < INSERTED_MM, self._pushes >= MOST_PUSHES
         reward = 1.0 if done else -1.0 if lost else -0.01
         return self._observed(), reward, bool(done or lost), self._steps >= LONGEST, self._told()
-
-    def render(self) -> Any:
-        """Return the picture of the gel, where `render_mode` is rgb_array."""
-        return self._sensor.picture(self._gel.feel(self._data)) if self.render_mode == "rgb_array" else None
 
     def _begun(self) -> mujoco.MjData:
         data = mujoco.MjData(self._model)

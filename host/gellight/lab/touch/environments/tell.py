@@ -4,12 +4,11 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-import gymnasium
 import numpy as np
 from gymnasium import spaces
 
 from gellight.base.errors import InputError
-from gellight.lab.touch.environments.observing import Observing
+from gellight.lab.touch.environments.one_gel import OneGel
 from gellight.lab.touch.touch_sensor import TouchSensor
 from sim_reference.objects import OBJECT_NAMES, object_height
 
@@ -21,13 +20,11 @@ FARTHEST_MM = 8.0
 PRESS_COSTS = 0.02
 
 
-class PressAndTell(gymnasium.Env[dict[str, Any], int]):
+class PressAndTell(OneGel[int]):
     """Actions 0 to 3 move by 2 mm and press again, action 4 + k tells that it is object k and ends the episode.
 
     Reward: 1 for the right object, -1 for a wrong one, -0.02 for a press. `info` names object, place and turn.
     """
-
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012 - as Gymnasium has it
 
     def __init__(
         self,
@@ -41,10 +38,8 @@ class PressAndTell(gymnasium.Env[dict[str, Any], int]):
         """Choose the objects, what is observed (see `observing.KINDS`) and what makes the sensor. Raises InputError."""
         if len(objects) < 2 or set(objects) - set(OBJECT_NAMES):
             raise InputError(f"objects {list(objects)}: choose two or more of {', '.join(OBJECT_NAMES)}")
-        self._sensor = sensor()
-        self._objects, self.render_mode = tuple(objects), render_mode
-        self.observing = Observing(self._sensor, observe, depth_size)
-        self.observation_space = self.observing.space()
+        super().__init__(observe, depth_size, sensor, render_mode)
+        self._objects = tuple(objects)
         self.action_space = spaces.Discrete(len(MOVES_MM) + len(objects))  # type: ignore[assignment]
         self._object, self._turn, self._place = 0, 0.0, np.zeros(2)
 
@@ -52,8 +47,7 @@ class PressAndTell(gymnasium.Env[dict[str, Any], int]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Draw an object, its turn and its place, and press it."""
-        super().reset(seed=seed)
-        self._sensor.seed(int(self.np_random.integers(2**31)))
+        self.begin(seed)
         self._object = int(self.np_random.integers(len(self._objects)))
         self._turn, self._place = float(self.np_random.uniform(0, 2 * np.pi)), self.np_random.uniform(-4, 4, 2)
         return self._pressed(), self._told()
@@ -65,11 +59,6 @@ class PressAndTell(gymnasium.Env[dict[str, Any], int]):
             return self._pressed(), 1.0 if right else -1.0, True, False, self._told()
         self._place = np.clip(self._place + MOVES_MM[action], -FARTHEST_MM, FARTHEST_MM)
         return self._pressed(), -PRESS_COSTS, False, False, self._told()
-
-    def render(self) -> Any:
-        """Return the picture of the gel, where `render_mode` is rgb_array."""
-        felt = self.observing.felt
-        return self._sensor.picture(felt) if self.render_mode == "rgb_array" and felt else None
 
     def _pressed(self) -> dict[str, Any]:
         at, cos, sin = self._sensor.layer.at_mm, np.cos(self._turn), np.sin(self._turn)
