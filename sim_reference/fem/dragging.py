@@ -73,9 +73,14 @@ class Dragging(Pressing):
         else:
             self._solve(Contact(self.barrier))
 
-    def checkpoint(self) -> Checkpoint:
-        """Return what it takes to go on from here."""
-        return self._now
+    def found(self, pose: Pose, modulus_mpa: float) -> Dragged:
+        """Return the gel as it rests now."""
+        force = self.force_on() * modulus_mpa
+        surface = self.state.at[self._mesh.surface]
+        arm = surface - self.barrier.world(np.zeros((1, 3)))
+        torque = float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum())
+        moved = surface - self._mesh.vertices[self._mesh.surface]
+        return Dragged(pose, force.sum(axis=0), torque, surface, moved, self._now)
 
     def force_on(self) -> Array:
         """Return the force (S, 3) of the object on each vertex, shear moduli times mm2: the gel's own, at rest."""
@@ -134,17 +139,8 @@ def drag(
     for pose in path:
         check_tilt(float(np.hypot(*pose.turn_rad[:2])))
         dragging.carry(pose, press_depth_mm)
-        found.append(_dragged(dragging, pose, modulus))
+        found.append(dragging.found(pose, modulus))
     return found
-
-
-def _dragged(dragging: Dragging, pose: Pose, modulus_mpa: float) -> Dragged:
-    mesh, force = dragging._mesh, dragging.force_on() * modulus_mpa
-    surface = dragging.state.at[mesh.surface]
-    arm = surface - dragging.barrier.world(np.zeros((1, 3)))
-    torque = float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum())
-    moved = surface - mesh.vertices[mesh.surface]
-    return Dragged(pose, force.sum(axis=0), torque, surface, moved, dragging.checkpoint())
 
 
 def _anchored(barrier: Barrier, at: Array, anchor: Array) -> Array:

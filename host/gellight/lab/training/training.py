@@ -163,8 +163,7 @@ def fit(
     if how.refine:
         refined = refinement_of(presses, reference.image, ball)
         presses, metrics["refinement"] = refined.presses, refined.record()
-    some = presses[:: -(-len(presses) // MATCHED_PRESSES)]
-    metrics["pattern_match"] = pattern_match([press.picture() for press in some], reference.image)
+    metrics["pattern_match"] = _match_of(presses, reference)
     metrics["light_drift_grey"] = drift = drift_of_presses(presses, reference.image)
     follow = drift > reference.noise_grey
     balls = build_table(presses, reference.image, ball, how.table_options, follow_light=follow)
@@ -179,3 +178,9 @@ def fit(
         metrics={**metrics, "prisms": len(how.prisms), "training": record},
         extra_files={**(extra_files or {}), **(steps.files() if steps else {})},
     )  # fmt: skip
+
+
+def _match_of(presses: Sequence[Press], reference: Reference) -> float:
+    """Return how well the fine pattern of the reference shows in some of the presses."""
+    some = presses[:: -(-len(presses) // MATCHED_PRESSES)]
+    return pattern_match([press.picture() for press in some], reference.image)
