@@ -27,7 +27,7 @@ LAB = tuple(
     f"lab.{name}"
     for name in (
         "report", "doctor", "emulator", "simulator", "touch", "training", "optics", "design", "boards", "housing",
-        "calibration",
+        "calibration", "scanning",
     )
 )  # fmt: skip
 """the half that makes, calibrates, simulates and designs: it uses the running half up to `opening`"""

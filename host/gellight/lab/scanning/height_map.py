@@ -1,0 +1,69 @@
+"""`HeightMap`: what was found of a surface, on a grid, with its error; a file of it is an npz."""
+
+import io
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.base.writing import write_file
+
+LARGEST_PIXELS = 100_000_000
+"""a map of 200 x 200 mm at .02 mm a pixel"""
+FIELDS = ("height_mm", "error_mm", "pixel_mm")
+
+
+@dataclass(frozen=True, eq=False)
+class HeightMap:
+    """Heights of a surface on a grid.
+
+    Raises `InputError` if the arrays differ in shape or are no picture, or if a pixel has no positive size.
+    """
+
+    height_mm: NDArray[np.float32]
+    """(H, W) mm towards whoever looks at the surface; NaN where the gel did not reach it. x right, y down"""
+    error_mm: NDArray[np.float32]
+    """(H, W) mm, standard deviation of the height; NaN where the height is"""
+    pixel_mm: float
+    """mm, side of a pixel"""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no map."""
+        if self.height_mm.ndim != 2 or self.height_mm.size == 0 or self.height_mm.shape != self.error_mm.shape:
+            raise InputError(
+                f"heights of shape {self.height_mm.shape} with errors of {self.error_mm.shape} are no map; "
+                "both are (rows, columns)"
+            )
+        if not (np.isfinite(self.pixel_mm) and self.pixel_mm > 0):
+            raise InputError(f"a pixel of {self.pixel_mm} mm is none; its side is a positive length")
+
+    @property
+    def reached(self) -> NDArray[np.bool_]:
+        """(H, W) bool: where the height is known."""
+        return np.isfinite(self.height_mm)
+
+    def save(self, path: Path) -> None:
+        """Write the map as an npz file, whole or not at all."""
+        content = io.BytesIO()
+        np.savez_compressed(content, **{name: getattr(self, name) for name in FIELDS})
+        write_file(path, content.getvalue())
+
+
+def load_height_map(path: Path) -> HeightMap:
+    """Read a map that `HeightMap.save` wrote.
+
+    Raises `InputError` if the file cannot be read, is none, or is larger than `LARGEST_PIXELS`.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            size = sum(one.file_size for one in archive.infolist())
+        if size > 9 * LARGEST_PIXELS:
+            raise InputError(f"{path} holds {size / 1e6:.0f} MB; a map has at most {LARGEST_PIXELS} pixels")
+        with np.load(path, allow_pickle=False) as file:
+            height, error, pixel = (file[name] for name in FIELDS)
+            return HeightMap(height.astype(np.float32), error.astype(np.float32), float(pixel))
+    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as problem:
+        raise InputError(f"{path} is no map of heights ({problem}); `gellight scan` writes one") from problem
