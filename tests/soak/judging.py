@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.frames import CameraFrame, LightState
+from gellight.frames.pose import ObjectPose
 from tests.soak.hardware import Exposure, SoakSensor
 from tests.soak.marks import read_number
 
@@ -40,6 +41,7 @@ class Invariant(StrEnum):
     HANDLES = "handles bounded"
     RUNNING = "the daemon goes on"
     FIRMWARE = "the firmware keeps to its timing"
+    POSE = "a pose is of an object that was touched before"
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ class Judge:
         """when the newest frame that was sound began, `time.monotonic`"""
         self._sensor = sensor
         self._begun_s = time.monotonic()
-        self._sequence = self._number = -1
+        self._sequence = self._number = self._object = -1
         self._lock = threading.Lock()
 
     def broken(self, invariant: Invariant, text: str) -> None:
@@ -107,8 +109,8 @@ class Judge:
         return [invariant for invariant in Invariant if not self.judged[invariant]]
 
     def begin_stream(self) -> None:
-        """Begin with the frames of another daemon, which counts anew."""
-        self._sequence = -1
+        """Begin with the frames of another daemon, which counts frames and objects anew."""
+        self._sequence = self._object = -1
 
     def frame(self, frame: CameraFrame, *, light: NDArray[np.uint8] | None, groups: NDArray[np.uint8] | None) -> None:
         """Judge a frame that was delivered: under the still light (12, 3), or a sequence of groups (n, 12, 3)."""
@@ -125,6 +127,17 @@ class Judge:
             return
         if self._is_new(frame, exposure) and self._is_lit(frame, exposure, light, groups):
             self.newest_start_s = exposure.start_s
+
+    def pose(self, sequence: int, pose: ObjectPose | None) -> None:
+        """Judge the pose of a frame, if it has one: its object was touched before, and is no earlier one."""
+        if pose is None:
+            return
+        self.looked_at(Invariant.POSE)
+        if pose.since_sequence > sequence:
+            self.broken(Invariant.POSE, f"frame {sequence} has an object of frame {pose.since_sequence}")
+        if pose.number < self._object:
+            self.broken(Invariant.POSE, f"frame {sequence} has object {pose.number} after {self._object}")
+        self._object = pose.number
 
     def _is_new(self, frame: CameraFrame, exposure: Exposure) -> bool:
         """Judge whether the frame is newer than the one before, and as new as it says."""

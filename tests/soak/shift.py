@@ -93,6 +93,7 @@ class Shift:
             watch = None if self.sequenced else SensorWatch(self._bundle, rezero=True)
             self.judge.begin_stream()
             self.daemon = stack.enter_context(session_of(camera, Reconstructor(self._bundle), watch=watch))
+            self.daemon.track(on=True)
             publisher = stack.enter_context(Publisher(self.daemon, name=f"{SERIAL}-{id(self):x}"))
             self.name = publisher.name
             thread = threading.Thread(target=self._judge_frames, name="judge", daemon=True)
@@ -136,6 +137,7 @@ class Shift:
                         self.judge.broken(Invariant.RUNNING, f"no more frames: {error}")
                     return
                 self.judge.frame(felt.camera_frame, light=light, groups=groups)
+                self.judge.pose(felt.camera_frame.sequence, felt.pose)
 
     # ---- recordings ----
 

@@ -112,3 +112,21 @@ def test_handles_that_stay_open_are_noticed() -> None:
     assert handle_growth([*rests, replace(rests[0], files=21, children=3)]) == {"files": 1, "children": 1}
     left = replace(rests[0], threads=("main", "zenoh", "capture", "capture"))
     assert handle_growth([rests[0], replace(left, threads=("main", "capture")), left]) == {"thread capture": 1}
+
+
+@pytest.mark.parametrize(
+    ("poses", "held"),
+    [([(0, 3, 5), (0, 3, 6), (1, 7, 7)], True), ([(0, 6, 5)], False), ([(1, 3, 5), (0, 3, 6)], False)],
+    ids=["one object and the next", "of a frame to come", "an earlier object again"],
+)
+def test_a_pose_is_of_an_object_that_was_touched_before(poses: list[tuple[int, int, int]], held: bool) -> None:
+    """Each is (object, frame of its first touch, frame)."""
+    judge = judge_of()
+    judge.pose(1, None)
+    assert not judge.judged[Invariant.POSE], "a frame without one says nothing"
+    for number, since, sequence in poses:
+        judge.pose(sequence, SimpleNamespace(number=number, since_sequence=since))  # type: ignore[arg-type]
+    assert broken(judge) == ([] if held else [Invariant.POSE])
+    judge.begin_stream()
+    judge.pose(0, SimpleNamespace(number=0, since_sequence=0))  # type: ignore[arg-type]
+    assert len(broken(judge)) == (0 if held else 1)
