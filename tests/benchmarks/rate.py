@@ -2,10 +2,11 @@
 
 A simulated sensor (640 x 480, steady light without an emulated board) with its page's server in a process of its own:
 BALL and WAVE at 60 frames a second, BALL with the page open in Chromium, and nothing that touches at 30, without and
-with the page. Rates mean something on a quiet machine alone. Processor time is of the threads, as a share of one core
-and of a frame; "without the simulation" leaves out the simulated camera (`capture`) and its self-check (`check`), in
-whose place a real sensor has its camera's decoding. `MB/h` is the slope of the memory, which 3600 seconds give a
-meaning.
+with the page. The same at rest with pictures as cameras send them, which come through a simulated kernel and are
+decoded: no simulation takes part in that. Rates mean something on a quiet machine alone. Processor time is of the
+threads, as a share of one core and of a frame; "without the simulation" leaves out the threads `capture` and `check`
+(its self-check), so with a simulated kernel read the share itself. `MB/h` is the slope of the memory, which 3600
+seconds give a meaning.
 """
 
 import argparse
@@ -25,6 +26,7 @@ import numpy as np
 
 from gellight.daemon.assembly import open_session
 from gellight.dashboard.server import DashboardServer
+from tests.benchmarks.kernel_session import session_at_rest
 from tests.helpers.children import started
 from tests.helpers.settings import loaded
 
@@ -35,8 +37,12 @@ CASES = {
     "BALL, 60 asked, page": (f"{SENSOR}&object=BALL&depth=1&fps=60", True),
     "at rest, 30 asked": (f"{SENSOR}&programme=0&fps=30", False),
     "at rest, 30 asked, page": (f"{SENSOR}&programme=0&fps=30", True),
+    "at rest, MJPG": ("MJPG", False),
+    "at rest, MJPG, page": ("MJPG", True),
+    "at rest, YUYV": ("YUYV", False),
+    "at rest, YUYV, page": ("YUYV", True),
 }
-"""URL, and whether a page is open"""
+"""URL or what a camera behind a simulated kernel sends, and whether a page is open"""
 WARM_UP_S = 5.0
 NAMED = ("capture", "reconstruct", "check", "watch_now_and_then", "dashboard")
 
@@ -60,8 +66,9 @@ def memory_mb() -> float:
 
 def serve(url: str, seconds: float, realtime: bool) -> None:
     """Be the daemon: print the page's address, wait for a line, and print the figures of so many seconds."""
-    settings = loaded({"sensor.url": url, "service.realtime": realtime})
-    with open_session(settings) as daemon, DashboardServer(daemon, port=0) as server:
+    settings = loaded({"sensor.url": url, "service.realtime": realtime} if "://" in url else {})
+    opened = open_session(settings) if "://" in url else session_at_rest(url)
+    with opened as daemon, DashboardServer(daemon, port=0) as server:
         daemon.wait_frame(0, 60)
         print(server.url, flush=True)
         sys.stdin.readline()

@@ -2,7 +2,9 @@
 
 A touch is found by comparing means over n x n pixels with a multiple of their noise, sigma / n for white noise. The
 noise of a camera that compresses (MJPG) is not white: single pixels are blurred, so that they spread less, and whole
-blocks of 8 x 8 pixels change together. With the sigma of single pixels half a picture at rest would look touched.
+blocks of 8 x 8 pixels change together. With the sigma of single pixels half a picture at rest would look touched. Nor
+is it normal: most blocks stay as they are and few jump by a whole step of the compression, so limits go by what is
+rare, too.
 
 The rest is no noise: light that drifts unevenly since the reference image was taken, gel that does not come back quite.
 It is the same in neighbouring pixels, so no mean makes it smaller. On real sensors it is larger than
@@ -17,8 +19,13 @@ from numpy.typing import NDArray
 
 from gellight.frames.pixel_grid import block_means
 
-SIDES_PX = (1, 4, 12)
-"""of the squares over which limits are set on means"""
+SIDES_PX = (1, 4, 8, 12)
+"""of the squares over which limits are set on means, and of the blocks of a JPEG"""
+RARE, RARE_TIMES = 1e-4, 4.594
+"""white noise of three channels together exceeds so many of its standard deviations in this share of the means: the
+quantile of chi with three degrees of freedom"""
+LEAST_RARE = 7
+"""means beyond that are needed to tell where it lies"""
 SIGNIFICANT = 6.5
 """standard deviations of the noise of a mean beyond which a change counts, the three channels together, as the root of
 their squares: noise alone does that once in 280 million means"""
@@ -68,7 +75,8 @@ class ImageNoise:
     pixel_grey: float
     """standard deviation of one pixel"""
     white_grey: float
-    """standard deviation of white noise whose means over 4 x 4 or 12 x 12 pixels spread as much, where that is more"""
+    """standard deviation of white noise whose means over squares of `SIDES_PX` spread as much, or stray as far once in
+    ten thousand, where that is more"""
 
 
 def measure_noise(images: Sequence[NDArray[np.uint8]], mean: NDArray[np.float32]) -> ImageNoise:
@@ -80,14 +88,27 @@ def measure_noise(images: Sequence[NDArray[np.uint8]], mean: NDArray[np.float32]
     """
     if len(images) < 2:
         raise ValueError(f"{len(images)} pictures: at least 2 are needed")
-    squares = dict.fromkeys((side for side in SIDES_PX if side <= min(mean.shape[:2])), 0.0)
+    sides = [side for side in SIDES_PX if side <= min(mean.shape[:2])]
+    spread = dict.fromkeys(sides, 0.0)
+    together: dict[int, list[NDArray[np.float32]]] = {side: [] for side in sides[1:]}
     for image in images:
         difference = image - mean
         difference -= difference.mean(axis=(0, 1))
-        for side in squares:
-            squares[side] += float(np.mean(block_means(difference, side) ** 2)) * side**2
-    spread = {side: float(np.sqrt(total / (len(images) - 1))) for side, total in squares.items()}
-    return ImageNoise(pixel_grey=spread[1], white_grey=max(spread.values()))
+        for side in sides:
+            squares = block_means(difference, side) ** 2 * side**2
+            spread[side] += float(squares.mean()) / len(images)
+            if side > 1:
+                together[side].append(squares.sum(axis=2).ravel())
+    own = len(images) / (len(images) - 1)  # the mean follows the pictures that it is of
+    far = [_far(np.concatenate(squares)) for squares in together.values()]
+    white = max(*spread.values(), *far)
+    return ImageNoise(pixel_grey=float(np.sqrt(own * spread[1])), white_grey=float(np.sqrt(own * white)))
+
+
+def _far(squares: NDArray[np.float32]) -> float:
+    """Return the variance of white noise that strays as far as these sums of three squares; 0 if too few tell it."""
+    count = int(RARE * len(squares))
+    return float(np.partition(squares, -count)[-count]) / RARE_TIMES**2 if count >= LEAST_RARE else 0.0
 
 
 def noise_of_one(image: NDArray[np.floating]) -> float:

@@ -11,7 +11,7 @@ from gellight.lab.calibration.sensing import TouchDetector
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.image_noise import measure_noise
 
-COUNT = 16
+COUNT, FRESH = 20, 4
 SIGMA = 1.5
 
 
@@ -51,6 +51,15 @@ def test_a_change_of_all_the_light_is_not_noise(plain: list[NDArray[np.uint8]]) 
     assert found.white_grey == pytest.approx(measure_noise(plain, mean_of(plain)).white_grey, rel=0.05)
 
 
+def test_means_that_seldom_jump_far_count_beyond_their_spread(plain: list[NDArray[np.uint8]]) -> None:
+    """Blocks at the edge between two steps of a compression: one in a thousand is brighter by 5 times its noise."""
+    random = np.random.default_rng(6)
+    blocks = np.array(plain[0].shape[:2]) // 8
+    jumping = [image + (random.random((*blocks, 1)) < 1e-3).repeat(8, 0).repeat(8, 1) for image in plain]
+    rare, usual = (measure_noise(images, mean_of(images)).white_grey for images in (jumping, plain))
+    assert 1.7 < rare / usual < 2.3
+
+
 def test_one_picture_tells_no_noise(plain: list[NDArray[np.uint8]]) -> None:
     with pytest.raises(ValueError, match="at least 2"):
         measure_noise(plain[:1], mean_of(plain[:1]))
@@ -61,17 +70,19 @@ def test_gel_at_rest_stays_untouched_behind_a_camera_that_compresses(
     plain: list[NDArray[np.uint8]], quality: int
 ) -> None:
     frames = compressed(plain, quality)
-    recorded, fresh = frames[:-1], frames[-1]
+    recorded, fresh = frames[:-FRESH], frames[-FRESH:]
     reference = mean_of(recorded)
     noise = measure_noise(recorded, reference)
     assert noise.white_grey > 1.5 * noise.pixel_grey
     bundle = load_bundle("synthetic")
-    difference = fresh - reference
     shares = {
-        limit: GradientNetwork(bundle.network, bundle.image_shape, noise_grey=limit).touched(difference).mean()
+        limit: [
+            GradientNetwork(bundle.network, bundle.image_shape, noise_grey=limit).touched(image - reference).mean()
+            for image in fresh
+        ]
         for limit in (noise.white_grey, noise.pixel_grey)
     }
-    assert shares[noise.white_grey] < 0.02
-    assert shares[noise.pixel_grey] > 0.2, "the noise of single pixels would let most of the gel look touched"
+    assert np.count_nonzero(shares[noise.white_grey]) <= 1, "else every frame costs what a touch does"
+    assert min(shares[noise.pixel_grey]) > 0.2, "the noise of single pixels would let most of the gel look touched"
     watcher = TouchDetector(reference, noise.white_grey)
-    assert watcher.look(CameraFrame(image=fresh, time_s=0.0, sequence=0)).free
+    assert watcher.look(CameraFrame(image=fresh[0], time_s=0.0, sequence=0)).free
