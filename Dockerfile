@@ -7,7 +7,9 @@ COPY pyproject.toml README.md LICENSE NOTICE ./
 COPY host host
 COPY models models
 COPY sim_reference sim_reference
-RUN python -m venv /opt/gellight && /opt/gellight/bin/pip install --no-cache-dir .
+RUN python -m venv /opt/gellight \
+    && /opt/gellight/bin/pip install --no-cache-dir --require-hashes -r host/requirements.txt \
+    && /opt/gellight/bin/pip install --no-cache-dir --no-deps .
 
 FROM python:3.13-slim
 # hadolint ignore=DL3008

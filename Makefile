@@ -17,7 +17,7 @@ REAL   := tests/data/real/three_lights
 # Tests start hundreds of programs and a machine that emulates its processor: nothing is compiled at each start.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test check lint types pytest bench boards housing docs dist clean
+.PHONY: demo test check lint types pytest bench boards housing docs dist lock audit clean
 
 demo: $(VENV)/.host
 	@$(BIN)/gellight demo $(ARGS)
@@ -49,11 +49,20 @@ housing: $(VENV)/.parts
 boards housing:
 	$(BIN)/gellight optimize $@ --out build/$@ $(ARGS)
 
-# What a package index takes, in dist/.
+# What a package index takes, in dist/, and what is in it (CycloneDX).
 dist: $(VENV)/.dev
 	rm -rf dist
 	$(BIN)/python -m hatchling build
 	$(BIN)/twine check --strict dist/*
+	$(BIN)/python -m tests.release.sbom dist/gellight.cdx.json
+
+# Pin everything that `pip install gellight` brings, with hashes; say which of it has known weaknesses. Both need a network.
+lock: $(VENV)/.dev
+	$(BIN)/uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --upgrade --quiet \
+	    --custom-compile-command "make lock" --output-file host/requirements.txt
+
+audit: $(VENV)/.dev
+	$(BIN)/python -m tests.release.audit
 
 # How far pip is: it shows that itself on a terminal; in a log, a line every ten seconds. $(1): what to install,
 # $(2): packages that are there at the end.

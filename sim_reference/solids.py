@@ -63,7 +63,8 @@ def _binary_corners(content: bytes) -> Array:
             f"it has {len(content)} bytes, and by its header's number of triangles {_binary_size(content)}: it is cut "
             "off, or no STL; give a whole STL file, binary or text"
         )
-    return np.asarray(np.frombuffer(content, RECORD, offset=HEADER)["corners"], np.float64)
+    with np.errstate(invalid="ignore"):  # what is no number is refused by its place
+        return np.asarray(np.frombuffer(content, RECORD, offset=HEADER)["corners"], np.float64)
 
 
 def _text_corners(content: bytes) -> Array:

@@ -1,15 +1,18 @@
 """No parser of bytes from outside falls over: it takes an input, or refuses it with its own error.
 
-The long run: `python -m tests.benchmarks.fuzz 1000000` (inputs for each parser; what fails is written to tests/corpus).
+The long run, guided by coverage: `python -m tests.fuzz` (see there); what it finds is written to tests/corpus.
 """
 
 from pathlib import Path
 
-from tests.helpers.parsers import parsers, run
+from tests.fuzz.parser import run
+from tests.fuzz.parsers import parsers
+from tests.fuzz.reach import reach, share, smallest
 
 CORPUS = Path(__file__).parent / "corpus"
-"""inputs that a parser once fell over, NAME-anything.bin"""
-EXECUTIONS = 400
+"""inputs that a parser once fell over, or that reach a line which no other does: NAME-anything.bin"""
+LARGEST_CORPUS = 300_000
+EXECUTIONS = 250
 
 
 def test_every_parser_takes_what_is_sound_and_takes_or_refuses_what_is_not() -> None:
@@ -22,11 +25,11 @@ def test_every_parser_takes_what_is_sound_and_takes_or_refuses_what_is_not() -> 
     assert failures == []
 
 
-def test_inputs_that_once_felled_a_parser_do_so_no_more() -> None:
+def test_no_parser_falls_over_an_input_of_the_corpus() -> None:
     with parsers() as known:
         by_name = {parser.name: parser for parser in known}
         for path in sorted(CORPUS.glob("*.bin")):
-            parser = by_name[path.name.split("-")[0]]
+            parser = by_name[path.name.rpartition("-")[0]]
             try:
                 parser.parse(path.read_bytes())
             except parser.refusals:
@@ -39,3 +42,19 @@ def test_a_parser_that_falls_over_is_noticed() -> None:
     with parsers() as known:
         weak = replace(known[0], parse=lambda content: content[5])
         assert run(weak, 200, 1, lambda content, error: None) > 0
+
+
+def test_the_corpus_is_small_and_each_of_it_has_its_parser() -> None:
+    files = list(CORPUS.iterdir())
+    assert sum(path.stat().st_size for path in files) < LARGEST_CORPUS
+    with parsers() as known:
+        assert {path.name.rpartition("-")[0] for path in files} <= {parser.name for parser in known}
+
+
+def test_an_input_is_kept_where_it_reaches_a_line_of_its_own() -> None:
+    broken, unknown = b"= 1", b"[nothing]\nx = 1"
+    with parsers() as known:
+        (settings,) = (parser for parser in known if parser.name == "settings")
+        assert smallest(settings, [*settings.sound, broken, broken + b" ", unknown]) == [broken, unknown]
+        some, all_of_them = share(reach(settings, broken))
+    assert 0 < some < all_of_them

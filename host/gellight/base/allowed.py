@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Iterable
 from typing import Any, TypeVar
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -61,9 +61,17 @@ def _refusal(problem: dict[str, Any], fields: dict[str, dict[str, Any]], what: s
     return f"{name} = {problem['input']} is not allowed: give {allowed(fields[name])}"
 
 
+def split_url(url: str) -> SplitResult:
+    """Return the parts of a URL; InputError for one that has none, such as half of a bracket."""
+    try:
+        return urlsplit(url)
+    except ValueError as error:
+        raise InputError(f"{url!r} is no URL ({error}): give one such as v4l2:///dev/video0 or sim://") from None
+
+
 def query_of(url: str, model: type[Model]) -> Model:
     """Return the parameters of a URL as `model`; InputError names each wrong one, its value and what is allowed."""
-    given = dict(parse_qsl(urlsplit(url).query, keep_blank_values=True))
+    given = dict(parse_qsl(split_url(url).query, keep_blank_values=True))
     try:
         return model.model_validate(given)
     except ValidationError as error:

@@ -312,7 +312,7 @@ def _file_layer(path: Path) -> Layer:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"{path} cannot be read ({error.strerror}): make it readable or move it away") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path} is not TOML in UTF-8 ({error}): correct it or move it away") from error
     return _checked(str(path), values)
 

@@ -56,6 +56,7 @@ from gellight.bundle.manifest import (
     parse_manifest,
 )
 from gellight.bundle.manifest import LedSetting as LedSetting  # part of what a caller of `write_bundle` needs
+from gellight.bundle.metrics import read_metrics
 
 logger = logging.getLogger(__name__)
 
@@ -115,8 +116,7 @@ class Bundle:
     @cached_property
     def metrics(self) -> dict[str, Any]:
         """Measured error of the network, as written by the calibration."""
-        content: dict[str, Any] = json.loads(self.files[METRICS])
-        return content
+        return read_metrics(self.files[METRICS], self.source)
 
     @property
     def controls(self) -> dict[str, float]:
@@ -322,10 +322,7 @@ def _load(source: str, read: Callable[[str], bytes]) -> Bundle:
     files = {name: _verified(source, read, name, digest) for name, digest in manifest.files.items()}
     bundle = Bundle(manifest=manifest, files=files, source=source)
     bundle.reference  # noqa: B018  (decoded now, so that a broken one is an error of loading)
-    try:
-        bundle.metrics  # noqa: B018  (as well)
-    except (ValueError, RecursionError) as error:
-        raise BundleError(f"{source}: {METRICS} is not JSON ({error}): {AGAIN}") from error
+    bundle.metrics  # noqa: B018  (as well)
     return bundle
 
 

@@ -179,6 +179,6 @@ def _read(path: Path) -> RunningDaemon | None:
         with path.open("r") as handle:
             if is_locked(handle):
                 return RunningDaemon.model_validate(json.loads(handle.read(MOST_BYTES)))
-    except (OSError, ValueError, ValidationError):
+    except (OSError, ValueError, RecursionError, ValidationError):
         pass
     return None

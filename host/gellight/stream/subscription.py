@@ -8,13 +8,14 @@ import weakref
 from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
-from urllib.parse import quote, unquote, urlsplit
+from urllib.parse import quote, unquote
 
 import numpy as np
 import zenoh
 from numpy.typing import NDArray
 from zenoh.handlers import Callback
 
+from gellight.base.allowed import split_url
 from gellight.base.errors import GellightError, InputError, StreamError
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle, unpack_bundle
@@ -119,7 +120,7 @@ def _mistyped(target: str) -> bool:
 def _found(target: str, config: Path | None) -> tuple[str, str, str, str]:
     """Return endpoint, name, memory and token of what `subscribe` is given; all but the first may be empty."""
     if "://" in target:
-        return *_parsed(target), "", ""
+        return *endpoint_and_name(target), "", ""
     daemons = running()
     there = [daemon for daemon in daemons if target in ("auto", daemon.name)]
     if not there:
@@ -157,9 +158,9 @@ def present(session: zenoh.Session) -> list[str]:
     return sorted({name_of(str(reply.ok.key_expr)) for reply in replies if reply.ok})
 
 
-def _parsed(url: str) -> tuple[str, str]:
+def endpoint_and_name(url: str) -> tuple[str, str]:
     """Return endpoint and name, which may be empty, of a URL."""
-    parts = urlsplit(url)
+    parts = split_url(url)
     try:
         port = parts.port or LAN_PORT
     except ValueError:
@@ -168,6 +169,19 @@ def _parsed(url: str) -> tuple[str, str]:
         raise InputError(f"{url} names no daemon: give auto, the name of a sensor or zenoh://HOST[:PORT][/NAME]")
     host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
     return f"{TRANSPORTS[parts.scheme]}/{host}:{port}", unquote(parts.path.strip("/"))
+
+
+def read_status(content: bytes, name: str) -> SensorStatus:
+    """Return the status that the daemon of `name` answered; StreamError where it is none."""
+    try:
+        status: SensorStatus = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise StreamError(
+            f"what answers as {name} gives no status ({error}): is it a daemon of this version?"
+        ) from None
+    if not isinstance(status, dict):
+        raise StreamError(f"what answers as {name} gives no status: is it a daemon of this version?")
+    return status
 
 
 def _present(session: zenoh.Session, name: str, endpoint: str) -> str:
@@ -300,8 +314,7 @@ class Subscription(FrameSource):
 
     def status(self) -> SensorStatus:
         """Return `SensorSession.status` of the daemon."""
-        content: SensorStatus = json.loads(self._ask(Status()))
-        return content
+        return read_status(self._ask(Status()), self.name)
 
     @property
     def bundle(self) -> Bundle:

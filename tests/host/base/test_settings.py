@@ -109,6 +109,7 @@ def test_a_misspelt_section_is_named(folders: dict[str, Path]) -> None:
         ("[sensor]\nurl = ''", "sensor.url = '' is not allowed"),
         ("sensor = 3", "sensor = 3 is no section: write [sensor]"),
         ("[dashboard", "is not TOML in UTF-8"),
+        ("a = " + "[" * 20_000, "is not TOML in UTF-8"),
     ],
 )
 def test_a_wrong_value_is_named_with_what_is_allowed(folders: dict[str, Path], line: str, said: str) -> None:

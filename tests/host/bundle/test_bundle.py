@@ -257,6 +257,22 @@ def test_metrics_that_are_not_json_are_refused(bundle: Path) -> None:
         load_bundle(bundle)
 
 
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (b"[]", "its content: Input should be an object"),
+        (b'{"verification": [1]}', "verification: Input should be an object"),
+        (b'{"pattern_match": "high"}', "pattern_match: Input should be a valid number"),
+        (b'{"pattern_match": NaN}', "pattern_match: Input should be a finite number"),
+        (b'{"learnt_on_other_units": 5}', "learnt_on_other_units: Input should be a valid (list|array)"),
+    ],
+)
+def test_figures_that_the_program_reads_and_that_are_none_are_refused(bundle: Path, content: bytes, what: str) -> None:
+    seal(bundle, "metrics.json", content)
+    with pytest.raises(BundleError, match=rf"metrics\.json: {what}"):
+        load_bundle(bundle)
+
+
 @pytest.mark.parametrize("name", ["../evil.onnx", "/evil.onnx", "sub/evil.onnx", "..\\evil.onnx", "c:evil.onnx"])
 def test_an_archive_with_names_that_leave_it_is_refused(bundle: Path, tmp_path: Path, name: str) -> None:
     packed = pack_bundle(load_bundle(bundle), tmp_path / "sensor.gelcal")

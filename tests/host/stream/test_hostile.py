@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 
 from gellight.base.errors import InputError, StreamError
 from gellight.base.locking import lock
+from gellight.sensor.v4l2.options import parse_url
 from gellight.stream.calls import read_call
 from gellight.stream.network import close, key, subscribing_session
 from gellight.stream.publisher import Publisher
 from gellight.stream.running import folder, running
-from gellight.stream.subscription import subscribe
+from gellight.stream.subscription import read_status, subscribe
 from tests.helpers.streamed import bump_daemon
 
 json_values = st.recursive(
@@ -39,6 +40,18 @@ calls = st.builds(
 def test_a_call_is_read_or_refused(content: bytes) -> None:
     with suppress(InputError):
         read_call(content)
+
+
+@pytest.mark.parametrize("answer", [b"", b"[" * 200_000, b"\xff", b"5", b"[]"])
+def test_an_answer_that_is_no_status_is_an_error_of_the_stream(answer: bytes) -> None:
+    with pytest.raises(StreamError, match="what answers as finger gives no status"):
+        read_status(answer, "finger")
+
+
+@pytest.mark.parametrize("url", ["v4l2://[", "sim://[x", "v4l2://[::1"])
+def test_a_url_with_half_a_bracket_is_refused(url: str) -> None:
+    with pytest.raises(InputError, match="is no URL"):
+        parse_url(url)
 
 
 @pytest.fixture(scope="module")

@@ -190,7 +190,7 @@ def state_in(path: Path) -> State | None:
         content = json.loads(place.read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError):
         return None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise BundleError(f"{place} cannot be read ({error}): move {path} away and begin again") from error
     if not isinstance(content, dict) or not {"schema_version", "identity"} <= set(content):
         raise InputError(f"{place} is not the state of a calibration: give a new folder, nothing was changed in {path}")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
+from gellight.bundle.contents import UNZIPPING
 
 LARGEST_PIXELS = 100_000_000
 """a map of 200 x 200 mm at .02 mm a pixel"""
@@ -65,5 +66,5 @@ def load_height_map(path: Path) -> HeightMap:
         with np.load(path, allow_pickle=False) as file:
             height, error, pixel = (file[name] for name in FIELDS)
             return HeightMap(height.astype(np.float32), error.astype(np.float32), float(pixel))
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as problem:
+    except (*UNZIPPING, KeyError, TypeError) as problem:
         raise InputError(f"{path} is no map of heights ({problem}); `gellight scan` writes one") from problem

@@ -2,11 +2,10 @@
 
 from collections.abc import Mapping
 from typing import Annotated, Literal
-from urllib.parse import urlsplit
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from gellight.base.allowed import query_of, refusals
+from gellight.base.allowed import query_of, refusals, split_url
 from gellight.base.errors import InputError
 from gellight.sensor.v4l2.formats import Wanted
 
@@ -59,7 +58,7 @@ class CaptureOptions(BaseModel):
 
 def parse_url(url: str) -> tuple[str, CaptureOptions]:
     """Split a URL into what follows `scheme://` and its options; InputError names a wrong parameter and the known."""
-    parts = urlsplit(url)
+    parts = split_url(url)
     options = query_of(url, CaptureOptions)
     if (options.width is None) != (options.height is None):
         raise InputError(f"{url}: give width and height together")

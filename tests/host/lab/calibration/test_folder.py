@@ -79,8 +79,9 @@ def test_a_damaged_or_foreign_state_is_named_and_left_alone(
     assert (tmp_path / "state.json").read_bytes() == before
 
 
-def test_a_state_that_is_no_json_is_named(tmp_path: Path) -> None:
-    (tmp_path / "state.json").write_text("{")
+@pytest.mark.parametrize("text", ["{", "[" * 200_000])
+def test_a_state_that_is_no_json_is_named(text: str, tmp_path: Path) -> None:
+    (tmp_path / "state.json").write_text(text)
     with pytest.raises(BundleError, match=r"state\.json cannot be read .*: move .* away and begin again"):
         begun_in(tmp_path)
 

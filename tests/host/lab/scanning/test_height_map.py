@@ -52,6 +52,20 @@ def test_a_file_that_is_no_map_is_named(tmp_path: Path, content: bytes) -> None:
         load_height_map(path)
 
 
+def test_a_map_whose_data_is_damaged_is_named(tmp_path: Path) -> None:
+    """What the archive packed cannot be unpacked, or is packed by a method that nobody knows."""
+    path = tmp_path / "map.npz"
+    HeightMap(np.ones((30, 40), np.float32), np.ones((30, 40), np.float32), 0.1).save(path)
+    sound = path.read_bytes()
+    for at, wrong in (
+        (sound.index(b"height_mm.npy") + 13 + 20, b"\xff" * 8),
+        (sound.index(b"PK\x01\x02") + 10, b"\x63\x00"),
+    ):
+        path.write_bytes(sound[:at] + wrong + sound[at + len(wrong) :])
+        with pytest.raises(InputError, match=r"map\.npz is no map of heights"):
+            load_height_map(path)
+
+
 def test_a_field_that_is_missing_is_named(tmp_path: Path) -> None:
     """An npz of something else is no map."""
     np.savez(tmp_path / "other.npz", height_mm=np.zeros((2, 2)))

@@ -1,14 +1,12 @@
 """Every parser of bytes from outside, with a sound input, and the errors by which it may refuse others."""
 
 import json
-import random
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -38,24 +36,13 @@ from gellight.sensor.v4l2.errors import CorruptPictureError
 from gellight.sensor.v4l2.formats import Mode
 from gellight.stream import wire
 from gellight.stream.calls import read_call
+from tests.fuzz.of_users import of_networks, of_other_files, of_tables, of_urls
+from tests.fuzz.parser import Parser, by_file
 from tests.helpers.linear_sensor import linear_bundle, reference_image
 from tests.helpers.streamed import full_frame
 
 SHAPE = (24, 32)
 _MEMORY = Path("/dev/shm")
-TOKENS = (b"\0", b"\xff" * 4, b"\x7f\xff\xff\xff", b"-1", b"1e999", b"null", b"[" * 200, b'"', b"{}", b"\xed\xa0\x80")
-
-
-@dataclass(frozen=True)
-class Parser:
-    """A parser of bytes."""
-
-    name: str
-    parse: Callable[[bytes], object]
-    sound: tuple[bytes, ...]
-    """what it takes"""
-    refusals: tuple[type[Exception], ...]
-    """the errors by which it may refuse"""
 
 
 class _Deaf:
@@ -95,6 +82,10 @@ def parsers() -> Iterator[tuple[Parser, ...]]:
             *_of_files(folder, bundle),
             *_of_programs(),
             *_of_pictures(folder),
+            *of_tables(folder),
+            *of_other_files(folder, bundle),
+            *of_urls(),
+            *of_networks(),
         )
 
 
@@ -130,8 +121,8 @@ def _of_the_bundle(bundle: Bundle) -> Iterator[Parser]:
 
 def _of_files(folder: Path, bundle: Bundle) -> Iterator[Parser]:
     recording, settings = _recording(folder, bundle), b"[sensor]\nurl = 'sim://'\n[dashboard]\nport = 1\n"
-    yield Parser("recording", _by_file(folder, ".mcap", _play), (recording,), (GellightError,))
-    yield Parser("settings", _by_file(folder, ".toml", read_settings), (settings,), (GellightError,))
+    yield Parser("recording", by_file(folder, ".mcap", _play), (recording,), (GellightError,))
+    yield Parser("settings", by_file(folder, ".toml", read_settings), (settings,), (GellightError,))
 
 
 def _of_programs() -> Iterator[Parser]:
@@ -148,19 +139,9 @@ def _of_pictures(folder: Path) -> Iterator[Parser]:
     image = np.clip(reference_image(SHAPE), 0, 255).astype(np.uint8)
     coded = {suffix: cv2.imencode(suffix, image)[1].tobytes() for suffix in (".png", ".jpg", ".bmp", ".tiff")}
     for suffix, sound in coded.items():
-        yield Parser(f"image{suffix}", _by_file(folder, suffix, read_image), (sound,), (GellightError,))
+        yield Parser(f"image{suffix}", by_file(folder, suffix, read_image), (sound,), (GellightError,))
     mode = Mode(letters="MJPG", width=SHAPE[1], height=SHAPE[0], fps=30.0, line_bytes=0)
     yield Parser("mjpg", lambda content: decode_picture(content, mode), (coded[".jpg"],), (CorruptPictureError,))
-
-
-def _by_file(folder: Path, suffix: str, read: Callable[[Path], object]) -> Callable[[bytes], object]:
-    path = folder / f"fuzzed{suffix}"
-
-    def parse(content: bytes) -> object:
-        path.write_bytes(content)
-        return read(path)
-
-    return parse
 
 
 def _lens() -> bytes:
@@ -205,41 +186,3 @@ def _recording(folder: Path, bundle: Bundle) -> bytes:
     content = path.read_bytes()
     path.unlink()
     return content
-
-
-def mutated(sound: bytes, draw: random.Random) -> bytes:
-    """Return an input that is a little or very wrong."""
-    content = bytearray(sound)
-    for _ in range(draw.choice((1, 1, 2, 4, 16))):
-        place, kind = draw.randrange(len(content) + 1), draw.randrange(7)
-        if kind == 0 and content:
-            content[place % len(content)] ^= 1 << draw.randrange(8)
-        elif kind == 1 and content:
-            content[place % len(content)] = draw.randrange(256)
-        elif kind == 2:
-            del content[place : place + draw.choice((1, 4, 64, len(content)))]
-        elif kind == 3:
-            content[place:place] = draw.choice(TOKENS)
-        elif kind == 4:
-            content[place:place] = content[place : place + draw.randrange(1, 64)]
-        elif kind == 5:
-            token = draw.choice(TOKENS)
-            content[place : place + len(token)] = token
-        else:
-            content[place:place] = draw.randbytes(draw.randrange(1, 16))
-    return bytes(content)
-
-
-def run(parser: Parser, executions: int, seed: int, failed: Callable[[bytes, Exception], Any]) -> int:
-    """Feed a parser inputs; `failed` gets each one that it neither takes nor refuses. Return the failures."""
-    draw, failures = random.Random(seed), 0
-    for _ in range(executions):
-        content = mutated(draw.choice(parser.sound), draw)
-        try:
-            parser.parse(content)
-        except parser.refusals:
-            continue
-        except Exception as error:
-            failures += 1
-            failed(content, error)
-    return failures

@@ -1,0 +1,30 @@
+"""`metrics.json` of a bundle: what was measured, of which the program reads a few figures and people the rest."""
+
+from typing import Any
+
+from pydantic import BaseModel, FiniteFloat, ValidationError
+
+from gellight.base.errors import BundleError
+from gellight.bundle.manifest import AGAIN, METRICS
+
+
+class _Figures(BaseModel, extra="allow"):
+    """What the program reads."""
+
+    verification: dict[str, Any] | None = None
+    """on fresh presses"""
+    pattern_match: FiniteFloat | None = None
+    ball_radius_mm: FiniteFloat | None = None
+    learnt_on_other_units: list[str] | None = None
+
+
+def read_metrics(content: bytes, source: str) -> dict[str, Any]:
+    """Return the content of the file; BundleError, naming `source`, where it is no object or a figure no figure."""
+    try:
+        return _Figures.model_validate_json(content).model_dump(exclude_unset=True)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        if first["type"] == "json_invalid":
+            raise BundleError(f"{source}: {METRICS} is not JSON ({first['msg']}): {AGAIN}") from error
+        where = ".".join(map(str, first["loc"])) or "its content"
+        raise BundleError(f"{source}: {METRICS}: {where}: {first['msg']}; {AGAIN}") from error
