@@ -47,6 +47,7 @@ void event_dimmed(struct controller *controller)
         .events_dropped = (uint16_t)controller->counters.events_dropped,
         .dimmed = controller->heat.dimmed,
         .mean_ma = heat_mean_ma(&controller->heat),
+        .ring_temperature = heat_ring_temperature(&controller->heat),
     };
     send_event(controller, EVENT_DIMMED, &event, sizeof event);
 }
@@ -71,6 +72,7 @@ void status_now(const struct controller *controller, struct status_reply *status
         .step = controller->shown.step,
         .dimmed = controller->heat.dimmed,
         .mean_ma = heat_mean_ma(&controller->heat),
+        .ring_temperature = heat_ring_temperature(&controller->heat),
     };
 }
 

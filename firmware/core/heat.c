@@ -15,10 +15,17 @@ bool heat_due(const struct heat *heat, uint64_t now_us)
     return !heat->read_us || now_us - heat->read_us >= READ_EVERY_US;
 }
 
-static void smooth(struct heat *heat, uint64_t now_us, int16_t temperature)
+static void smooth(int32_t *mean, bool first, int16_t temperature)
 {
-    heat->mean += heat->read_us ? temperature - heat->mean / READINGS : temperature * READINGS;
-    heat->read_us = now_us ? now_us : 1u;
+    *mean += first ? temperature * READINGS : temperature - *mean / READINGS;
+}
+
+static void feel_ring(struct heat *heat, int16_t ring)
+{
+    heat->ring_known = ring != NO_TEMPERATURE;
+    if (heat->ring_known)
+        smooth(&heat->ring_mean, !heat->ring_felt, ring);
+    heat->ring_felt = heat->ring_felt || heat->ring_known;
 }
 
 void heat_draw(struct heat *heat, uint64_t now_us, uint16_t current_ma)
@@ -41,13 +48,25 @@ static bool gather(struct heat *heat, uint64_t now_us)
     return much && heat->charge > HOUSING_CHARGE;
 }
 
-bool heat_read(struct heat *heat, uint64_t now_us, int16_t temperature, uint8_t hottest_c)
+static bool ring_hot(const struct heat *heat)
 {
-    bool sensed = temperature != NO_TEMPERATURE, hot = gather(heat, now_us);
+    return heat->ring_known && heat->ring_mean > degrees((int32_t)RING_HOTTEST_C);
+}
+
+static bool ring_cool(const struct heat *heat)
+{
+    return heat->ring_known ? heat->ring_mean < degrees((int32_t)(RING_HOTTEST_C - COOLER_C)) : !heat->ring_felt;
+}
+
+bool heat_read(struct heat *heat, uint64_t now_us, int16_t chip, int16_t ring, uint8_t hottest_c)
+{
+    bool sensed = chip != NO_TEMPERATURE, hot = gather(heat, now_us);
     bool cool = heat->charge < HOUSING_CHARGE / 6u * 5u;
-    smooth(heat, now_us, sensed ? temperature : 0);
-    hot = hot || (sensed && heat->mean > degrees(hottest_c));
-    cool = cool && (!sensed || heat->mean < degrees((int32_t)hottest_c - (int32_t)COOLER_C));
+    smooth(&heat->mean, !heat->read_us, sensed ? chip : 0);
+    feel_ring(heat, ring);
+    heat->read_us = now_us ? now_us : 1u;
+    hot = hot || ring_hot(heat) || (sensed && heat->mean > degrees(hottest_c));
+    cool = cool && ring_cool(heat) && (!sensed || heat->mean < degrees((int32_t)hottest_c - (int32_t)COOLER_C));
     if (heat->dimmed && now_us - heat->dimmed_us < DIMMING_US)
         return false;
     if (!(hot && heat->dimmed < DIMMINGS) && !(cool && heat->dimmed))
@@ -60,6 +79,11 @@ bool heat_read(struct heat *heat, uint64_t now_us, int16_t temperature, uint8_t 
 int16_t heat_temperature(const struct heat *heat)
 {
     return (int16_t)(heat->mean / READINGS);
+}
+
+int16_t heat_ring_temperature(const struct heat *heat)
+{
+    return heat->ring_known ? (int16_t)(heat->ring_mean / READINGS) : (int16_t)NO_TEMPERATURE;
 }
 
 uint16_t heat_mean_ma(const struct heat *heat)

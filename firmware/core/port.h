@@ -63,6 +63,8 @@ struct port {
 
     /* Of the chip, in 0.1 degrees Celsius; NO_TEMPERATURE without a sensor. */
     int16_t (*temperature)(void *context);
+    /* Of the converter at the ring's NTC (thermistor.h); THERMISTOR_OPEN or more: there is none. */
+    uint16_t (*thermistor)(void *context);
 
     void (*flash_read)(void *context, uint32_t offset, void *to, size_t count);
     bool (*flash_erase)(void *context, uint32_t sector);

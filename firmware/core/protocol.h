@@ -6,8 +6,8 @@
 #include <stdint.h>
 
 #define PROTOCOL_MAJOR 2u
-#define PROTOCOL_MINOR 1u
-#define SCHEMA_CRC 0x473dfdf6u
+#define PROTOCOL_MINOR 2u
+#define SCHEMA_CRC 0x37c52c29u
 #define LED_COUNT 12u
 #define MOST_LEDS 24u
 #define COLOUR_BYTES 72u
@@ -36,6 +36,7 @@
 #define NO_TEMPERATURE 32767u
 #define HOTTEST_C 60u
 #define COOLER_C 5u
+#define RING_HOTTEST_C 60u
 #define DIMMINGS 3u
 #define DIMMING_US 10000000u
 #define SAVES_AT_ONCE 8u
@@ -298,10 +299,11 @@ struct RECORD status_reply {
     uint8_t policy; /* enum policy */
     uint8_t mode; /* enum sync_mode */
     uint8_t step; /* 0xFF: no sequence */
-    uint8_t dimmed; /* how often every colour is halved because chip or housing is hot, 0 to DIMMINGS */
+    uint8_t dimmed; /* how often every colour is halved because chip, ring or housing is hot, 0 to DIMMINGS */
     uint16_t mean_ma; /* of the last seven minutes; above HOUSING_MA the LEDs are dimmed */
+    int16_t ring_temperature; /* of the ring's NTC, in 0.1 degrees Celsius; NO_TEMPERATURE: there is none, or it is broken or short */
 };
-_Static_assert(sizeof(struct status_reply) == 36, "status_reply");
+_Static_assert(sizeof(struct status_reply) == 38, "status_reply");
 
 /* What went wrong since the start, and how often. */
 struct RECORD counters_reply {
@@ -398,15 +400,16 @@ struct RECORD dark_event {
 };
 _Static_assert(sizeof(struct dark_event) == 11, "dark_event");
 
-/* The board dims its LEDs by another amount than before, because its chip or its housing has become hot or cool. */
+/* The board dims its LEDs by another amount than before, because chip, ring or housing has become hot or cool. */
 struct RECORD dimmed_event {
     uint64_t time_us;
     int16_t temperature; /* as in StatusReply */
     uint16_t events_dropped;
     uint8_t dimmed; /* as in StatusReply; 0: not any more */
     uint16_t mean_ma; /* as in StatusReply */
+    int16_t ring_temperature; /* as in StatusReply */
 };
-_Static_assert(sizeof(struct dimmed_event) == 15, "dimmed_event");
+_Static_assert(sizeof(struct dimmed_event) == 17, "dimmed_event");
 
 /* X(NAME, name, bytes of the request record, bytes of the reply record) for each command */
 #define COMMANDS(X) \

@@ -2,6 +2,7 @@
 
 #include "events.h"
 #include "lights.h"
+#include "thermistor.h"
 
 #define RESTART_DELAY_US 20000u /* for the reply and the darkness to get out */
 
@@ -48,9 +49,11 @@ static void watch_heat(struct controller *controller)
 {
     const struct port *port = controller->port;
     uint64_t now_us = controller_now_us(controller);
-    if (heat_due(&controller->heat, now_us) &&
-        heat_read(&controller->heat, now_us, port->temperature(port->context), controller->limits.hottest_c))
-        event_dimmed(controller);
+    if (heat_due(&controller->heat, now_us)) {
+        int16_t ring = thermistor_temperature(port->thermistor(port->context));
+        if (heat_read(&controller->heat, now_us, port->temperature(port->context), ring, controller->limits.hottest_c))
+            event_dimmed(controller);
+    }
     show_again(controller);
 }
 

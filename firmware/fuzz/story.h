@@ -4,8 +4,8 @@
  *   0 n       let n * 1009 us pass          4 n       the port closes (n even) or opens (n odd)
  *   1 n ...   n bytes of rubbish            5 n       n & 4: the host takes no bytes, until the next such act
  *   2 n ...   a request: type, payload of n 6 n       COMMIT the first (n & 31) + 1 steps, n >> 6 times over
- *   3 n       an edge of the trigger pin,   7 n       the chip has n degrees Celsius from now on
- *             falling if n is odd
+ *   3 n       an edge of the trigger pin,   7 n       the chip has n degrees Celsius from now on; from 224 on: the
+ *             falling if n is odd                     converter reads (n - 224) * 128 + 63 of the ring's NTC
  *
  * A board that restarts has its port open again.
  *
@@ -30,6 +30,12 @@ enum act {
     ACT_HEAT = 7,
 };
 #define ACTS 8u
+#define HEAT_RING 224u
+
+static inline uint32_t story_reading(uint32_t amount)
+{
+    return (amount - HEAT_RING) * 128u + 63u;
+}
 
 /* How many bytes the first act of what is left takes; 0: it is not whole, the story ends. */
 static inline size_t story_act_bytes(const uint8_t *act, size_t left)

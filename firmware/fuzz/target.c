@@ -94,7 +94,10 @@ static void perform(struct board *board, const uint8_t *act)
         commit(board, amount);
         break;
     case ACT_HEAT:
-        board_warm(board, 10 * amount);
+        if (amount >= HEAT_RING)
+            board_warm_ring(board, story_reading(amount));
+        else
+            board_warm(board, 10 * amount);
         break;
     default:
         board_advance(board, amount * (uint64_t)TIME_UNIT_US);

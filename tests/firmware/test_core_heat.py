@@ -6,35 +6,7 @@ from gellight.ring import protocol as p
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.protocol import COOLER_C, DIMMING_US, HOTTEST_C
 from tests.firmware.helpers.virtual_board import VirtualBoard
-
-SETTLED_US = 15_000_000
-"""the smoothed temperature is within a hundredth of a degree, and the next dimming has come"""
-PATTERN = bytes([200, 0, 1] + [0] * 33)
-HALVED = {
-    0: PATTERN,
-    1: bytes([100, 0, 1] + [0] * 33),
-    2: bytes([50, 0, 1] + [0] * 33),
-    3: bytes([25, 0, 1] + [0] * 33),
-}
-
-
-def wait(core: VirtualBoard, duration_us: int) -> list[p.DimmedEvent]:
-    """Let time pass, keep the light on, and return what the board said of its dimming."""
-    found = []
-    while duration_us > 0:
-        core.ok("CLOCK", p.ClockRequest(0))
-        core.advance(min(duration_us, 500_000))
-        duration_us -= 500_000
-        packets = [*core.packets, *core.collect()]
-        core.packets.clear()
-        found += [p.DimmedEvent.unpack(packet.payload) for packet in packets if packet.type == p.EVENTS["DIMMED"][0]]
-    return found
-
-
-def status(core: VirtualBoard) -> p.StatusReply:
-    reply = core.ok("STATUS")
-    assert isinstance(reply, p.StatusReply)
-    return reply
+from tests.firmware.helpers.warming import HALVED, PATTERN, SETTLED_US, status, wait
 
 
 def test_a_still_light_is_halved_step_by_step_and_comes_back(core: VirtualBoard) -> None:

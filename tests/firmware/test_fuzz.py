@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from gellight.lab.emulator.analog import Divider
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Status
 from gellight.ring.light_ring import LightRing
@@ -15,13 +16,13 @@ from gellight.ring.wire import Packet, decode, encode
 from tests.firmware.helpers.fuzzing import CORPUS, Fuzzer, compile_fuzzer, fuzz
 from tests.firmware.helpers.mutations import CORE, LOGIC, Mutation, planted
 from tests.firmware.helpers.virtual_board import compile_library, run_core_tests
-from tests.helpers.bench_board import BenchBoard, VirtualTransport
+from tests.helpers.bench_board import THERMISTOR_PIN, BenchBoard, VirtualTransport
 
 CHECKOUT = Path(__file__).parents[2]
 SECONDS = 4
 LEAST_REACHED = dict.fromkeys(
     ("commands", "controller", "crc", "events", "heat", "light_commands", "packet", "ring", "sequencer", "supply",
-     "trigger", "watches"), 92.0
+     "thermistor", "trigger", "watches"), 92.0
 ) | {"config": 80.0, "lights": 90.0}  # fmt: skip
 """share of the lines of a file, %; the rest is for flash that fails, restarts, and faults that no sound core makes"""
 TIME_UNIT_US = 1009
@@ -148,8 +149,11 @@ def tell(board: BenchBoard, story: bytes) -> None:
             (board.host.open if amount & 1 else board.host.close)()
         elif what == 6:
             sequence = commit(board, sequence, 1 + (amount & 31), amount >> 6)
-        elif what == 7:
+        elif what == 7 and amount < 224:
             board.set_temperature(amount)
+        elif what == 7:
+            share = ((amount - 224) * 128 + 63) / 4096
+            board.dividers[THERMISTOR_PIN] = Divider(to_ground=10e3 * share / (1 - share))
         board.run(500)
         at += 2
 

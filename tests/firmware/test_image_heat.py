@@ -7,9 +7,12 @@ import pytest
 
 from gellight.base.errors import BoardError
 from gellight.lab.doctor.sensor_checks import check_board
-from gellight.ring.light_ring import LightRing, chip_temperature_c
-from gellight.ring.protocol import DIMMING_US, HOTTEST_C, DimmedEvent
-from tests.helpers.bench_board import BenchBoard, VirtualTransport
+from gellight.lab.emulator.analog import Divider
+from gellight.ring.heat import chip_temperature_c, ring_temperature_c
+from gellight.ring.light_ring import LightRing
+from gellight.ring.protocol import DIMMING_US, HOTTEST_C, RING_HOTTEST_C, DimmedEvent, StatusReply
+from tests.firmware.helpers.wiring import opened, wired
+from tests.helpers.bench_board import THERMISTOR_PIN, BenchBoard, VirtualTransport
 
 RED = np.tile(np.array((100, 0, 0), np.uint8), (12, 1))
 
@@ -69,3 +72,56 @@ def test_a_board_that_is_hot_from_the_start_dims_its_first_light(image: bytes) -
         with pytest.raises(BoardError, match="1/2"):
             ring.light(RED)
     assert board.faults == []
+
+
+def ring_c(board: BenchBoard, ring: LightRing) -> float | None:
+    """What the board says once its mean has settled."""
+    attend(ring, board, 10e6)
+    return ring_temperature_c(ring.status())
+
+
+def test_the_temperature_of_the_ring_is_that_of_its_ntc(board: BenchBoard, ring: LightRing) -> None:
+    assert ring_c(board, ring) is None  # nothing hangs at the pin, and it reads anything
+    assert "temperature is unknown" in check_board(ring).text
+    for celsius in (25.0, 45.0, 5.0):
+        board.set_ring_temperature(celsius)
+        assert ring_c(board, ring) == pytest.approx(celsius, abs=0.3)
+    assert "the ring has 5 °C" in check_board(ring).text
+
+
+@pytest.mark.parametrize("ohm", [1e9, 1.0])
+def test_an_ntc_that_is_lost_is_unknown(board: BenchBoard, ring: LightRing, ohm: float) -> None:
+    board.set_ring_temperature(25)
+    assert ring_c(board, ring) is not None
+    board.dividers[THERMISTOR_PIN] = Divider(to_ground=ohm)
+    assert ring_c(board, ring) is None
+    board.set_ring_temperature(25)
+    assert ring_c(board, ring) == pytest.approx(25, abs=0.3)
+
+
+def test_a_hot_ring_beside_a_cool_chip_is_dimmed(
+    board: BenchBoard, ring: LightRing, caplog: pytest.LogCaptureFixture
+) -> None:
+    board.set_ring_temperature(RING_HOTTEST_C + 5)
+    ring.light(RED)
+    with caplog.at_level(logging.WARNING):
+        attend(ring, board, 3e6)
+    np.testing.assert_array_equal(board.timeline.at(board.now_us), RED // 2)
+    assert "the ring 65 °C (its limit is 60)" in caplog.text
+    assert "the ring 65 °C" in check_board(ring).remedy
+
+
+def test_a_pin_that_is_wired_otherwise_is_no_ntc(image: bytes) -> None:
+    board = wired(image, output_pin=THERMISTOR_PIN)
+    with opened(board) as ring:
+        board.set_ring_temperature(70)
+        assert ring_c(board, ring) is None
+        assert board.chip.gpio[THERMISTOR_PIN].pad_value & 0x80 == 0  # still an output
+        assert ring.dimmed == 0
+    assert board.faults == []
+
+
+def test_a_board_of_protocol_2_1_does_not_say() -> None:
+    told = StatusReply(0, 0, 0, 0, 450, 270, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, ring_temperature=400).pack()
+    assert StatusReply.unpack(told).ring_temperature == 400
+    assert ring_temperature_c(StatusReply.unpack(told[:-2])) is None

@@ -6,7 +6,8 @@ from collections.abc import Callable
 import pytest
 
 from gellight.ring.enumerations import ResetReason
-from gellight.ring.light_ring import LightRing, chip_temperature_c
+from gellight.ring.heat import chip_temperature_c
+from gellight.ring.light_ring import LightRing
 
 pytestmark = pytest.mark.hardware
 STARTS = 5

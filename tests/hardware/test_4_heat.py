@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gellight.ring.light_ring import LightRing, chip_temperature_c
+from gellight.ring.heat import chip_temperature_c
+from gellight.ring.light_ring import LightRing
 from gellight.ring.protocol import DimmedEvent
 
 pytestmark = pytest.mark.hardware

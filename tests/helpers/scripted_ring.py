@@ -95,6 +95,7 @@ class ScriptedRing(LightRing):
             dimmed=self.dimmed,
             temperature=self.temperature,
             mean_ma=0,
+            ring_temperature=protocol.NO_TEMPERATURE,
         )
 
     def close(self) -> None:

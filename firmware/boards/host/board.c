@@ -105,6 +105,12 @@ static int16_t port_temperature(void *context)
     return board->temperature;
 }
 
+static uint16_t port_thermistor(void *context)
+{
+    const struct board *board = context;
+    return board->thermistor;
+}
+
 static void port_flash_read(void *context, uint32_t offset, void *to, size_t count)
 {
     struct board *board = context;
@@ -168,6 +174,7 @@ static const struct port functions = {
     .power = port_power,
     .trigger = port_trigger,
     .temperature = port_temperature,
+    .thermistor = port_thermistor,
     .flash_read = port_flash_read,
     .flash_erase = port_flash_erase,
     .flash_program = port_flash_program,
@@ -191,6 +198,7 @@ struct board *board_new(const uint8_t *flash)
     board->cut_after = -1;
     board->room = BOARD_OUTPUT_BYTES;
     board->temperature = 270;
+    board->thermistor = THERMISTOR_OPEN;
     board->port = functions;
     board->port.context = board;
     controller_start(&board->controller, &board->port);
@@ -290,6 +298,11 @@ void board_fault(struct board *board, uint32_t room, bool stuck, int32_t cut_aft
 void board_warm(struct board *board, int32_t temperature)
 {
     board->temperature = (int16_t)temperature;
+}
+
+void board_warm_ring(struct board *board, uint32_t reading)
+{
+    board->thermistor = (uint16_t)reading;
 }
 
 bool board_powered(const struct board *board)

@@ -6,6 +6,7 @@
 #define GELLIGHT_BOARD_H
 
 #include "controller.h"
+#include "thermistor.h"
 
 #ifndef BOARD_LIGHTS /* that are remembered; the fuzzer needs few */
 #define BOARD_LIGHTS 4096u
@@ -38,6 +39,7 @@ struct board {
 
     bool powered;        /* the load switch is closed */
     int16_t temperature; /* in 0.1 degrees Celsius */
+    uint16_t thermistor; /* reading of the converter */
 
     bool listening, falling;
     bool restarted, bootloader;
@@ -62,6 +64,7 @@ void board_flash(const struct board *board, uint8_t *flash);
 void board_fault(struct board *board, uint32_t room, bool stuck, int32_t cut_after);
 void board_edge_after_reads(struct board *board, uint32_t reads);
 void board_warm(struct board *board, int32_t temperature);
+void board_warm_ring(struct board *board, uint32_t reading);
 bool board_powered(const struct board *board);
 uint64_t board_now(const struct board *board);
 uint32_t board_flags(const struct board *board); /* 1: healthy, 2: restarted, 4: into the boot loader */

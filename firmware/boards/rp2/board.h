@@ -20,9 +20,13 @@ void vectors_install(void);
 void clock_raise(void); /* in flash */
 void clock_start(void);
 uint64_t clock_micros(void);
-int16_t clock_temperature(void);
 void tick_interrupt(void);
 bool tick_passed(void); /* since it was asked last */
+
+/* thermometers.c */
+int16_t chip_temperature(void *context);
+void thermistor_setup(void);
+uint16_t thermistor_read(void *context);
 
 /* watchdog.c */
 void watchdog_start(void); /* in flash */

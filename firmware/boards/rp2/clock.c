@@ -75,7 +75,6 @@ void clock_start(void)
     REGISTER(CLK_USB_CTRL) = 1u << 11;
     REGISTER(CLK_ADC_CTRL) = 1u << 11;
     free_blocks(RESET_ADC | RESET_DMA | RESET_IO_BANK0 | RESET_PADS_BANK0 | RESET_PIO0 | RESET_TIMER | RESET_USBCTRL);
-    REGISTER(ADC_CS) = 4u << 12 | 1u << 1 | 1u << 0; /* temperature sensor */
     SET_BITS(TIMER_INTE) = 1u << 0 | 1u << 1 | 1u << 2 | 1u << 3;
     REGISTER(TIMER_ALARM(1)) = REGISTER(TIMER_TIMERAWL) + TICK_US;
     prioritize(IRQ_TIMER_0, 0x00u);        /* the light before all else */
@@ -95,15 +94,6 @@ uint64_t clock_micros(void)
         low = REGISTER(TIMER_TIMERAWL);
     } while (high != REGISTER(TIMER_TIMERAWH));
     return (uint64_t)high << 32 | low;
-}
-
-/* 27 degrees at 0.706 V, 1.721 mV less for each degree more, 3.3 V are 4096 (4.9.5): 437.2 - 0.46814 degrees a count. */
-int16_t clock_temperature(void)
-{
-    SET_BITS(ADC_CS) = 1u << 2; /* one conversion, 2 us */
-    while (!(REGISTER(ADC_CS) & 1u << 8))
-        ;
-    return (int16_t)(4372 - (int32_t)((REGISTER(ADC_RESULT) & 0xfffu) * 76699u >> 14));
 }
 
 void tick_interrupt(void)

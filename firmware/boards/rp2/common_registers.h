@@ -12,6 +12,8 @@
 /* What a pin is: its pad, and the function it is given to (RP2040 2.19.2, RP2350 9.6). */
 #define PAD_OUTPUT 0x52u    /* 4 mA, Schmitt trigger, no pull; on the RP2350 it is not isolated then */
 #define PAD_PULLED_UP 0x4au /* input, Schmitt trigger */
+#define PAD_ANALOG 0x80u    /* neither output nor input: for the converter */
+#define PAD_ANALOG_PULLED_UP 0x88u
 #define FUNCTION_SIO 5u
 #define FUNCTION_PIO0 6u
 #define FUNCTION_NONE 31u /* and all bits of FUNCSEL */

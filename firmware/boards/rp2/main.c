@@ -35,12 +35,6 @@ static uint64_t port_micros(void *context)
     return clock_micros();
 }
 
-static int16_t port_temperature(void *context)
-{
-    (void)context;
-    return clock_temperature();
-}
-
 static bool image_intact(void)
 {
     const uint8_t *image = (const uint8_t *)(&image_header + 1);
@@ -75,6 +69,7 @@ static void port_setup(void *context, const struct configuration *configuration)
     (void)context;
     light_setup(configuration);
     pins_setup(configuration);
+    thermistor_setup();
 }
 
 static void port_fill(void)
@@ -89,7 +84,8 @@ static void port_fill(void)
         .light_result = light_result,
         .power = pins_power,
         .trigger = pins_listen,
-        .temperature = port_temperature,
+        .temperature = chip_temperature,
+        .thermistor = thermistor_read,
         .flash_read = flash_read,
         .flash_erase = flash_erase,
         .flash_program = flash_program,

@@ -14,7 +14,8 @@ from gellight.cli.options import LONGEST_S, AsJson, Seconds, between
 from gellight.cli.showing import show
 from gellight.ring.boards import BOARDS, LEDS, channel_ua_of, check_wiring, find_board, wired_as
 from gellight.ring.enumerations import ColourOrder, Dark, OutputAt, ResetReason, SyncMode
-from gellight.ring.light_ring import LightRing, Step, chip_temperature_c, connect
+from gellight.ring.heat import chip_temperature_c, ring_temperature_c
+from gellight.ring.light_ring import LightRing, Step, connect
 from gellight.ring.protocol import ACTIVE_LOW, CURRENT_CAP_MA, NO_PIN, Configuration
 from gellight.ring.wire import MOST_LEDS
 
@@ -41,8 +42,10 @@ class Board:
     reset_reason: str
     uptime_s: float
     temperature_c: float | None
+    ring_temperature_c: float | None
+    """of its NTC; None: the board reads none"""
     dimmed: int
-    """how often every colour is halved because chip or housing is hot"""
+    """how often every colour is halved because chip, ring or housing is hot"""
     current_ma: int
     limit_ma: int
     dark: str
@@ -70,6 +73,7 @@ def _board(ring: LightRing) -> Board:
         reset_reason=ResetReason(hello.reset_reason).name,
         uptime_s=status.time_us / 1e6,
         temperature_c=chip_temperature_c(status),
+        ring_temperature_c=ring_temperature_c(status),
         dimmed=status.dimmed,
         current_ma=status.current_ma,
         limit_ma=status.limit_ma,
@@ -83,6 +87,7 @@ def _board(ring: LightRing) -> Board:
 def _text(b: Board) -> str:
     wrong = {k: v for k, v in b.counters.items() if v and k not in ("packets", "lights", "triggers")}
     warm = "" if b.temperature_c is None else f", chip at {b.temperature_c:.0f} °C (±10)"
+    warm += "" if b.ring_temperature_c is None else f", ring at {b.ring_temperature_c:.1f} °C"
     dimmed = f", dimmed to 1/{1 << b.dimmed} because it is hot" if b.dimmed else ""
     return (
         f"board     {b.board}, firmware {b.firmware}, image {b.image_crc}\n"

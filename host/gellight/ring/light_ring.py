@@ -21,6 +21,7 @@ from gellight.base.errors import BoardError
 from gellight.ring import protocol
 from gellight.ring.board_link import BoardLink
 from gellight.ring.enumerations import Dark, Edge, Policy, State, SyncMode
+from gellight.ring.heat import hot_text
 from gellight.ring.transport import Transport, open_transport
 from gellight.ring.wire import Record
 
@@ -30,8 +31,6 @@ SILENCE_S = 0.5
 """a board that was heard of within this time has not made its LEDs dark for silence: it waits 1 s for the host"""
 BY_ITSELF = {Dark.BOOT, Dark.HOST_SILENT, Dark.PORT_CLOSED, Dark.SUSPENDED, Dark.FAULT}
 """why a board ends a light or a sequence that nobody has told it to end"""
-WARM_MA = protocol.HOUSING_MA * 5 // 6
-"""above this mean a board that was dimmed for its housing stays so"""
 LATCH_TIMEOUT_S = 5.0
 """a board latches a light within milliseconds; an emulated one on a busy machine takes longer"""
 
@@ -183,7 +182,7 @@ class LightRing(BoardLink):
             self._take_event(protocol.DarkEvent(status.time_us, status.events_dropped, status.dark))
         if status.dimmed != self.dimmed:
             self._take_event(protocol.DimmedEvent(status.time_us, status.temperature, status.events_dropped,
-                                                  status.dimmed, status.mean_ma))  # fmt: skip
+                                                  status.dimmed, status.mean_ma, status.ring_temperature))  # fmt: skip
 
     def _take_event(self, event: Record) -> None:
         if isinstance(event, protocol.DarkEvent):
@@ -380,21 +379,6 @@ class LightRing(BoardLink):
         if isinstance(event, protocol.LightEvent):
             return event
         raise BoardError(f"light {light_id} was not latched within {timeout_s} s: see `gellight ring info`")
-
-
-def chip_temperature_c(status: protocol.StatusReply) -> float | None:
-    """Return the temperature of the board's chip in degrees Celsius, good to 10 degrees; None without a sensor."""
-    return None if status.temperature == protocol.NO_TEMPERATURE else status.temperature / 10
-
-
-def hot_text(told: protocol.StatusReply | protocol.DimmedEvent) -> str:
-    """Say that the board halves its light, how hot its chip is, and what its LEDs draw where that may be the reason."""
-    drawn = f", its LEDs draw {told.mean_ma} mA in the mean" if told.mean_ma >= WARM_MA else ""
-    return (
-        f"the chip of the light ring's board has {told.temperature / 10:.0f} °C (±10){drawn}, so it dims its LEDs to "
-        f"1/{1 << told.dimmed}: let it cool, light fewer LEDs or for a shorter time, or raise the limit of its chip: "
-        "`gellight ring configure --hottest`"
-    )
 
 
 def colour_bytes(colours: NDArray[np.uint8], led_count: int) -> bytes:

@@ -36,7 +36,7 @@ from gellight.ring.wire import (
     u64,
 )
 
-VERSION = (2, 1)
+VERSION = (2, 2)
 GROUP_COUNT = 16
 STEP_COUNT = 32
 REPLY = 0x80
@@ -71,7 +71,9 @@ NO_TEMPERATURE = 0x7FFF
 HOTTEST_C = 60
 """of a board that was not configured otherwise"""
 COOLER_C = 5
-"""the LEDs get brighter again when the chip is so much cooler than its limit"""
+"""the LEDs get brighter again when chip and ring are so much cooler than their limits"""
+RING_HOTTEST_C = 60
+"""of the ring's NTC: above it printed parts soften; nothing changes it"""
 DIMMINGS = 3
 """halvings at most: to an eighth"""
 DIMMING_US = 10_000_000
@@ -112,6 +114,7 @@ CONSTANTS = {
     "NO_TEMPERATURE": NO_TEMPERATURE,
     "HOTTEST_C": HOTTEST_C,
     "COOLER_C": COOLER_C,
+    "RING_HOTTEST_C": RING_HOTTEST_C,
     "DIMMINGS": DIMMINGS,
     "DIMMING_US": DIMMING_US,
     "SAVES_AT_ONCE": SAVES_AT_ONCE,
@@ -260,8 +263,11 @@ class StatusReply(Record):
     policy: Annotated[u8, "enum policy"]
     mode: Annotated[u8, "enum sync_mode"]
     step: Annotated[u8, "0xFF: no sequence"]
-    dimmed: Annotated[u8, "how often every colour is halved because chip or housing is hot, 0 to DIMMINGS"] = 0
+    dimmed: Annotated[u8, "how often every colour is halved because chip, ring or housing is hot, 0 to DIMMINGS"] = 0
     mean_ma: Annotated[u16, "of the last seven minutes; above HOUSING_MA the LEDs are dimmed"] = 0
+    ring_temperature: Annotated[
+        i16, "of the ring's NTC, in 0.1 degrees Celsius; NO_TEMPERATURE: there is none, or it is broken or short"
+    ] = NO_TEMPERATURE
 
 
 @dataclass(frozen=True)
@@ -369,13 +375,14 @@ class DarkEvent(Record):
 
 @dataclass(frozen=True)
 class DimmedEvent(Record):
-    """The board dims its LEDs by another amount than before, because its chip or its housing has become hot or cool."""
+    """The board dims its LEDs by another amount than before, because chip, ring or housing has become hot or cool."""
 
     time_us: u64
     temperature: Annotated[i16, "as in StatusReply"]
     events_dropped: u16
     dimmed: Annotated[u8, "as in StatusReply; 0: not any more"]
     mean_ma: Annotated[u16, "as in StatusReply"] = 0
+    ring_temperature: Annotated[i16, "as in StatusReply"] = NO_TEMPERATURE
 
 
 class Exchange(NamedTuple):

@@ -7,6 +7,7 @@ from itertools import islice, pairwise
 import numpy as np
 
 from gellight.base.errors import BoardError
+from gellight.lab.emulator.analog import OUTPUT_OFF
 from gellight.lab.emulator.busy_bus import B1, B2, DATA_PLUS
 from gellight.lab.emulator.chip import VTOR
 from gellight.lab.emulator.flash_chip import WORN_ERASE_NS
@@ -14,10 +15,11 @@ from gellight.lab.emulator.usb_host import ADDRESS
 from gellight.lab.emulator.waveform import Strip
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import ColourOrder, Dark, OutputAt, ResetReason, SyncMode
+from gellight.ring.heat import ring_temperature_c
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
 from tests.helpers import usb_requests as usb
-from tests.helpers.bench_board import BenchBoard, VirtualTransport
+from tests.helpers.bench_board import THERMISTOR_PIN, BenchBoard, VirtualTransport
 
 PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97
 STATUS_PIN, SWITCH_PIN = 16, 6
@@ -186,6 +188,16 @@ def _heat(board: BenchBoard, ring: LightRing) -> Iterator[str]:
         if abs(status.temperature / 10 - celsius) > 0.5 or status.dimmed != dimmed:
             yield f"says {status} at {celsius} degrees"
     board.set_temperature(20.0)
+    for ring_c, dimmed in ((None, 0), (40.0, 0), (66.0, 1), (25.0, 0)):
+        if ring_c is not None:
+            board.set_ring_temperature(ring_c)
+        for _ in range(12):
+            ring.clock()
+            board.run(900_000)
+        said, known = ring.status(), ring_temperature_c(ring.status())
+        right = known is None if ring_c is None else known is not None and abs(known - ring_c) < 0.5
+        if not right or said.dimmed != dimmed:
+            yield f"says {said} with a ring at {ring_c} degrees"
 
 
 def _watchdog(board: BenchBoard, ring: LightRing) -> Iterator[str]:
@@ -320,9 +332,9 @@ def _wiring(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     ring = _reopen(board)
     ring.blank()
     board.run(3_000)
-    wired = replace(ring.configuration(), data_pin=9, trigger_pin=17, output_pin=4, output_at=OutputAt.MIDDLE,
-                    status_pin=STATUS_PIN + p.ACTIVE_LOW, switch_pin=SWITCH_PIN + p.ACTIVE_LOW, led_count=24,
-                    colour_order=ColourOrder.RGBW)  # fmt: skip
+    wired = replace(ring.configuration(), data_pin=9, trigger_pin=17, output_pin=THERMISTOR_PIN,
+                    output_at=OutputAt.MIDDLE, status_pin=STATUS_PIN + p.ACTIVE_LOW,
+                    switch_pin=SWITCH_PIN + p.ACTIVE_LOW, led_count=24, colour_order=ColourOrder.RGBW)  # fmt: skip
     ring.configure(wired, save=True)
     board.power_off()
     other = BenchBoard(bytes(board.flash), strip=Strip(24, ColourOrder.RGBW, 9, SWITCH_PIN + p.ACTIVE_LOW))
@@ -354,7 +366,7 @@ def _examine_wired(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     ring.load_sequence([pattern], [Step(group=0, dwell_us=20_000, blank_us=20_000)], loops=2)
     ring.set_sync(SyncMode.EXT)
     changes: list[float] = []
-    board.chip.gpio[4].add_listener(lambda _new, _old: changes.append(board.now_us))
+    board.chip.gpio[THERMISTOR_PIN].add_listener(lambda _new, _old: changes.append(board.now_us))
     ring.start()
     board.run(p.SUPPLY_US + 12_000)  # the load switch has closed, and the main loop has looked
     begun = len(board.waveform.frame_starts_us)
@@ -366,6 +378,8 @@ def _examine_wired(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     begun_us = board.waveform.frame_starts_us[begun]
     if len(changes) != 2 or abs(changes[0] - begun_us - 10_000) > 10 or abs(changes[1] - changes[0] - 100) > 5:
         yield "the trigger output"
+    if board.chip.gpio[THERMISTOR_PIN].pad_value & OUTPUT_OFF:
+        yield "the pad of the trigger output does not drive it"
 
 
 def _hub(board: BenchBoard, ring: LightRing) -> Iterator[str]:

@@ -20,7 +20,7 @@ APART = (
     Mutation("IO_BANK0 left in reset", CLOCK, "RESET_DMA | RESET_IO_BANK0 |", "RESET_DMA |"),
     Mutation("pads left in reset", CLOCK, "RESET_IO_BANK0 | RESET_PADS_BANK0 |", "RESET_IO_BANK0 |"),
     Mutation("alarm of the trigger output without interrupt", CLOCK, "1u << 0 | 1u << 1 | 1u << 2 | 1u << 3;\n    REGISTER(TIMER_ALARM(1))", "1u << 0 | 1u << 1 | 1u << 3;\n    REGISTER(TIMER_ALARM(1))"),
-    Mutation("the temperature sensor has no power", CLOCK, "4u << 12 | 1u << 1 | 1u << 0;", "4u << 12 | 1u << 0;"),
+    Mutation("the temperature sensor has no power", f"{SHARED}/thermometers.c", "1u << 2 | 1u << 1 | 1u << 0;", "1u << 2 | 1u << 0;"),
     Mutation("a tick that comes every 200 ms", CLOCK, "#define TICK_US 10000u", "#define TICK_US 200000u"),
     Mutation("the tick of the timer is 2 us", f"{BOARD}/registers.h", "1u << 9 | 12;", "1u << 9 | 24;"),
     Mutation("the watchdog resets nothing", f"{BOARD}/registers.h", "#define EVERYTHING_BUT_OSCILLATORS 0x0001fffcu", "#define EVERYTHING_BUT_OSCILLATORS 0x00000000u"),

@@ -16,7 +16,8 @@ from pathlib import Path
 CHECKOUT = Path(__file__).parents[3]
 BOARD, SHARED, CORE = (CHECKOUT / "firmware" / name for name in ("boards/rp2040", "boards/rp2", "core"))
 COMPILER = ["arm-none-eabi-gcc", "-mcpu=cortex-m0plus", "-mthumb", "-std=c11", "-Os", "-ffreestanding", "-fno-builtin",
-            "-fno-common", f"-I{BOARD}", f"-I{SHARED}", f"-I{CORE}", "-fcallgraph-info=su", "-c"]  # fmt: skip
+            "-fno-common", "-DTHERMISTOR_PIN=26u", f"-I{BOARD}", f"-I{SHARED}", f"-I{CORE}",
+            "-fcallgraph-info=su", "-c"]  # fmt: skip
 PRIORITIES = (
     ("light_interrupt",),
     ("trigger_interrupt", "pulse_interrupt"),

@@ -118,6 +118,10 @@ class VirtualBoard:
     def warm(self, celsius: float) -> None:
         self.library.board_warm(self._board, ctypes.c_int32(round(10 * celsius)))
 
+    def warm_ring(self, reading: int) -> None:
+        """Let the converter read this of the ring's NTC."""
+        self.library.board_warm_ring(self._board, ctypes.c_uint32(reading))
+
     @property
     def powered(self) -> bool:
         """The load switch of the LEDs is closed."""

@@ -9,7 +9,8 @@ import numpy as np
 from gellight.base.errors import GellightError
 from gellight.frames.camera import Camera
 from gellight.lab.doctor.shutter_meter import ShutterEstimate, measure_shutter
-from gellight.ring.light_ring import LightRing, hot_text
+from gellight.ring.heat import hot_text, ring_temperature_c
+from gellight.ring.light_ring import LightRing
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.discovery import Sensor
 from gellight.sensor.findings import Finding, Level, failure, judged, ok, problem, warning
@@ -149,7 +150,10 @@ def check_board(ring: LightRing) -> Finding:
     if status.dimmed:
         return problem("board", "the LEDs are dimmed", hot_text(status))
     version = f"{hello.firmware_major}.{hello.firmware_minor}.{hello.firmware_patch}"
-    return ok("board", f"{hello.unique_id.hex().upper()} with firmware {version}, {counters.packets} packets")
+    ring_c = ring_temperature_c(status)
+    warm = "the ring's temperature is unknown (no NTC)" if ring_c is None else f"the ring has {ring_c:.0f} °C"
+    text = f"{hello.unique_id.hex().upper()} with firmware {version}, {counters.packets} packets; {warm}"
+    return ok("board", text)
 
 
 def check_ring_clock(ring: LightRing, surroundings: Surroundings) -> Finding:

@@ -16,6 +16,7 @@ from rp2040py.rp2040 import RP2040
 from rp2040py.simulator import Simulator
 
 from gellight.lab.emulator import clocks, registers, ticks
+from gellight.lab.emulator.analog import OUTPUT_OFF, AnalogInputs, Divider
 from gellight.lab.emulator.bootrom import BOOT2_RAM, Function, rom_words
 from gellight.lab.emulator.busy_bus import B2, CHIP_ID, BusyBus
 from gellight.lab.emulator.flash_bus import RAN_ASTRAY, FlashBus, RomFlash
@@ -33,8 +34,6 @@ VTOR = 0xE000ED08
 WATCHDOG_SELECTION, CRYSTAL, PROCESSOR, ALL_BUT_OSCILLATORS = 0x8, 1 << 1, 1 << 15, 0x1FFFC
 """PSM_WDSEL: what a watchdog resets (data sheet 2.13.5)"""
 POWER_ON_SEED = 2040
-OUTPUT_OFF = 1 << 7
-"""of a pad"""
 CRYSTAL_WAIT_NS = 100_000.0
 NEVER_DUE = 1 << 62
 """of the emulator's PIO: no state machine runs, or all of them wait"""
@@ -79,6 +78,8 @@ class EmulatedBoard:
         strip = strip or Strip()
         self.timeline = LightTimeline(strip.leds)
         self.waveform = self.decoder(self.timeline, self.fault, strip)
+        self.dividers: dict[int, Divider] = {}
+        """what hangs at inputs of the converter, by GPIO"""
         self.resets = 0
         self._rom_flash: RomFlash | None = None
         self.in_bootloader = False
@@ -111,6 +112,7 @@ class EmulatedBoard:
         chip.logger = log_of(self.fault)
         chip.load_bootrom(rom_words())
         chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(ROOM_C)
+        AnalogInputs(chip, lambda pin: self.dividers.get(pin), self.fault)
         self._simulator = Simulator(rp2040=chip)
         chip.on_break = self._rom_function
         self._watchdog_fired = self._halted = False

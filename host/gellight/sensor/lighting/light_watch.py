@@ -11,7 +11,8 @@ from gellight.frames.frames import LightLabel
 from gellight.frames.timing import CameraTiming
 from gellight.ring import protocol
 from gellight.ring.enumerations import Dark
-from gellight.ring.light_ring import LightRing, Ping, hot_text
+from gellight.ring.heat import hot_text
+from gellight.ring.light_ring import LightRing, Ping
 from gellight.ring.wire import Record
 from gellight.sensor.lighting.clock import ClockMap, Interval
 from gellight.sensor.lighting.label import label_frame
