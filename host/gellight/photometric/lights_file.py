@@ -61,8 +61,12 @@ def read_lights(bundle: Bundle) -> LightModel:
 
 def write_lights(bundle: Bundle, model: LightModel, out: Path, *, overwrite: bool = False) -> Bundle:
     """Write the bundle with the light model as a new one and return it; BundleError where that cannot be."""
-    content = json.dumps(_record(model).model_dump()) + "\n"
-    return extend_bundle(bundle, out, {FILE_NAME: content.encode()}, overwrite=overwrite)
+    return extend_bundle(bundle, out, lights_file(model), overwrite=overwrite)
+
+
+def lights_file(model: LightModel) -> dict[str, bytes]:
+    """Return the light model as a file of a bundle."""
+    return {FILE_NAME: (json.dumps(_record(model).model_dump()) + "\n").encode()}
 
 
 _AS_THEY_ARE = ("gamma", "exposure_us", "brightest_grey", "pattern_residual")

@@ -234,7 +234,8 @@ def advice(expected: ExpectedError) -> Iterator[WatchFinding]:
         yield WatchFinding(
             kind="recalibrate",
             severity=Severity.WARNING,
-            text=f"calibrate again: even with the right zero contacts are felt about {expected.gain_deg:.1f} degrees "
-            f"and {expected.gain_mm:.2f} mm (of a press of 1 mm) worse than when the sensor was calibrated",
+            text="adapt the bundle (`gellight calibrate adapt`), or calibrate again: even with the right zero contacts "
+            f"are felt about {expected.gain_deg:.1f} degrees and {expected.gain_mm:.2f} mm (of a press of 1 mm) worse "
+            "than when the sensor was calibrated",
             figures=dict(expected.as_json()),
         )

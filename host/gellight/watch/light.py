@@ -27,6 +27,8 @@ Leds = int | NDArray[np.int_]
 
 NAMEABLE_SHARE = 0.1
 """an LED is named only where the fit leaves less than this share of the picture"""
+LEAST_GREY = 1.0
+"""of light: less than that says nothing of the share"""
 _STARTS = ((20.0, 15.0, 1.0), (40.0, 25.0, 1.0), (15.0, 8.0, 2.0))
 """radius mm, height mm, exponent"""
 _EVERY = 3
@@ -41,6 +43,27 @@ class RingLight:
     """(12, h, w, 3) grey levels that each LED adds to each cell"""
     nearer: NDArray[np.float32]
     """(h, w, 3) grey levels that each cell gains per mm that the gel comes nearer to the ring"""
+    shape: Array
+    """(3,) radius and height, mm, and exponent"""
+    brightness: Array
+    """(12, 3) grey levels of each LED in each channel on gel straight below it"""
+
+    def share(self, leds: Array, x_mm: Array, y_mm: Array, slopes: Array) -> Array:
+        """Return the light that (N, 2) slopes at (N,) places show, (N, 3), where each LED gives a share of its own.
+
+        leds: (12,) that share. The result is a share, too, of the light that they show where nothing changed. On gel of
+        slope g, before its place by u, v seen from it, the light of a LED changes by (1 - g_x u / h - g_y v / h) / |n|
+        beside flat gel; what is common to all LEDs cancels.
+        """
+        radius, height, _ = self.shape
+        now = then = np.zeros((len(x_mm), 3))
+        for led, (part, grey) in enumerate(zip(leds, self.brightness, strict=True)):
+            azimuth = np.radians(30.0 * led)
+            u, v = radius * np.cos(azimuth) - x_mm, -radius * np.sin(azimuth) - y_mm
+            facing = np.maximum(1 - (slopes[:, 0] * u + slopes[:, 1] * v) / height, 0)
+            light = (facing * _irradiance(self.shape, x_mm, y_mm, led))[:, None] * grey
+            now, then = now + part * light, then + light
+        return np.asarray((now + LEAST_GREY) / (then + LEAST_GREY))
 
 
 def fit_ring_light(bundle: Bundle) -> RingLight | None:
@@ -64,11 +87,17 @@ def fit_ring_light(bundle: Bundle) -> RingLight | None:
     leds = _every_led(colours)
     lit = _irradiance(best.x, x_mm, y_mm, leds)
     _, shares = _by_colour(best.x, x_mm, y_mm, colours, reference)
-    fields = lit[..., None] * (colours @ shares)[:, None, None]
+    brightness = colours @ shares
+    fields = lit[..., None] * brightness[:, None, None]
     if np.sqrt(((fields.sum(axis=0) - reference) ** 2).mean() / (reference**2).mean()) >= NAMEABLE_SHARE:
         return None
     nearer = (_gain_per_mm(best.x, x_mm, y_mm, leds)[..., None] * fields).sum(axis=0)
-    return RingLight(fields=fields.astype(np.float32), nearer=np.asarray(nearer, np.float32))
+    return RingLight(
+        fields=fields.astype(np.float32),
+        nearer=np.asarray(nearer, np.float32),
+        shape=np.asarray(best.x),
+        brightness=np.asarray(brightness),
+    )
 
 
 def _by_colour(shape: Array, x_mm: Array, y_mm: Array, colours: Array, reference: Cells) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ VERBS = lazy_group(
         ),
         "evaluate": ("calibrate.training:evaluate", "Measure the error of a bundle on labelled presses."),
         "crossvalidate": ("calibrate.training:crossvalidate", "Measure the error on presses that were not trained on."),
+        "adapt": ("calibrate.adapt:command", "Adapt a bundle to light that has changed, without a press."),
         "starter": ("calibrate.starter:command", "Learn on other units, for one that nobody calibrated: rough."),
         "synthetic": (
             "calibrate.training:synthetic",
