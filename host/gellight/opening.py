@@ -13,6 +13,7 @@ from gellight.base.errors import CameraError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, ChooseBundle
 from gellight.frames.image_files import KINDS, ImageCamera, image_files, is_file
+from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.frames.picture import prepared
 
 NODES = ("/dev/video", "/dev/v4l/")
@@ -32,12 +33,12 @@ def open_camera(
     `geometry` is how a simulated sensor differs from the default. A sensor is set and lit as when `bundle` was made:
     give the one that its frames are reconstructed with. Without a bundle the LEDs of a real sensor stay dark until
     `Camera.adopt` lights them, and a simulated one shows its ring full on. Where the bundle takes a view or fills
-    marker dots, the frames are prepared so; those of a recording already are. A function chooses the bundle as soon as
-    the board can be asked; the frames are then as taken. `close`, or the end of `with`, makes the
+    marker dots, the frames are prepared so; those of a recording and of a drawn unit already are. A function chooses
+    the bundle as soon as the board can be asked; the frames are then as taken. `close`, or the end of `with`, makes the
     LEDs dark. Raises CameraError, BoardError, BundleError, InputError or ConfigError with the remedy.
     """
     camera = _opened(url, geometry, bundle)
-    if not isinstance(bundle, Bundle) or camera.url.startswith("replay://"):
+    if not isinstance(bundle, Bundle) or camera.url.startswith("replay://") or PICTURE_STEPS in camera.bundle_files:
         return camera
     try:
         return prepared(camera, bundle)

@@ -1,5 +1,7 @@
 """Which bundle belongs to a sensor: the one that the settings or its board name, or the one in service for it."""
 
+from urllib.parse import parse_qsl, urlsplit
+
 from gellight.base.errors import BundleError
 from gellight.base.settings import GeometrySettings, Settings
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
@@ -25,7 +27,7 @@ class BundleChoice:
     def __init__(self, settings: Settings) -> None:
         """Load what the settings name; BundleError for a bundle that is damaged or missing."""
         self._named = named = settings.sensor.calibration
-        if named is None and settings.sensor.url.startswith("sim://"):
+        if named is None and settings.sensor.url.startswith("sim://") and not _drawn(settings.sensor.url):
             self.bundle = _of_simulated(settings.geometry)
         elif named is not None and named != AUTO:
             self.bundle = load_bundle(named)
@@ -40,6 +42,11 @@ class BundleChoice:
         if self._named is None and self.bundle is not None and self.bundle.image_shape == camera.image_shape:
             self.bundle = self.bundle.with_files(camera.picture_files) if camera.picture_files else self.bundle
         return self.bundle
+
+
+def _drawn(url: str) -> bool:
+    """Whether a simulated sensor is drawn from a bundle, which then comes with its frames."""
+    return "bundle" in dict(parse_qsl(urlsplit(url).query))
 
 
 def _of_simulated(geometry: GeometrySettings) -> Bundle:

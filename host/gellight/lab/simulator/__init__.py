@@ -1,6 +1,7 @@
 """The sensor that needs no hardware: a gel computed by `sim_reference`, lit by the emulated board.
 
 simulated_camera.py    the camera of sim://
+simulated_url.py       its parameters
 stage.py               what presses objects into its gel
 simulated_controls.py  its exposure, gain and white balance
 gel_models.py          the gel as a layer or by finite elements, whose presses are kept
@@ -10,6 +11,8 @@ dataset.py             many presses as files, for training other networks
 demo_presses.py        the presses of the demo, computed ahead by finite elements
 sweep.py               independent tasks over processes or a cluster, each result kept at once
 scene.py               what it looks at, computed once for a press
+unit.py                a real unit as its bundle tells of it
+measured_light.py      what the camera of a real unit shows of a slope
 dragging.py            the gel along its surface, under an object that is moved sideways
 printed_dots.py        marker dots on the gel
 read_noise.py          the noise of its camera

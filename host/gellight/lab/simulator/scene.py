@@ -11,10 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from gellight.frames.shear import ShearTruth
 from gellight.lab.simulator.dragging import Motion, Sheared, sheared
+from gellight.lab.simulator.measured_light import MeasuredLight
 from gellight.lab.simulator.printed_dots import PrintedDots, paint, seen_px
 from sim_reference import gel
 from sim_reference.bodies import BODY_NAMES, body
-from sim_reference.camera import CameraResponse, exposure_for, linear_grey
+from sim_reference.camera import WHITE, CameraResponse, exposure_for, linear_grey
 from sim_reference.deformation import Deformation, GelModel
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry, pixel_grid
@@ -122,14 +123,17 @@ class Scene:
         *,
         model: GelModel = gel.press,
         printed: Printed | None = None,
+        measured: MeasuredLight | None = None,
     ) -> None:
         """Render the untouched gel and choose the exposure that makes its brightest pixel `BRIGHTEST_GREY`.
 
         led_gain: (12,) how bright each LED really is, as a share of its nominal brightness; it does not move the
         exposure. `model` computes the gel. printed: the dots on it; without, nothing is computed along the gel.
+        measured: the light of a real unit in place of the ring's: red, green and blue as three LEDs, exposed as given.
         """
         self.geometry = geometry
-        self.light = ring_light(geometry)
+        self.measured = measured
+        self.light = np.eye(3) if measured else ring_light(geometry)
         self._model, self.printed = model, printed
         self.led_gain = np.ones(len(self.light)) if led_gain is None else led_gain
         self._gel = SensorGeometry(
@@ -144,8 +148,10 @@ class Scene:
         self._untouched_lit = self._lit
         self._ready: dict[Press, Lit] = {}
         self._keeping = threading.Lock()
-        irradiance = under_light(self._lit[2], self.light)
-        self.response = replace(response, exposure=exposure_for(irradiance, response, BRIGHTEST_GREY))
+        self.response = response
+        if measured is None:
+            irradiance = under_light(self._lit[2], self.light)
+            self.response = replace(response, exposure=exposure_for(irradiance, response, BRIGHTEST_GREY))
 
     def show(self, press: Press | None, light: Array | None = None) -> tuple[NDArray[np.float32], Surface]:
         """Return the picture before noise, (H, W, 3) grey levels, and the gel surface, under `press`.
@@ -228,9 +234,13 @@ class Scene:
         return press, surface, self._light_up(surface, press)
 
     def _light_up(self, surface: Surface, press: Press | None) -> NDArray[np.float32]:
-        """(12, H, W) irradiance of every LED, full on, darkened by the dots."""
-        lit = [led_irradiance(surface, self.geometry, led) for led in range(len(self.light))]
-        pictures = np.stack(lit).astype(np.float32, copy=False)
+        """(12, H, W) irradiance of every LED, full on, or (3, H, W) measured light, darkened by the dots."""
+        if self.measured is not None:
+            grey = self.measured.grey(surface.gradient_map[..., 0], surface.gradient_map[..., 1])
+            pictures = np.moveaxis(grey, 2, 0) / np.float32(WHITE)
+        else:
+            lit = [led_irradiance(surface, self.geometry, led) for led in range(len(self.light))]
+            pictures = np.stack(lit).astype(np.float32, copy=False)
         if self.printed is not None:
             dots, size = self.printed.dots, self.geometry.pixel_size_mm
             paint(pictures, self._dots(press)[0][dots.printed], dots.diameter_mm / size, dots.albedo)

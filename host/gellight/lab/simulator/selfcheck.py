@@ -49,7 +49,7 @@ def check_presses(camera: Camera, reconstructor: Reconstructor) -> Iterator[tupl
     """
     judge, stage = camera.selfcheck(reconstructor.bundle.pixel_size_mm), camera.stage
     if judge is None or stage is None:
-        raise InputError(f"{camera.url} cannot be checked: only a simulated sensor (sim://) knows what is pressed")
+        raise InputError(f"{camera.url} cannot be checked: only a simulated sensor (sim:// without bundle) can be")
     for name, depth, x, y in CHECKED_PRESSES:
         stage.press(name, depth, x, y)
         result = judge.compare(reconstructor.reconstruct(camera.read()))

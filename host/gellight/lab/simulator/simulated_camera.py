@@ -15,6 +15,8 @@ with `resolution` mm between vertices: a minute a press, kept on the disk. `dots
 dots on the gel, `dot_pitch` and `dot_diameter` mm, of `dot_albedo`, of which the share `dots_missing` has come off;
 `friction` is its coefficient for what is dragged over such a gel.
 `sequence=FILE` moves an object as the file says, a step a frame, there and back: see `sequence.py`.
+`bundle=BUNDLE` draws the pictures of a real unit, with the light that its calibration measured: see `unit.py`. Its
+light is steady, and what tells one simulated sensor from another does not apply.
 """
 
 import logging
@@ -27,31 +29,33 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.allowed import query_of
 from gellight.base.errors import BoardError, CameraError, ConfigError, InputError
+from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera
 from gellight.frames.dots import find_dots
 from gellight.frames.frames import CameraFrame, GroundTruth
+from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.frames.picture import PictureSteps
 from gellight.frames.timing import CameraTiming
 from gellight.lab.emulator.child import SimulatedBoard
-from gellight.lab.simulator.gel_models import GelKind, gel_model
+from gellight.lab.simulator.gel_models import gel_model
 from gellight.lab.simulator.known_force import known_force
 from gellight.lab.simulator.memory import check_memory
-from gellight.lab.simulator.printed_dots import PrintedDots
 from gellight.lab.simulator.read_noise import ReadNoise
-from gellight.lab.simulator.scene import Array, Press, Printed, Scene
+from gellight.lab.simulator.scene import Array, Press, Scene
 from gellight.lab.simulator.selfcheck import SelfCheck
 from gellight.lab.simulator.sequence import read_sequence
 from gellight.lab.simulator.shutter import Shutter, row_weights
 from gellight.lab.simulator.simulated_controls import SimulatedControls
+from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.lab.simulator.stage import Stage
+from gellight.lab.simulator.unit import CalibratedControls, Unit
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
 from gellight.ring.wire import MOST_LEDS
-from sim_reference.camera import WHITE, CameraResponse
+from sim_reference.camera import WHITE
 from sim_reference.geometry import SensorGeometry
 
 logger = logging.getLogger(__name__)
@@ -68,11 +72,13 @@ class SimulatedCamera(Camera):
     """A camera on the simulated gel; a context manager like every camera."""
 
     def __init__(self, scene: Scene, stage: Stage, *, ring: LightRing | None = None, url: str = "sim://",
-                 fps: float = 30.0, seed: int = 0, strobe: bool = False) -> None:  # fmt: skip
+                 fps: float = 30.0, seed: int = 0, strobe: bool = False,
+                 bundle: Bundle | None = None) -> None:  # fmt: skip
         """Look at `scene` while `stage` presses objects into it, `fps` times a second at most.
 
         `ring` lights the scene through its simulated board, and is closed with the camera; without it the light is
-        steady. With `strobe` each frame begins with an edge on the trigger pin of that board.
+        steady. With `strobe` each frame begins with an edge on the trigger pin of that board. bundle: of the real
+        unit whose light the scene shows; its pictures are drawn as they are after preparing.
         """
         self.url, self.ring = url, ring
         self.stage: Stage = stage
@@ -86,7 +92,8 @@ class SimulatedCamera(Camera):
         """what the newest frame shows"""
         self._shutter = Shutter()
         self._response = scene.response
-        self.controls = SimulatedControls(self._take_controls)
+        self.bundle = bundle
+        self.controls = CalibratedControls(bundle.controls) if bundle else SimulatedControls(self._take_controls)
         self._period_s, self._strobe = 1 / fps, strobe
         self.waiting = 0 if strobe else BUFFERS
         """frames that wait for who reads late: none with a strobe, whose frames begin when they are read"""
@@ -108,8 +115,10 @@ class SimulatedCamera(Camera):
 
     @property
     def bundle_files(self) -> Mapping[str, bytes]:
-        """The force of its gel."""
-        return known_force(self._scene.geometry)
+        """The force of its gel; of a unit, how its pictures were prepared."""
+        if self.bundle is None:
+            return known_force(self._scene.geometry)
+        return {name: content for name, content in self.bundle.files.items() if name == PICTURE_STEPS}
 
     @property
     def picture_files(self) -> Mapping[str, bytes]:
@@ -120,9 +129,9 @@ class SimulatedCamera(Camera):
         steps = PictureSteps.of(self._scene.geometry.image_shape, None, find_dots(untouched))
         return steps.files() if steps else {}
 
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> SelfCheck:
-        """Return the judge of what is reconstructed from these frames: the simulator that made them."""
-        return SelfCheck(self._scene, pixel_size_mm)
+    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> SelfCheck | None:
+        """Return the judge of what is reconstructed from these frames: the simulator that made them; none of a unit."""
+        return SelfCheck(self._scene, pixel_size_mm) if self.bundle is None else None
 
     def _take_controls(self, exposure_us: float, channel_gain: tuple[float, float, float]) -> None:
         """Set the exposure from the next frame on, and amplify each channel; the noise is amplified with it."""
@@ -193,7 +202,7 @@ class SimulatedCamera(Camera):
             self._left_out.add(press)
             logger.warning("the programme leaves out %s, %g mm deep: %s", press.object_name, press.depth_mm, error)
 
-    def _expose(self) -> tuple[float, Array, NDArray[np.uint8]]:
+    def _expose(self) -> tuple[float, Array, NDArray[np.uint8] | None]:
         """Return when the next frame that is due began, and its light as `_light_since` does."""
         given_up_s = time.monotonic() + DARK_S
         while time.monotonic() < given_up_s:
@@ -230,8 +239,10 @@ class SimulatedCamera(Camera):
             raise CameraError(f"{self.url}: the board of the light ring is gone, and the gel is dark: start again")
         return board
 
-    def _light_since(self, begun_s: float) -> tuple[Array, NDArray[np.uint8]]:
+    def _light_since(self, begun_s: float) -> tuple[Array, NDArray[np.uint8] | None]:
         """(12, 3) or (H, 12, 3) light of the exposure that began then, and the colours that were latched then."""
+        if self.bundle is not None:
+            return self._scene.light, None
         if self.ring is None:
             return self._scene.light, np.round(self._scene.light * 255).astype(np.uint8)
         source = self._board()
@@ -259,72 +270,15 @@ class SimulatedCamera(Camera):
         return self._shown[2], self._shown[3]
 
 
-class SimulatedUrl(BaseModel):
-    """The parameters of a `sim://` URL."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
-
-    fps: float = Field(30.0, gt=0, le=1000)
-    seed: int = Field(0, ge=0)
-    noise: float = Field(1.0, ge=0, le=50)
-    object_name: str = Field("", alias="object")
-    depth: float = Field(0.0, ge=0)
-    x: float = 0.0
-    y: float = 0.0
-    programme: bool = True
-    board: bool = True
-    strobe: bool = False
-    crosstalk: float = Field(0.1, ge=0, le=0.5)
-    led_spread: float = Field(0.0, ge=0, le=0.5)
-    dim: float = Field(0.0, ge=0, le=0.9)
-    gel: GelKind = "layer"
-    resolution: float = Field(0.3, ge=0.1, le=2.5)
-    sequence: str = ""
-    dots: str = Field(
-        "", pattern=r"^(\d{1,2}x\d{1,2})?$", json_schema_extra={"allowed": "columns x rows, such as `9x7`"}
-    )
-    dot_pitch: float = Field(2.0, ge=0.5, le=10)
-    dot_diameter: float = Field(0.6, ge=0.1, le=5)
-    dot_albedo: float = Field(0.35, ge=0, le=1)
-    dots_missing: float = Field(0.0, ge=0, lt=1)
-    friction: float = Field(0.6, gt=0, le=5)
-
-    def printed(self) -> Printed | None:
-        """Return the dots on the gel and its friction, None where it has none; InputError for dots that overlap."""
-        if not self.dots:
-            return None
-        columns, rows = map(int, self.dots.split("x"))
-        if not (columns and rows and self.dot_diameter < self.dot_pitch):
-            raise InputError(
-                f"dots={self.dots} of {self.dot_diameter:g} mm, {self.dot_pitch:g} mm apart, cannot be printed: give "
-                "columns x rows, and dots narrower than dot_pitch"
-            )
-        dots = PrintedDots(columns=columns, rows=rows, pitch_mm=self.dot_pitch, diameter_mm=self.dot_diameter,
-                           albedo=self.dot_albedo, missing=self.dots_missing, seed=self.seed)  # fmt: skip
-        return Printed(dots=dots, friction=self.friction)
-
-    def response(self) -> CameraResponse:
-        """Return the camera: the colours pass its filters in the proportions of the plain camera's crosstalk."""
-        plain = CameraResponse(noise_grey=self.noise)
-        others = np.array(plain.crosstalk) * (1 - np.eye(3)) * (self.crosstalk / 0.1)
-        own = np.diag(1 - others.sum(axis=1))
-        rows = (others + own).tolist() if self.crosstalk != 0.1 else plain.crosstalk
-        return replace(plain, crosstalk=tuple(tuple(row) for row in rows))
-
-    def led_gain(self, count: int) -> Array:
-        """Return (count,) brightness of each LED as a share of the nominal: dimmed, and spread as the seed says."""
-        spread = self.led_spread * np.random.default_rng([self.seed, 2]).standard_normal(count)
-        return np.asarray((1 - self.dim) * np.maximum(1 + spread, 0.0))
-
-
 def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = None) -> SimulatedCamera:
     """Open a simulated sensor as `url` says; `geometry` is how it differs from the default one.
 
     Raises InputError for a parameter that is unknown or out of range and for finite elements that do not fit the
-    memory, ConfigError for a sensor that cannot be built.
+    memory, ConfigError for a sensor that cannot be built, and BundleError for a bundle that keeps no presses.
     """
     wanted = query_of(url, SimulatedUrl)
-    sensor = built(geometry or {})
+    unit = wanted.unit()
+    sensor = built(geometry or {}, unit)
     stage = Stage(sensor, programme=wanted.programme)
     if wanted.model_fields_set & {"object_name", "depth", "x", "y"}:
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
@@ -332,16 +286,24 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
         stage.play(read_sequence(Path(wanted.sequence), sensor).presses)
     if wanted.gel == "fem":
         check_memory(wanted.resolution, sensor)
-    model = gel_model(wanted.gel, wanted.resolution)
-    gain = wanted.led_gain(len(sensor.led_colours))
-    scene = Scene(sensor, wanted.response(), gain, model=model, printed=wanted.printed())
-    if wanted.board:
-        check_drivable(len(scene.light))
-    elif wanted.strobe:
+    scene = _scene(wanted, sensor, unit)
+    if wanted.strobe and not wanted.board:
         raise InputError(f"{url}: a strobe needs the board whose light it moves on: leave out board=0, or strobe=1")
-    ring = lit_ring(np.round(scene.light * 255).astype(np.uint8)) if wanted.board else None
+    if wanted.board and unit is None:
+        check_drivable(len(scene.light))
+    ring = lit_ring(np.round(scene.light * 255).astype(np.uint8)) if wanted.board and unit is None else None
     return SimulatedCamera(scene, stage, ring=ring, url=url, fps=wanted.fps, seed=wanted.seed,
-                           strobe=wanted.strobe)  # fmt: skip
+                           strobe=wanted.strobe, bundle=unit.bundle if unit else None)  # fmt: skip
+
+
+def _scene(wanted: SimulatedUrl, sensor: SensorGeometry, unit: Unit | None) -> Scene:
+    """Return what the camera looks at."""
+    model, printed = gel_model(wanted.gel, wanted.resolution), wanted.printed()
+    if unit is not None:
+        response = unit.response(wanted.noise if "noise" in wanted.model_fields_set else None)
+        return Scene(sensor, response, model=model, printed=printed, measured=unit.light)
+    gain = wanted.led_gain(len(sensor.led_colours))
+    return Scene(sensor, wanted.response(), gain, model=model, printed=printed)
 
 
 def check_drivable(leds: int) -> None:
@@ -365,9 +327,11 @@ def lit_ring(colours: NDArray[np.uint8]) -> LightRing:
     return ring
 
 
-def built(geometry: Mapping[str, float | int | str]) -> SensorGeometry:
-    """Return the default sensor with the values of `geometry` instead of its own; ConfigError if it cannot be built."""
+def built(geometry: Mapping[str, float | int | str], unit: Unit | None = None) -> SensorGeometry:
+    """Return the default sensor, or a unit, with the values of `geometry` instead; ConfigError if it cannot be."""
     try:
+        if unit is not None:
+            return unit.geometry(geometry)
         return SensorGeometry(**geometry)  # type: ignore[arg-type]  # the names and types were checked by the settings
     except ValueError as error:
         raise ConfigError(f"the simulated sensor cannot be built: {error}") from None

@@ -6,14 +6,18 @@ through three depths. What a LED cannot reach is taken off: gel that is turned a
 slope is that steep, and cast shadows, found on 160 x 120 cells by the sweep of the frame path.
 """
 
+from dataclasses import replace
 from math import isclose
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from gellight.lab.simulator.measured_light import MeasuredLight
+from gellight.lab.simulator.scene import BRIGHTEST_GREY
 from gellight.lab.touch.layer import Floats
 from gellight.lab.touch.shade import Shade
+from sim_reference.camera import CameraResponse, exposure_for, linear_grey
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions, pixel_grid
 from sim_reference.imaging import ring_light
 
@@ -81,10 +85,10 @@ class Tables:
                 light[channel, at] -= behind * self._light[led, channel]
 
 
-class Pictures:
-    """Pictures of surfaces that are given on the layer's grid."""
+class Splines:
+    """Surfaces that are given on the layer's grid, at the pixels."""
 
-    def __init__(self, geometry: SensorGeometry, grid_mm: NDArray[np.float64], *, cast_shadows: bool = True) -> None:
+    def __init__(self, geometry: SensorGeometry, grid_mm: NDArray[np.float64]) -> None:
         """Prepare for depth maps on a square grid with coordinates `grid_mm` (n,); beyond it the gel is flat."""
         x, y = pixel_grid(geometry)
         spline = make_interp_spline(grid_mm, np.eye(len(grid_mm)), k=3, bc_type="natural")
@@ -93,13 +97,35 @@ class Pictures:
             for at in (x[0], y[:, 0])
             for order in (0, 1)
         )
-        self.tables = Tables(geometry)
-        self._shade = Shade.of(geometry) if cast_shadows else None
 
     def surface(self, depth_mm: Floats) -> tuple[Floats, Floats, Floats]:
         """Return depth (mm) and slopes in x and y on the pixels, (H, W) each, of a depth map (n, n) on the grid."""
         rows, d_rows = self._down @ depth_mm, self._d_down @ depth_mm
         return rows @ self._across.T, rows @ self._d_across.T, d_rows @ self._across.T
+
+
+class Pictures(Splines):
+    """Pictures under the ring, as one camera shows them."""
+
+    def __init__(
+        self,
+        geometry: SensorGeometry,
+        grid_mm: NDArray[np.float64],
+        response: CameraResponse,
+        *,
+        cast_shadows: bool = True,
+    ) -> None:
+        """Prepare as `Splines`; the brightest pixel of the untouched gel gets `BRIGHTEST_GREY`."""
+        super().__init__(geometry, grid_mm)
+        self.tables = Tables(geometry)
+        self._shade = Shade.of(geometry) if cast_shadows else None
+        rest = np.moveaxis(self.irradiance(np.zeros((len(grid_mm),) * 2, np.float32)), 0, 2)
+        self._response = replace(response, exposure=exposure_for(rest, response, BRIGHTEST_GREY))
+
+    def grey(self, depth_mm: Floats) -> Floats:
+        """Return the picture before noise, (H, W, 3) grey levels, of a depth map (n, n) on the grid."""
+        light = np.moveaxis(self.irradiance(depth_mm), 0, 2)
+        return linear_grey(light, self._response).astype(np.float32)
 
     def irradiance(self, depth_mm: Floats) -> Floats:
         """Return the light in each channel, (3, H, W), of a depth map (n, n) on the grid."""
@@ -108,3 +134,16 @@ class Pictures:
         if self._shade is not None and np.hypot(across, down).max() > self.tables.least_turned:
             self._shade.take_off(light, depth, across, down)
         return np.maximum(light, 0)
+
+
+class UnitPictures(Splines):
+    """Pictures of a real unit, by the light that its calibration measured."""
+
+    def __init__(self, geometry: SensorGeometry, grid_mm: NDArray[np.float64], light: MeasuredLight) -> None:
+        """Prepare as `Splines`."""
+        super().__init__(geometry, grid_mm)
+        self._light = light
+
+    def grey(self, depth_mm: Floats) -> Floats:
+        """Return the picture before noise, (H, W, 3) grey levels, of a depth map (n, n) on the grid."""
+        return self._light.grey(*self.surface(depth_mm)[1:])

@@ -1,22 +1,22 @@
 """A simulated sensor that feels whatever a robot simulator presses into it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.bundle.bundle import Bundle
 from gellight.lab.simulator.read_noise import ReadNoise
+from gellight.lab.simulator.unit import Unit
 from gellight.lab.touch.layer import Floats, Layer
-from gellight.lab.touch.picture import Pictures
+from gellight.lab.touch.picture import Pictures, UnitPictures
 from gellight.lab.touch.traction import Sheared, Traction
-from sim_reference.camera import CameraResponse, exposure_for, linear_grey
+from sim_reference.camera import CameraResponse
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.surface import GRID_EXTENT_MM
 
-BRIGHTEST_GREY = 200.0
-"""of the untouched gel, as in `simulator.scene`"""
 SINKING_ERROR = 1e-3
 """of the force that a layer is to carry"""
 MOST_SINKING = 40
@@ -59,21 +59,30 @@ class TouchSensor:
 
     def __init__(
         self,
-        geometry: SensorGeometry | None = None,
+        sensor: SensorGeometry | Bundle | None = None,
         *,
         size: int = 128,
-        extent_mm: float = GRID_EXTENT_MM,
-        youngs_modulus_mpa: float = FemGel.youngs_modulus_mpa,
+        extent_mm: float | None = None,
+        youngs_modulus_mpa: float | None = None,
         response: CameraResponse | None = None,
         cast_shadows: bool = True,
         seed: int = 0,
     ) -> None:
-        """Prepare a gel of `size` x `size` points over `extent_mm` mm.
+        """Prepare a gel of `size` x `size` points over `extent_mm` mm, default: 64, of a bundle what its view needs.
 
-        geometry: of the sensor, default: as in the paper. response: of its camera. Without cast_shadows steep walls
-        cast none. Raises InputError for a grid that cannot be.
+        sensor: how it is built, default: as in the paper; or the bundle of a real unit that was calibrated from
+        presses, whose pictures are then drawn by the light they measured, without cast shadows. response: of the
+        camera; a bundle has its own. Without cast_shadows steep walls cast none. Raises InputError for a grid that
+        cannot be, and BundleError for a bundle that keeps no presses.
         """
-        self.geometry = SensorGeometry() if geometry is None else geometry
+        unit = Unit(sensor) if isinstance(sensor, Bundle) else None
+        self.geometry = unit.geometry() if unit else sensor if isinstance(sensor, SensorGeometry) else SensorGeometry()
+        self._light = unit.light if unit else None
+        """what its presses showed, for a real unit"""
+        if extent_mm is None:
+            extent_mm = _reach_mm(self.geometry) if unit else GRID_EXTENT_MM
+        if youngs_modulus_mpa is None:
+            youngs_modulus_mpa = unit.youngs_modulus_mpa if unit else FemGel.youngs_modulus_mpa
         if size < 16 or not extent_mm > 0 or not youngs_modulus_mpa > 0:
             raise InputError(
                 f"a grid of {size} points over {extent_mm:g} mm, Young's modulus {youngs_modulus_mpa:g} MPa: give 16 "
@@ -85,8 +94,8 @@ class TouchSensor:
             self.layer.at_mm, self.geometry.gel_thickness_mm, self.geometry.poisson_ratio, shear_modulus_mpa
         )
         self._shadows = cast_shadows
-        self._given = CameraResponse() if response is None else response
-        self._pictures: Pictures | None = None
+        self._response = response or (unit.response() if unit else CameraResponse())
+        self._pictures: Pictures | UnitPictures | None = None
         self._noise = ReadNoise(np.random.default_rng(seed))
 
     def seed(self, seed: int) -> None:
@@ -146,12 +155,11 @@ class TouchSensor:
     def picture(self, felt: Felt, *, noise: bool = True) -> NDArray[np.uint8]:
         """Return what the camera sees, (H, W, 3) uint8 RGB."""
         grey = self.grey(felt)
-        return self._noise.digitise(grey, self._given.noise_grey if noise else 0.0)
+        return self._noise.digitise(grey, self._response.noise_grey if noise else 0.0)
 
     def grey(self, felt: Felt) -> Floats:
         """Return the picture before noise, (H, W, 3) grey levels."""
-        light = np.moveaxis(self._drawing().irradiance(felt.depth_mm), 0, 2)
-        return linear_grey(light, self._response).astype(np.float32)
+        return self._drawing().grey(felt.depth_mm)
 
     def depth_map_mm(self, felt: Felt) -> Floats:
         """Return the depth on the pixels of the camera, (H, W) mm."""
@@ -169,13 +177,18 @@ class TouchSensor:
         nearest = felt.pressure_mpa[np.ix_(*(np.clip(at, 0, len(at_mm) - 1) for at in (y, x)))]
         return np.where(np.outer(*inside), nearest, 0).astype(np.float32)
 
-    def _drawing(self) -> Pictures:
+    def _drawing(self) -> Pictures | UnitPictures:
         """Prepare the tables of the light when the first picture is asked for."""
-        if self._pictures is None:
-            self._pictures = Pictures(self.geometry, self.layer.at_mm, cast_shadows=self._shadows)
-            rest = np.moveaxis(self._pictures.irradiance(np.zeros((self.layer.size,) * 2, np.float32)), 0, 2)
-            self._response = replace(self._given, exposure=exposure_for(rest, self._given, BRIGHTEST_GREY))
+        if self._pictures is None and self._light is not None:
+            self._pictures = UnitPictures(self.geometry, self.layer.at_mm, self._light)
+        elif self._pictures is None:
+            self._pictures = Pictures(self.geometry, self.layer.at_mm, self._response, cast_shadows=self._shadows)
         return self._pictures
+
+
+def _reach_mm(geometry: SensorGeometry) -> float:
+    """Return the side of a grid that holds the gel and two gel thicknesses around it, mm."""
+    return geometry.gel_diameter_mm + 4 * geometry.gel_thickness_mm
 
 
 def _between(low: float, high: float, at_low: float, at_high: float) -> float:

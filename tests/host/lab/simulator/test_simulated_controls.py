@@ -9,7 +9,7 @@ import pytest
 from gellight.base.errors import CameraError, InputError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
-from gellight.lab.simulator.simulated_camera import SimulatedUrl
+from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.opening import open_camera
 from sim_reference.camera import CameraResponse
 

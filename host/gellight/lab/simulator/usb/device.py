@@ -200,9 +200,14 @@ def open_virtual(
     number = checked_serial(serial_number)
     if not url.startswith("sim://"):
         raise InputError(f"a virtual sensor shows a simulated one: {url!r} is none, give sim:// with its parameters")
-    from gellight.lab.simulator.simulated_camera import SimulatedUrl, built, check_drivable, open_simulated
+    from gellight.lab.simulator.simulated_camera import built, check_drivable, open_simulated
+    from gellight.lab.simulator.simulated_url import SimulatedUrl
 
     wanted, leds = query_of(url, SimulatedUrl), len(built(geometry).led_colours)
+    if wanted.bundle:
+        raise InputError(
+            f"{url}: a virtual sensor has the light and the controls of the simulated one: leave out bundle"
+        )
     if wanted.board:
         check_drivable(leds)
     camera = open_simulated(url + ("&" if "?" in url else "?") + "board=0", geometry)
