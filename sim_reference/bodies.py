@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_reference.deformation import NO_OBJECT, grid
-from sim_reference.objects import OBJECTS, PROBES, object_height
+from sim_reference.objects import check_name, object_height
 from sim_reference.solids import highest
 
 Array = NDArray[np.float64]
@@ -103,8 +103,7 @@ def body(name: str, within_mm: float = 0.0) -> Body:
     What is a height over x and y is cut by a circle of radius `within_mm`, unless that is 0. Raises ValueError for an
     unknown name, and for a circle about a bead.
     """
-    if name not in (*BODY_NAMES, *OBJECTS, *PROBES):
-        raise ValueError(f"no object {name!r}: choose one of {', '.join((*BODY_NAMES, *OBJECTS, *PROBES))}")
+    check_name(name, BODY_NAMES)
     if name in BEADS:
         if within_mm:
             raise ValueError(f"{name} is a whole bead: leave out the circle of {within_mm:g} mm that cuts it")

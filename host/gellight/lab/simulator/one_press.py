@@ -27,7 +27,7 @@ from sim_reference.fem.gel import FemGel, depth_under, solver_of
 from sim_reference.fem.newton import State, Step
 from sim_reference.fem.pressing import Checkpoint
 from sim_reference.geometry import SensorGeometry
-from sim_reference.objects import OBJECT_NAMES, PROBE_NAMES, object_height
+from sim_reference.objects import object_height
 from sim_reference.solids import height_map, read_stl
 from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE
 
@@ -113,11 +113,11 @@ def press_once(request: PressRequest, folder: Path, geometry: SensorGeometry, sh
 def object_heights(name: str) -> Array:
     """Return the height map of an object of the simulator, in any case, or of an STL file; raises InputError."""
     at = grid(GRID_SIZE, SPACING_MM)
-    known = OBJECT_NAMES + PROBE_NAMES
-    if name.upper() in known:
-        return object_height(name.upper(), at[None, :], at[:, None])
-    if not name.lower().endswith(".stl"):
-        raise InputError(f"no object {name!r}: choose one of {', '.join(known)}, or give a .stl file")
+    try:
+        if not name.lower().endswith(".stl"):
+            return object_height(name.upper(), at[None, :], at[:, None])
+    except ValueError as error:
+        raise InputError(f"{error}, or give a .stl file") from error
     try:
         return height_map(read_stl(Path(name).read_bytes()), GRID_SIZE, SPACING_MM)
     except OSError as error:

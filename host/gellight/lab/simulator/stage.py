@@ -13,7 +13,7 @@ from gellight.base.errors import InputError
 from gellight.frames.status import PressStatus
 from gellight.lab.simulator.scene import Press
 from sim_reference.geometry import SensorGeometry
-from sim_reference.objects import OBJECT_NAMES, PROBE_NAMES
+from sim_reference.objects import OBJECT_NAMES, PROBE_NAMES, check_name
 
 RETURN_FRAMES = 300
 """after a visitor's last touch until the programme goes on"""
@@ -106,9 +106,10 @@ class Stage:
 
     def _checked(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> Press | None:
         """Return the press, None for one that does not touch; InputError for one that cannot be."""
-        known = self.objects + self.probes
-        if object_name not in known:
-            raise InputError(f"no object {object_name!r}: choose one of {', '.join(known)}")
+        try:
+            check_name(object_name)
+        except ValueError as error:
+            raise InputError(str(error)) from error
         if not 0 <= depth_mm <= self.max_depth_mm:
             raise InputError(f"press depth {depth_mm} mm: choose 0 to {self.max_depth_mm:g} mm")
         self._check_place(x_mm, y_mm)

@@ -81,6 +81,7 @@ def test_a_press_held_by_the_url_stays() -> None:
         ("&x=1e9", "off the gel"),
         ("&depth=9", "choose 0 to 2 mm"),
         ("&object=CUBE&depth=1", "no object 'CUBE': choose one of BALL"),
+        ("&object=SINE-0.1-0.01&depth=1", "waves can be 0.5 to 12 mm long"),
         ("&fps=0", "fps"),
     ],
 )
