@@ -29,6 +29,17 @@ def test_real_presses_are_felt_no_worse_than_recorded(row: Row) -> None:
     assert worse(str(row), measured, recorded) == []
 
 
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.real_images(PICTURES[name])) for name in ("mini", "gripper")]
+)
+def test_circles_by_hand_are_each_of_a_picture_and_know_its_dots(name: str, tmp_path: Path) -> None:
+    images = SETS[name](tmp_path)
+    circles = {(press.center_x_px, press.center_y_px, press.contact_radius_px) for press in images.hand}
+    assert len(circles) == len(images.hand), "one label was copied to a second picture"
+    assert {press.dots for press in images.hand} == {images.reference.dots}
+    assert (images.reference.dots is not None) == (name == "gripper")
+
+
 def test_circles_a_pixel_off_are_worse(tmp_path: Path) -> None:
     images = SETS["three_lights_crop"](tmp_path)
     fold = next(folds_of(images))
