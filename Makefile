@@ -44,7 +44,7 @@ docs: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 # What is ordered and printed for a sensor, in build/boards and build/housing; ARGS: options of the verb.
-boards: $(VENV)/.host
+boards: $(VENV)/.parts
 housing: $(VENV)/.parts
 boards housing:
 	$(BIN)/gellight optimize $@ --out build/$@ $(ARGS)

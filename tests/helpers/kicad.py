@@ -33,7 +33,10 @@ for name, layer in (("F_Cu", pcbnew.F_Cu), ("B_Cu", pcbnew.B_Cu)):
     plot.OpenPlotfile(name, pcbnew.PLOT_FORMAT_GERBER, name)
     plot.PlotLayer()
 plot.ClosePlot()
-json.dump({"pads": pads, "parts": parts}, open(sys.argv[4], "w"))
+poured = [zone.CalculateFilledArea() for zone in board.Zones()]
+pcbnew.ZONE_FILLER(board).Fill(board.Zones())
+filled = [zone.CalculateFilledArea() for zone in board.Zones()]
+json.dump({"pads": pads, "parts": parts, "poured": poured, "filled": filled}, open(sys.argv[4], "w"))
 """
 
 
@@ -51,6 +54,8 @@ class Verdict:
     """reference, x, y, degrees, value"""
     plots: dict[str, Path]
     """Gerbers that KiCad plots of the same file, by layer"""
+    pours: list[tuple[float, float]]
+    """mm2 of each pour as its file has it, and as KiCad would fill it"""
 
 
 @functools.cache
@@ -83,4 +88,5 @@ def judge(folder: Path, name: str) -> Verdict:
     return Verdict(
         by_severity["error"], by_severity["warning"], int(unconnected[1]), as_tuples,
         [tuple(part) for part in found["parts"]], plots,
+        [(ours / 1e12, theirs / 1e12) for ours, theirs in zip(found["poured"], found["filled"], strict=True)],
     )  # fmt: skip

@@ -2,10 +2,13 @@
 
 Which pin does what comes from the presets of the firmware (`ring.boards`) and from `modules`. The circuit is that of
 firmware/README.md; the capacitor at CT (2.2 nF) lets 5 V rise in 6 ms (TPS22918 data sheet, 8.3.3: 0.55 us per V and pF
-and 30 us per V), so that 470 uF take 380 mA.
+and 30 us per V), so that 470 uF take 380 mA. R1 keeps the switch open while no pin drives it: an input of the RP2350
+A2 sources some 120 uA up to 2.2 V, and 8.2 kohm or less hold it low (erratum RP2350-E9); 2.2 kohm leave 0.3 V, below
+the 0.5 V at which the TPS22918 is surely off, and take 1.5 mA of the pin while it is closed.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import pi
 
 from gellight.lab.boards import catalogue
@@ -21,6 +24,7 @@ from gellight.lab.boards.footprints import (
 )
 from gellight.lab.boards.model import GROUND, Board, Footprint, Item, Part, Point, Rules, polygon
 from gellight.lab.boards.modules import LOGIC, VBUS, Module, carrier_pins, find_module
+from gellight.lab.boards.pour import ground_planes
 from gellight.lab.boards.routing import Router
 from gellight.lab.boards.strip import TAIL_NETS
 from gellight.ring.boards import Board as Preset
@@ -63,7 +67,7 @@ def carrier_board(name: str) -> Board:
     router = Router(width, height, RULES, pads, holes)
     nets = sorted({pad.net for pad in pads} - {""}, key=lambda net: (net == GROUND, -WIDTHS.get(net, 0), net))
     router.route_all({net: WIDTHS.get(net, SIGNAL_MM) for net in nets})
-    return Board(
+    board = Board(
         name=f"gellight-carrier-{name}",
         title=f"GelLight carrier for {controller.item.value}",
         outline=polygon((0, 0), (width, 0), (width, height), (0, height)),
@@ -73,6 +77,7 @@ def carrier_board(name: str) -> Board:
         vias=tuple(router.vias),
         holes=holes,
     )
+    return replace(board, pours=ground_planes(board))
 
 
 def _module(controller: Module, preset: Preset, middle: Point) -> Part:
@@ -94,7 +99,7 @@ def _parts(field: Point) -> Iterator[Part]:
     yield part("C1", catalogue.CAPACITOR_1U, CHIP_0603, (16.5, 32), 3, FUSED, GROUND)
     yield part("U2", catalogue.LOAD_SWITCH, SOT23_6, (20.5, 35), 0, FUSED, GROUND, "SWITCH", "SLEW", "", LEDS)
     yield part("C2", catalogue.CAPACITOR_2N2, CHIP_0603, (23.5, 31.5), 3, "SLEW", GROUND)
-    yield part("R1", catalogue.RESISTOR_10K, CHIP_0603, (19, 31.5), 3, "SWITCH", GROUND)
+    yield part("R1", catalogue.RESISTOR_2K2, CHIP_0603, (19, 31.5), 3, "SWITCH", GROUND)
     yield part("C3", catalogue.CAPACITOR_470U, ELECTROLYTIC, (31, 34.5), 0, LEDS, GROUND)
     yield part("U3", catalogue.LEVEL_SHIFTER, SOIC14, (14, 22), 0, *gates)
     yield part("C4", catalogue.CAPACITOR_100N, CHIP_0603, (20.5, 26), 3, LEDS, GROUND)

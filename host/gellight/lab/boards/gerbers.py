@@ -6,7 +6,7 @@ attribute FileFunction. Drill files: Excellon in the form of IPC-NC-349.
 
 import io
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import degrees
 
@@ -89,6 +89,10 @@ class _Gerber:
         self.select(shape)
         self.body.append(f"{_xy(at)}D03*")
 
+    def fill(self, outline: Sequence[Point]) -> None:
+        self.body += ["G36*", "G01*", f"{_xy(outline[0])}D02*"]
+        self.body += [f"{_xy(point)}D01*" for point in (*outline[1:], outline[0])] + ["G37*"]
+
     def draw(self, path: Path, width: float) -> None:
         self.select(f"C,{width:.4f}")
         self.body.append(f"{_xy(path.start)}D02*")
@@ -101,6 +105,9 @@ class _Gerber:
 
 def _copper(board: Board, layer: Layer, function: str) -> str:
     gerber = _Gerber(function)
+    for pour in board.pours:
+        for outline in pour.outlines if pour.layer == layer else ():
+            gerber.fill(outline)
     for pad in board.pads():
         if layer in pad.layers:
             gerber.flash(_shape(pad, 0.0), pad.at)

@@ -8,7 +8,8 @@ import uuid
 from collections.abc import Iterator
 from math import degrees
 
-from gellight.lab.boards.model import FRONT, Arc, Board, Part, Path, Point, Track, Via
+from gellight.lab.boards.model import FRONT, Arc, Board, Part, Path, Point, Pour, Track, Via
+from gellight.lab.boards.pour import GAP_MM, SPOKE_MM, THIN_MM
 
 LAYERS = (
     '(0 "F.Cu" signal) (31 "B.Cu" signal) (34 "B.Paste" user) (35 "F.Paste" user) (36 "B.SilkS" user) '
@@ -46,6 +47,7 @@ def board_file(board: Board) -> str:
         *(_text(name, paths[0].start, "Dwgs.User") for name, paths in board.notes.items()),
         *(_track(track, numbers) for track in board.tracks),
         *(_via(via, numbers) for via in board.vias),
+        *(_zone(board, pour, numbers) for pour in board.pours),
         ")",
     ]
     return "\n".join(lines) + "\n"
@@ -161,3 +163,21 @@ def _via(via: Via, numbers: dict[str, int]) -> str:
         f'(via (at {_at(via.at)}) (size {via.size_mm:g}) (drill {via.drill_mm:g}) (layers "F.Cu" "B.Cu") '
         f"(net {numbers[via.net]}))"
     )
+
+
+def _zone(board: Board, pour: Pour, numbers: dict[str, int]) -> str:
+    border = " ".join(f"(xy {_at(path.start)})" for path in board.outline)
+    filled = (
+        f'(filled_polygon (layer "{pour.layer}") (pts {" ".join(f"(xy {_at(point)})" for point in outline)}))'
+        for outline in pour.outlines
+    )
+    lines = [
+        f'(zone (net {numbers[pour.net]}) (net_name {quoted(pour.net)}) (layer "{pour.layer}")',
+        f"(tstamp {identifier(board.name, 'zone', pour.layer)}) (hatch edge 0.5)",
+        f"(connect_pads (clearance {board.rules.clearance_mm:g})) (min_thickness {THIN_MM:g})",
+        f"(filled_areas_thickness no) (fill yes (thermal_gap {GAP_MM:g}) (thermal_bridge_width {SPOKE_MM:g}))",
+        f"(polygon (pts {border}))",
+        *filled,
+        ")",
+    ]
+    return "\n  ".join(lines)

@@ -155,6 +155,16 @@ class Via:
 
 
 @dataclass(frozen=True)
+class Pour:
+    """Copper that fills a layer around all else."""
+
+    net: str
+    layer: Layer
+    outlines: tuple[tuple[Point, ...], ...]
+    """its pieces; cuts without width lead to their holes"""
+
+
+@dataclass(frozen=True)
 class Rules:
     """What the board house has to keep, mm."""
 
@@ -181,6 +191,7 @@ class Board:
     """for screws: centre and diameter, without copper"""
     notes: Mapping[str, tuple[Path, ...]] = field(default_factory=dict)
     """outlines for the board house by what they mean, as of a stiffener"""
+    pours: tuple[Pour, ...] = ()
 
     def pads(self) -> Iterator[PlacedPad]:
         """Yield the pads of all parts."""

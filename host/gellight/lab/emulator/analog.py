@@ -9,7 +9,7 @@ from typing import Any
 FIRST_INPUT, INPUTS = 26, 4
 """GPIO26 to 29 are channels 0 to 3"""
 PULL_OHM = 60e3
-"""of a pad; the data sheet says 50 to 80 kohm (5.5.3)"""
+"""of a pad; the data sheet says 50 to 80 kohm"""
 PULL_DOWN, PULL_UP, INPUT_ON, OUTPUT_OFF = 1 << 2, 1 << 3, 1 << 6, 1 << 7
 """of a pad"""
 FULL = 4096
@@ -45,7 +45,7 @@ class AnalogInputs:
 
     def _reading(self, pin: int) -> int:
         pad = self._chip.gpio[pin].pad_value
-        if pad & INPUT_ON or not pad & OUTPUT_OFF:  # 4.9.1
+        if pad & INPUT_ON or not pad & OUTPUT_OFF:  # data sheet 4.9
             self._report(f"ADC: GPIO{pin} is converted while its digital input or output is on")
         there = self._divider(pin) or Divider(to_supply=inf, to_ground=inf)
         up = 1 / there.to_supply + bool(pad & PULL_UP) / PULL_OHM

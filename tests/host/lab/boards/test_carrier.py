@@ -108,7 +108,7 @@ def test_the_circuit_is_that_of_the_firmwares_page(board: Board) -> None:
                for part in values if part[0] in "RCF"}  # fmt: skip
     assert through[frozenset(("VBUS", "5V_FUSED"))] == "polyfuse 500 mA"
     assert through[frozenset(("SHIFTED", "DIN"))] == "330"
-    assert through[frozenset(("SWITCH", "GND"))] == "10 k", "open while the controller starts"
+    assert through[frozenset(("SWITCH", "GND"))] == "2.2 k", "open while the controller starts"
     assert through[frozenset(("SLEW", "GND"))] == "2.2 nF 50 V X7R"
     assert through[frozenset(("3V3", "NTC"))] == "10 k"
     assert through[frozenset(("TRIGGER", "TRIGGER_IN"))] == "1 k"

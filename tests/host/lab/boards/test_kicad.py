@@ -1,12 +1,13 @@
 """KiCad judges the boards: its design rules find no fault, and it plots and reads what our files say."""
 
+import re
 from collections import Counter
 from math import radians
 from pathlib import Path
 
 import numpy as np
 import pytest
-from gerbonara.graphic_objects import Flash
+from gerbonara.graphic_objects import Flash, Region
 
 from gellight.lab.boards.modules import MODULES
 from gellight.lab.boards.strip import strip_board
@@ -24,6 +25,8 @@ def shapes(path: Path) -> Counter[tuple[str, ...]]:
     for one in objects(path):
         if isinstance(one, Flash):
             found["flash", *(spot(*corner) for corner in one.bounding_box("mm"))] += 1
+        elif isinstance(one, Region):
+            found["region", *sorted({spot(*point) for point in one.outline})] += 1
         elif (one.x1, one.y1) != (one.x2, one.y2):
             ends = sorted((spot(one.x1, one.y1), spot(one.x2, one.y2)))
             found[type(one).__name__, *ends, f"{one.aperture.equivalent_width():.2f}"] += 1
@@ -55,6 +58,24 @@ def test_kicad_finds_no_fault_in_the_strip(strip: Verdict) -> None:
 def test_kicad_finds_no_fault_in_the_carrier(carrier: Verdict) -> None:
     rules_hold(carrier)
     assert carrier.warnings == []
+
+
+def test_the_ground_plane_is_that_which_kicad_would_pour(carrier: Verdict) -> None:
+    assert len(carrier.pours) == 2
+    for ours, theirs in carrier.pours:
+        assert ours == pytest.approx(theirs, rel=0.03)
+        assert ours > 0.75 * 67.5 * 55.5
+
+
+def test_a_plane_over_all_copper_is_found(made: Path, tmp_path: Path) -> None:
+    board = (made / "gellight-carrier-pico.kicad_pcb").read_text()
+    border = re.search(r"\(polygon (\(pts .*\))\)\n", board)
+    assert border is not None
+    flooded = re.sub(r'(\(filled_polygon \(layer "B.Cu"\)) \(pts .*\)\)', rf"\1 {border[1]})", board)
+    assert flooded != board
+    (tmp_path / "s.kicad_pcb").write_text(flooded)
+    (tmp_path / "s.kicad_pro").write_text((made / "gellight-carrier-pico.kicad_pro").read_text())
+    assert {one.split(":")[0] for one in judge(tmp_path, "s").errors} & {"clearance", "shorting_items"}
 
 
 @pytest.mark.parametrize("name", [name for name in MODULES if name != "pico"])
