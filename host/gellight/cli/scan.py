@@ -82,10 +82,11 @@ def _alone(folder: Path) -> Iterator[None]:
 def _scan_recording(scan: Scan, file: Path, calibration: str | None, most: int) -> None:
     found = Recording(file)
     frames = felt_frames(found, load_bundle(calibration) if calibration else None)
-    before = len(scan.views)
+    view = None
     for view in _presses(frames, most):
-        _add(scan, view, str(file))
-    if len(scan.views) == before:
+        if not scan.has(view):
+            _add(scan, view, str(file))
+    if view is None:
         raise InputError(f"{file} has no press that was held still: press 0.1 mm deep or more, for some frames")
 
 

@@ -24,8 +24,9 @@ LEAST_MM2 = 5.0
 """of gel that reached the part in both presses"""
 LEAST_CORRELATION = 0.8
 """of the slopes"""
-RIVAL = 0.3
-"""of the common gel of the best place: where another place has more and agrees too, nothing tells them apart"""
+RIVAL, RIVAL_LEFT, RIVAL_AREA = 3.0, 0.02, 0.3
+"""where another place leaves no more unexplained than so many times as much as the best one and a little, over a common
+area that is not much smaller, nothing tells them apart"""
 ELSEWHERE_MM = 0.5
 """from a place, another one begins"""
 MOST_TILT = np.cos(np.radians(5.0))
@@ -142,6 +143,5 @@ def _searched(one: View, other: View) -> Fit | None:
         for each in fits[1:]
         if np.linalg.norm(carried(inverse(best.found.pose) @ each.found.pose, middle) - middle) > ELSEWHERE_MM
     ]
-    if any(each.right and each.common_mm2 > RIVAL * best.common_mm2 for each in rivals):
-        return None
-    return best
+    near = [each for each in rivals if each.right and each.left < RIVAL * best.left + RIVAL_LEFT]
+    return None if any(each.common_mm2 > RIVAL_AREA * best.common_mm2 for each in near) else best

@@ -95,6 +95,10 @@ class Scan:
         """The presses whose place is known."""
         return sorted(self.solved.poses)
 
+    def has(self, view: ContactView) -> bool:
+        """Say whether a press is there already, as where a recording is taken again."""
+        return any(np.array_equal(view.depth_mm, one.depth_mm) for one in self.views.values())
+
     def add(self, view: ContactView, source: str = "this press") -> PressReport:
         """Take a press; say what became of it. InputError for one of another sensor, and where it cannot be written."""
         self._refuse_other(view, source)

@@ -1,6 +1,7 @@
 """A rough part, pressed beside itself: the map is the part, and it stays whole whatever ends the program."""
 
 import json
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.height_map import load_height_map
 from gellight.lab.scanning.scan import MAP, Scan
 from tests.benchmarks.scan import Part, errors_mm
-from tests.helpers.children import gellight
+from tests.helpers.children import GELLIGHT, gellight, started
 from tests.helpers.reliefs import PIXEL_MM, felt, picture, press, record, untouched
+from tests.helpers.waiting import eventually
 
 PART = Part(rms_mm=0.06, seed=11, columns=2, rows=2, steps_mm=(15, 13), deep_mm=0.45)
 
@@ -138,6 +140,20 @@ def test_a_recording_becomes_a_map(recording: Path, tmp_path: Path) -> None:
     assert "press 1: " in done.stderr
     assert load_height_map(tmp_path / "part" / MAP).reached.any()
     assert (tmp_path / "part/map.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_scan_that_was_killed_goes_on(recording: Path, tmp_path: Path) -> None:
+    """By SIGKILL, as soon as the first press is there: the same command adds the second one, and none twice."""
+    folder = tmp_path / "part"
+    command = [*GELLIGHT, "scan", str(folder), "--recording", str(recording)]
+    with started(command, stderr=subprocess.DEVNULL) as program:
+        eventually((folder / "press-000.npz").exists, 120)
+        program.kill()
+        program.wait()
+    assert len(Scan(folder).views) >= 1
+    done = gellight("scan", folder, "--recording", recording, "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["presses"] == 2
 
 
 def test_a_recording_without_a_press_is_refused(tmp_path: Path) -> None:
