@@ -5,8 +5,8 @@ once more from all that overlaps, exactly: the map has a step nowhere that a shi
 heights are averaged, by their stated errors and less towards the border of a press.
 
 A press is bent by a little, and all presses of a sensor alike; laid beside each other they bend the map by as much
-everywhere, and nothing in them tells that from a bent part. So a flat part is taken to be flat as a whole: the best
-plane and the best paraboloid are taken off.
+everywhere, and nothing in them tells that from a bent part. So a flat part is taken to be flat as a whole: the
+plane and the paraboloid that most of it lies on are taken off.
 """
 
 from collections.abc import Iterator, Mapping
@@ -32,6 +32,8 @@ FEWEST_PX = 200
 OUTLIER = 3.0
 """times the usual difference"""
 ROUNDS = 3
+FORM_PX, FORM_ROUNDS = 50_000, 20
+"""pixels that the form of a map is found by, and rounds in which letters on a plate lose their weight"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,13 +213,20 @@ def _tilted(one: Laid, plane: Array, grid: Grid) -> Laid:
 
 
 def _form(height: Array, grid: Grid, *, curved: bool) -> Array:
-    """Return (H, W) the plane of a map, and unless `curved` its paraboloid."""
+    """Return (H, W) the plane of a map, and unless `curved` its paraboloid: of what most of the map lies on."""
     x, y = np.meshgrid(grid.x_mm - grid.x_mm.mean(), grid.y_mm - grid.y_mm.mean())
     terms = [np.ones_like(x), x, y] + ([] if curved else [x * x, x * y, y * y])
-    known = np.isfinite(height)
-    basis = np.stack([term[known] for term in terms], axis=1)
-    found = np.linalg.lstsq(basis, height[known], rcond=None)[0]
-    return np.asarray(sum(weight * term for weight, term in zip(found, terms, strict=True)))
+    known = np.flatnonzero(np.isfinite(height))
+    known = known[:: len(known) // FORM_PX + 1]
+    basis = np.stack([term.flat[known] for term in terms], axis=1)
+    values = height.flat[known]
+    weight: Array = np.ones(len(known))
+    found: Array = np.zeros(len(terms))
+    for _ in range(FORM_ROUNDS):
+        found = np.asarray(np.linalg.lstsq(basis * weight[:, None], values * weight, rcond=None)[0])
+        off = np.abs(values - basis @ found)
+        weight = 1 / (1 + (off / (OUTLIER * np.median(off) + 1e-9)) ** 2)
+    return np.asarray(sum(share * term for share, term in zip(found, terms, strict=True)))
 
 
 def _seam_mm(laid: list[Laid]) -> float:
