@@ -21,6 +21,10 @@ VERBS = lazy_group(
             "export:command",
             "Turn a recording into arrays, pictures, surfaces or a video.",
         ),
+        "scan": (
+            "scan:command",
+            "Scan a surface that is larger than the view: press, lift, press beside, over half of a press that was.",
+        ),
         "find": ("find:command", "List the sensors, cameras and light rings that are plugged in."),
         "doctor": ("doctor:command", "Check computer, USB, camera, light ring, frames and training."),
         "install-udev": ("install_udev:command", "Let users who are not root use the sensor; needs root."),

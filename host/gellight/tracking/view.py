@@ -60,7 +60,7 @@ class View:
     ) -> "View":
         """Reduce a (H, W) depth map and its (H, W, 2) slopes, and find the contact."""
         factor = max(1, round(depth_mm.shape[1] / WORKING_PX))
-        planes = _reduced(np.dstack([depth_mm, gradient_map]).astype(np.float32, copy=False), factor)
+        planes = reduced(np.dstack([depth_mm, gradient_map]).astype(np.float32, copy=False), factor)
         pixel = pixel_size_mm[0] * factor, pixel_size_mm[1] * factor
         pressure = pressure_of(np.ascontiguousarray(planes[..., 0]), pixel, thickness_mm or THICKNESS_MM)
         middle = [((size - 1) / 2 - (factor - 1) / 2) / factor for size in depth_mm.shape[::-1]]
@@ -113,14 +113,16 @@ def at_pixels(mask: Bools, pixels: NDArray[np.float32]) -> Bools:
     return np.asarray(inside)
 
 
-def pressure_of(depth_mm: Floats, pixel_mm: tuple[float, float], thickness_mm: float) -> Floats:
+def pressure_of(
+    depth_mm: Floats, pixel_mm: tuple[float, float], thickness_mm: float, *, coarser: int = COARSER
+) -> Floats:
     """Return the (h, w) pressure under which an elastic layer is as deep as a map, blurred, to a constant factor.
 
     In Fourier space it is the depth over the compliance of the layer (sim_reference/gel.py has the formula; Johnson,
-    Contact Mechanics, 1985, section 5.8).
+    Contact Mechanics, 1985, section 5.8). coarser: by so much is the grid that it is found on.
     """
-    coarse = _reduced(depth_mm, COARSER)
-    size = pixel_mm[1] * COARSER, pixel_mm[0] * COARSER
+    coarse = reduced(depth_mm, coarser)
+    size = pixel_mm[1] * coarser, pixel_mm[0] * coarser
     margin = [round(thickness_mm / 2 / step) for step in size]
     shape = tuple(scipy.fft.next_fast_len(n + more, real=True) for n, more in zip(coarse.shape, margin, strict=True))
     stiffness = _stiffness((shape[0], shape[1]), size, thickness_mm)
@@ -159,7 +161,8 @@ def _stiffness(shape: tuple[int, int], size_mm: tuple[float, float], thickness_m
     return np.asarray(stiffness, np.float32)
 
 
-def _reduced(planes: Floats, factor: int) -> Floats:
+def reduced(planes: Floats, factor: int) -> Floats:
+    """Return planes (h, w, ...) made smaller by a whole factor: means of blocks."""
     if factor == 1:
         return planes
     height, width = (size // factor for size in planes.shape[:2])

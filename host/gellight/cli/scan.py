@@ -1,0 +1,180 @@
+"""`gellight scan`: presses side by side become one map of a surface larger than the view."""
+
+import queue
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gellight.base import logs
+from gellight.base.errors import InputError
+from gellight.base.locking import lock
+from gellight.base.settings import load_settings
+from gellight.bundle.bundle import load_bundle
+from gellight.cli.ending import Ending, until_interrupted
+from gellight.cli.export import felt_frames
+from gellight.cli.one_sensor import WAIT_S, RunOptions, opened
+from gellight.cli.options import AsJson, with_options
+from gellight.cli.showing import show
+from gellight.daemon.session import SensorSession
+from gellight.frames.camera import EndOfStream
+from gellight.frames.frames import TactileFrame
+from gellight.lab.scanning.contact_view import ContactView
+from gellight.lab.scanning.map_picture import bar_mm, heights_um
+from gellight.lab.scanning.presses import PressWatcher
+from gellight.lab.scanning.scan import MAP, PICTURE, Scan
+from gellight.recording.recording_file import Recording
+
+LOCK = "scan.lock"
+
+
+@with_options
+def command(
+    options: RunOptions,
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Of the scan; one that is there goes on.")],
+    recording: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Take the presses of a recording, not of a sensor.")
+    ] = None,
+    sensor: Annotated[
+        str | None, typer.Option(help="As `gellight run` has it.", show_default="auto, or the settings")
+    ] = None,
+    presses: Annotated[int, typer.Option(min=0, help="End after this number of presses; 0: at Ctrl-C.")] = 0,
+    curved: Annotated[
+        bool, typer.Option("--curved", help="The part is not flat as a whole: take only its plane off.")
+    ] = False,
+    dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Scan a surface that is larger than the view: press, lift, press beside, over half of a press that was.
+
+    After each press it is said to which ones it could be joined and where no press has been. FOLDER has map.npz, the
+    heights with their errors where the gel reached the part, and map.png, a picture of it; both grow with every press.
+    Ends with status 1 where presses could not be joined.
+    """
+    if recording is not None and sensor is not None:
+        raise InputError("give --recording or --sensor, one of the two")
+    scan = Scan(folder, curved=curved)
+    with _alone(folder):
+        if recording is not None:
+            _scan_recording(scan, recording, options.calibration, presses)
+        else:
+            settings = load_settings({"sensor.url": sensor, **options.flags()})
+            with opened(settings, dashboard=dashboard) as (daemon, _), until_interrupted():
+                logs.say("press the part into the gel, hold it still, lift it; press again, over half of that place")
+                for view in _ahead(_presses(_live(daemon, options.frames), presses, tell=True)):
+                    _add(scan, view, "the sensor")
+    _end(scan, as_json)
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Refuse a folder that another program scans into."""
+    with (folder / LOCK).open("w") as handle:
+        if not lock(handle):
+            raise InputError(f"another program scans into {folder}: end it, or give another folder")
+        yield
+
+
+def _scan_recording(scan: Scan, file: Path, calibration: str | None, most: int) -> None:
+    found = Recording(file)
+    frames = felt_frames(found, load_bundle(calibration) if calibration else None)
+    view = None
+    for view in _presses(frames, most):
+        if not scan.has(view):
+            _add(scan, view, str(file))
+    if view is None:
+        raise InputError(f"{file} has no press that was held still: press 0.1 mm deep or more, for some frames")
+
+
+def _live(daemon: SensorSession, frames: int) -> Iterator[TactileFrame]:
+    """Yield the frames of a sensor, 0: for ever."""
+    sequence, count = -1, 0
+    while not frames or count < frames:
+        try:
+            frame = daemon.next_frame(sequence, WAIT_S)
+        except EndOfStream:
+            return
+        except TimeoutError:
+            continue
+        sequence, count = frame.camera_frame.sequence, count + 1
+        yield frame
+
+
+def _ahead(views: Iterator[ContactView]) -> Iterator[ContactView]:
+    """Yield the presses that a thread looks for: none is missed while another one is joined."""
+    found: queue.SimpleQueue[ContactView | BaseException | None] = queue.SimpleQueue()
+
+    def look() -> None:
+        try:
+            for view in views:
+                found.put(view)
+            found.put(None)
+        except BaseException as error:
+            found.put(error)
+
+    threading.Thread(target=look, name="presses", daemon=True).start()
+    while (view := found.get()) is not None:
+        if isinstance(view, BaseException):
+            raise view
+        yield view
+
+
+def _presses(frames: Iterator[TactileFrame], most: int, *, tell: bool = False) -> Iterator[ContactView]:
+    """Yield up to `most` presses, 0: all; `tell` says when one may be lifted."""
+    watcher, count, told = PressWatcher(), 0, False
+    for frame in frames:
+        view = watcher.feed(frame)
+        if view is not None:
+            count += 1
+            yield view
+            if count == most:
+                return
+        if tell and watcher.settled and not told:
+            logs.say("held: lift it")
+        told = watcher.settled
+    if (last := watcher.end()) is not None:
+        yield last
+
+
+def _add(scan: Scan, view: ContactView, source: str) -> None:
+    logs.say(scan.add(view, source).in_words())
+
+
+def _end(scan: Scan, as_json: bool) -> None:
+    """Say what the scan is; refuse one of which no two presses hang together."""
+    if not scan.views or scan.fused is None:
+        raise InputError(f"no press was held still, so {scan.folder} has no map: press 0.1 mm deep or more, then lift")
+    fused, lost = scan.fused, sorted(set(scan.views) - set(scan.placed))
+    if len(scan.views) > 1 and len(scan.placed) == 1:
+        raise InputError(
+            f"none of the {len(scan.views)} presses in {scan.folder} could be joined to press {scan.first}: press so "
+            "that each lies over half of another one, 0.1 mm deep or more"
+        )
+    scan.write_map()
+    height, width = (size * fused.height_map.pixel_mm for size in fused.height_map.height_mm.shape)
+    reached = float(fused.height_map.reached.sum() / max(fused.seen.sum(), 1))
+    low, high = heights_um(fused)
+    result = {
+        "map": str(scan.folder / MAP),
+        "picture": str(scan.folder / PICTURE),
+        "presses": len(scan.views),
+        "not_joined": lost,
+        "size_mm": [round(width, 2), round(height, 2)],
+        "reached": round(reached, 4),
+        "seam_um": round(fused.seam_mm * 1e3, 2),
+        "bar_mm": bar_mm(fused),
+        "colours_um": [round(low, 1), round(high, 1)],
+    }
+    text = (
+        f"{result['map']}: {len(scan.placed)} of {len(scan.views)} presses, {width:.1f} x {height:.1f} mm, of which "
+        f"the gel reached {reached:.0%}; presses differ by {fused.seam_mm * 1e3:.1f} um where two reached the part\n"
+        f"{result['picture']}: colours from {low:.0f} to {high:.0f} um, the bar is {bar_mm(fused):g} mm"
+    )
+    show(result, as_json, text)
+    if lost:
+        print(f"gellight: not joined: {', '.join(map(str, lost))}", file=sys.stderr)
+        raise typer.Exit(Ending.JUDGED_BAD)

@@ -1,0 +1,238 @@
+"""All presses as one map of heights.
+
+Each press is laid on the grid of the part where its gel reached it. How high a press lies and how it is tilted is found
+once more from all that overlaps, exactly: the map has a step nowhere that a shift or a tilt could take away. Then
+heights are averaged, by their stated errors and less towards the border of a press.
+
+A press is bent by a little, and all presses of a sensor alike; laid beside each other they bend the map by as much
+everywhere, and nothing in them tells that from a bent part. So a flat part is taken to be flat as a whole: the
+plane and the paraboloid that most of it lies on are taken off.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from gellight.lab.scanning.contact_view import BASE_MM, ContactView
+from gellight.lab.scanning.height_map import HeightMap
+from gellight.tracking.rigid import carried, inverse
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+FADES_MM = 2.0
+"""towards the border of a press its weight goes down to nothing"""
+LOOKS = 4
+"""steps in which the height above a point of the grid is found"""
+FEWEST_PX = 200
+"""in common, for two presses to be levelled by"""
+OUTLIER = 3.0
+"""times the usual difference"""
+ROUNDS = 3
+FORM_PX, FORM_ROUNDS = 50_000, 20
+"""pixels that the form of a map is found by, and rounds in which letters on a plate lose their weight"""
+
+
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """A press on the grid of the part."""
+
+    rows: slice
+    columns: slice
+    height_mm: Array
+    """(h, w) of this window; NaN where the gel did not reach"""
+    error_mm: Array
+    fade: Array
+    """(h, w) from 1 down to 0 at the border of the view, also where the gel did not reach; 0 beyond"""
+
+
+@dataclass(frozen=True, eq=False)
+class Fused:
+    """A map, and how well its presses agree."""
+
+    height_map: HeightMap
+    seen: NDArray[np.bool_]
+    """(H, W) where any press was; what was seen and not reached lies too deep"""
+    seam_mm: float
+    """rms difference of two presses where both reached the part; NaN where none overlap"""
+    origin_mm: tuple[float, float]
+    """x and y of the first pixel, in the axes of the first press"""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The pixels of a map."""
+
+    x_mm: Array
+    y_mm: Array
+
+    @classmethod
+    def around(cls, views: Mapping[int, ContactView], poses: Mapping[int, Array], pixel_mm: float) -> "Grid":
+        """Return the grid that holds every press."""
+        corners = np.concatenate([carried(poses[number], _corners(view)) for number, view in views.items()])
+        (x, y), (far_x, far_y) = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
+        return cls(np.arange(x, far_x, pixel_mm), np.arange(y, far_y, pixel_mm))
+
+    def window(self, corners: Array) -> tuple[slice, slice]:
+        """Return the rows and columns between corners (4, 3)."""
+        ends = [
+            np.searchsorted(at, (corners[:, axis].min(), corners[:, axis].max()))
+            for at, axis in ((self.y_mm, 1), (self.x_mm, 0))
+        ]
+        return slice(*map(int, ends[0])), slice(*map(int, ends[1]))
+
+
+def _corners(view: ContactView) -> Array:
+    width, height = view.size_mm
+    return np.array([[x * width / 2, y * height / 2, 0] for x in (-1, 1) for y in (-1, 1)])
+
+
+def fuse(views: Mapping[int, ContactView], poses: Mapping[int, Array], *, curved: bool = False) -> Fused:
+    """Return the map of presses at poses (4, 4), both by number.
+
+    curved: take off only the plane, and keep what may be the sensor's own bend.
+    """
+    pixel_mm = next(iter(views.values())).pixel_size_mm[0]
+    grid = Grid.around(views, poses, pixel_mm)
+    laid = _levelled(grid, [_lay(view, poses[number], grid) for number, view in views.items()])
+    total, weight, error, spread, count = (np.zeros((len(grid.y_mm), len(grid.x_mm))) for _ in range(5))
+    seen = np.zeros(total.shape, np.bool_)
+    for one in laid:
+        at = one.rows, one.columns
+        seen[at] |= one.fade > 0
+        known = np.isfinite(one.height_mm) & (one.fade > 0)
+        w = np.where(known, one.fade / one.error_mm**2, 0.0)
+        height = np.where(known, one.height_mm, 0.0)
+        for plane, value in ((total, height), (weight, 1.0), (error, one.error_mm**2), (spread, height**2)):
+            plane[at] += w * value
+        count[at] += known
+    with np.errstate(invalid="ignore", divide="ignore"):
+        height = total / weight
+        # The bend of a peak is misjudged alike in every press; the rest is not.
+        variance = error / weight - BASE_MM**2 * (1 - 1 / count) + np.maximum(spread / weight - height**2, 0)
+    height -= _form(height, grid, curved=curved)
+    known = weight > 0
+    fused = HeightMap(
+        np.where(known, height, np.nan).astype(np.float32),
+        np.where(known, np.sqrt(np.maximum(variance, 0)), np.nan).astype(np.float32),
+        pixel_mm,
+    )
+    return Fused(fused, seen, _seam_mm(laid), (float(grid.x_mm[0]), float(grid.y_mm[0])))
+
+
+def _lay(view: ContactView, pose: Array, grid: Grid) -> Laid:
+    """Lay a press on the grid: above each point of the grid, the height at which the carried surface has it."""
+    rows, columns = grid.window(carried(pose, _corners(view)))
+    x, y = np.meshgrid(grid.x_mm[columns], grid.y_mm[rows])
+    z, back = np.zeros_like(x), inverse(pose)
+    middle = [(size - 1) / 2 for size in view.depth_mm.shape]
+    for _ in range(LOOKS):
+        there = carried(back, np.stack([x, y, z], axis=-1))
+        at = there[..., 1] / view.pixel_size_mm[1] + middle[0], there[..., 0] / view.pixel_size_mm[0] + middle[1]
+        depth = map_coordinates(view.depth_mm, at, order=1, mode="nearest", output=np.float64)
+        z = z + (depth - there[..., 2])
+    nearest = {"order": 0, "mode": "constant"}
+    reached = map_coordinates(view.reached.astype(np.uint8), at, **nearest) > 0
+    error = map_coordinates(view.error_mm, at, order=1, mode="nearest", output=np.float64)
+    return Laid(rows, columns, np.where(reached, z, np.nan), error, _fade(view, at))
+
+
+def _fade(view: ContactView, at: tuple[Array, Array]) -> Array:
+    """Return the weight (h, w) of places in a view, 0 at and beyond its border."""
+    sides = [
+        np.minimum(place, size - 1 - place) * pixel
+        for place, size, pixel in zip(at, view.depth_mm.shape, view.pixel_size_mm[::-1], strict=True)
+    ]
+    return np.asarray(np.clip(np.minimum(*sides) / FADES_MM, 0, 1))
+
+
+# ---- height and tilt of each press ----
+
+
+def _overlaps(laid: list[Laid]) -> Iterator[tuple[int, int, tuple[slice, slice], Array, Array]]:
+    """Yield two presses, the window that they share, the difference of their heights in it and its variance."""
+    for i, j in combinations(range(len(laid)), 2):
+        window = tuple(
+            slice(max(a.start, b.start), min(a.stop, b.stop))
+            for a, b in ((laid[i].rows, laid[j].rows), (laid[i].columns, laid[j].columns))
+        )
+        if all(side.start < side.stop for side in window):
+            one, other = (
+                [plane[_within(each, (window[0], window[1]))] for plane in (each.height_mm, each.error_mm)]
+                for each in (laid[i], laid[j])
+            )
+            yield i, j, (window[0], window[1]), one[0] - other[0], one[1] ** 2 + other[1] ** 2
+
+
+def _within(one: Laid, window: tuple[slice, slice]) -> tuple[slice, slice]:
+    """Return a window of the grid as a window of a press."""
+    rows, columns = (
+        slice(side.start - own.start, side.stop - own.start)
+        for side, own in zip(window, (one.rows, one.columns), strict=True)
+    )
+    return rows, columns
+
+
+def _levelled(grid: Grid, laid: list[Laid]) -> list[Laid]:
+    """Return the presses with the shifts and tilts by which they agree best; as a whole they are not tilted."""
+    count = 3 * len(laid)
+    matrix, right = np.zeros((count, count)), np.zeros(count)
+    for i, j, (rows, columns), difference, variance in _overlaps(laid):
+        known = np.isfinite(difference)
+        if np.count_nonzero(known) < FEWEST_PX:
+            continue
+        x, y = np.meshgrid(grid.x_mm[columns], grid.y_mm[rows])
+        basis = np.stack([np.ones(np.count_nonzero(known)), x[known], y[known]], axis=1)
+        weighted, pull = _plane_between(basis, difference[known], variance[known])
+        a, b = slice(3 * i, 3 * i + 3), slice(3 * j, 3 * j + 3)
+        for one, other, sign in ((a, a, 1), (b, b, 1), (a, b, -1), (b, a, -1)):
+            matrix[one, other] += sign * weighted
+        right[a] -= pull
+        right[b] += pull
+    planes = np.asarray(np.linalg.lstsq(matrix, right, rcond=1e-12)[0], np.float64).reshape(-1, 3)
+    return [_tilted(one, plane, grid) for one, plane in zip(laid, planes, strict=True)]
+
+
+def _plane_between(basis: Array, difference: Array, variance: Array) -> tuple[Array, Array]:
+    """Return what (N,) differences say of a plane over a basis (N, 3): its weight (3, 3) and pull (3,), robustly."""
+    weight = 1 / variance
+    for _ in range(ROUNDS):
+        weighted = basis.T @ (basis * weight[:, None])
+        pull = basis.T @ (weight * difference)
+        off = np.abs(difference - basis @ np.linalg.lstsq(weighted, pull, rcond=None)[0])
+        weight = 1 / variance / np.maximum(off / (OUTLIER * 1.48 * np.median(off) + 1e-9), 1)
+    return basis.T @ (basis * weight[:, None]), basis.T @ (weight * difference)
+
+
+def _tilted(one: Laid, plane: Array, grid: Grid) -> Laid:
+    x, y = grid.x_mm[one.columns][None, :], grid.y_mm[one.rows][:, None]
+    return Laid(one.rows, one.columns, one.height_mm + plane[0] + plane[1] * x + plane[2] * y, one.error_mm, one.fade)
+
+
+def _form(height: Array, grid: Grid, *, curved: bool) -> Array:
+    """Return (H, W) the plane of a map, and unless `curved` its paraboloid: of what most of the map lies on."""
+    x, y = np.meshgrid(grid.x_mm - grid.x_mm.mean(), grid.y_mm - grid.y_mm.mean())
+    terms = [np.ones_like(x), x, y] + ([] if curved else [x * x, x * y, y * y])
+    known = np.flatnonzero(np.isfinite(height))
+    known = known[:: len(known) // FORM_PX + 1]
+    basis = np.stack([term.flat[known] for term in terms], axis=1)
+    values = height.flat[known]
+    weight: Array = np.ones(len(known))
+    found: Array = np.zeros(len(terms))
+    for _ in range(FORM_ROUNDS):
+        found = np.asarray(np.linalg.lstsq(basis * weight[:, None], values * weight, rcond=None)[0])
+        off = np.abs(values - basis @ found)
+        weight = 1 / (1 + (off / (OUTLIER * np.median(off) + 1e-9)) ** 2)
+    return np.asarray(sum(share * term for share, term in zip(found, terms, strict=True)))
+
+
+def _seam_mm(laid: list[Laid]) -> float:
+    """Return the rms difference of two presses over all that both reached."""
+    squares, count = 0.0, 0
+    for *_, difference, _variance in _overlaps(laid):
+        known = difference[np.isfinite(difference)]
+        squares, count = squares + float((known**2).sum()), count + len(known)
+    return float(np.sqrt(squares / count)) if count else float("nan")

@@ -1,0 +1,74 @@
+"""The presses in a stream of frames: of each the gel while it stood still, when it was pressed deepest."""
+
+from collections import deque
+from math import isnan
+
+import numpy as np
+
+from gellight.base.errors import InputError
+from gellight.frames.frames import TactileFrame
+from gellight.lab.scanning.contact_view import ContactView, Floats
+
+LEAST_MM = 0.08
+"""deep: less is no press"""
+STILL_MM = 0.003
+"""mean change of the depth from frame to frame, over what is pressed; noise makes a third of that"""
+STILL_FRAMES = 3
+MOST_FRAMES = 8
+"""whose mean is taken"""
+STEP_PX = 4
+"""between the pixels that are compared"""
+
+
+class PressWatcher:
+    """Takes the frames of one sensor in turn."""
+
+    def __init__(self) -> None:
+        """Begin with the gel untouched."""
+        self._still: deque[Floats] = deque(maxlen=MOST_FRAMES)
+        self._best: ContactView | None = None
+        self._best_mm = 0.0
+
+    @property
+    def settled(self) -> bool:
+        """Whether the press under way has been still for long enough: it may be lifted."""
+        return self._best is not None
+
+    def feed(self, frame: TactileFrame) -> ContactView | None:
+        """Take a frame; return the press that ended with it. InputError for a frame without depth."""
+        if isnan(frame.contact.indentation_mm) or frame.provenance is None:
+            raise InputError("the sensor has no calibration, so there is no depth to scan: calibrate it first")
+        if frame.exposures is not None and frame.exposures.moved:
+            return None
+        if frame.contact.indentation_mm < LEAST_MM:
+            return self.end()
+        if self._still and _change_mm(self._still[-1], frame.depth_mm) > STILL_MM:
+            self._still.clear()
+        self._still.append(frame.depth_mm)
+        if len(self._still) >= STILL_FRAMES:
+            self._note(frame)
+        return None
+
+    def _note(self, frame: TactileFrame) -> None:
+        assert frame.provenance is not None
+        deep_mm = float(np.mean(self._still[-1][::STEP_PX, ::STEP_PX].clip(min=0)))
+        if deep_mm >= 0.98 * self._best_mm:
+            depth = np.asarray(np.mean(self._still, axis=0, dtype=np.float64), np.float32)
+            made = frame.provenance
+            self._best = ContactView(depth, made.pixel_size_mm, made.calibration)
+            self._best_mm = max(deep_mm, self._best_mm)
+
+    def end(self) -> ContactView | None:
+        """Return the press under way as far as it was still, None where there is none; begin anew."""
+        best = self._best
+        self._still.clear()
+        self._best, self._best_mm = None, 0.0
+        return best
+
+
+def _change_mm(one: Floats, other: Floats) -> float:
+    if one.shape != other.shape:
+        return float("inf")
+    one, other = one[::STEP_PX, ::STEP_PX], other[::STEP_PX, ::STEP_PX]
+    pressed = (one > LEAST_MM / 2) | (other > LEAST_MM / 2)
+    return float(np.abs(one - other)[pressed].mean()) if pressed.any() else 0.0

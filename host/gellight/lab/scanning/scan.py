@@ -1,0 +1,209 @@
+"""A scan in a folder: presses come in one by one, and after each the map is there as far as they tell.
+
+    press-000.npz ...  what is kept of each press, and how it lies to those before it
+    map.npz            the `HeightMap` of all that could be joined
+    map.png            a picture of it
+
+Every file is written whole or not at all, the press first. So what ends the program at any moment costs at most the
+press under way, and the same folder goes on later.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.base.writing import make_folder, write_file
+from gellight.lab.scanning.contact_view import ContactView
+from gellight.lab.scanning.fusion import Fused, fuse
+from gellight.lab.scanning.map_picture import map_picture
+from gellight.lab.scanning.pairs import Joint, joined
+from gellight.lab.scanning.pose_graph import LEFT_OUT, Solved, solve
+from gellight.lab.scanning.scan_files import path_of, read_presses, write_press
+from gellight.tracking.rigid import carried, inverse
+
+Array = NDArray[np.float64]
+MAP, PICTURE = "map.npz", "map.png"
+SEARCHED = 12
+"""presses, the last ones first, that are looked at for where a press lies that nobody knows"""
+BESIDE = 0.6
+"""of a view: so far beside a press the next one is proposed"""
+SIDES = {"right": (1, 0), "left": (-1, 0), "below": (0, 1), "above": (0, -1)}
+UNSEEN = 0.3
+"""of the view there that no press has seen: it is worth a press"""
+LITTLE = 0.05
+"""of a view that reached the part: the press was too gentle"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressReport:
+    """What became of a press."""
+
+    number: int
+    joined_to: tuple[int, ...]
+    """presses that it overlaps; none, and it has no place yet"""
+    contradicted: tuple[int, ...]
+    """of these, those whose overlap contradicts all others and so does not count"""
+    reached: float
+    """share of its view where the gel reached the part"""
+    missing: tuple[str, ...]
+    """sides of it where no press has been: right, left, below, above, as the picture of the first press has them"""
+
+    def in_words(self) -> str:
+        """Return what became of it, and where to press next."""
+        reached = f"press {self.number}: the gel reached {self.reached:.0%} of the view"
+        harder = "; press harder" if self.reached < LITTLE else ""
+        if self.number > 0 and not self.joined_to:
+            return f"{reached}{harder}. It could not be joined: press again, over half of a press that was"
+        to = f", joined to {', '.join(map(str, self.joined_to))}" if self.joined_to else ""
+        against = f"; what it has in common with {', '.join(map(str, self.contradicted))} contradicts the others"
+        beside = f". Not scanned yet: {', '.join(self.missing)}" if self.missing else ". All around it is scanned"
+        return f"{reached}{to}{against if self.contradicted else ''}{harder}{beside}"
+
+
+class Scan:
+    """Presses of one part by one sensor, kept in a folder."""
+
+    def __init__(self, folder: Path, *, curved: bool = False) -> None:
+        """Go on with the scan in `folder`, or begin one; InputError where it cannot be read or made.
+
+        curved: the part is not flat as a whole; see `fusion`.
+        """
+        self.folder, self._curved = folder, curved
+        try:
+            make_folder(folder)
+        except OSError as error:
+            raise InputError(f"{folder} cannot be made ({error.strerror}): choose another folder") from error
+        self.views, self.joints = read_presses(folder)
+        self.solved = Solved({}, ())
+        self.fused: Fused | None = None
+        if self.views:
+            for number, view in self.views.items():
+                self._refuse_other(view, path_of(folder, number).name)
+            self._solve()
+
+    @property
+    def first(self) -> int:
+        """The press in whose axes the map is: that with the lowest number."""
+        return min(self.views)
+
+    @property
+    def placed(self) -> list[int]:
+        """The presses whose place is known."""
+        return sorted(self.solved.poses)
+
+    def has(self, view: ContactView) -> bool:
+        """Say whether a press is there already, as where a recording is taken again."""
+        return any(np.array_equal(view.depth_mm, one.depth_mm) for one in self.views.values())
+
+    def add(self, view: ContactView, source: str = "this press") -> PressReport:
+        """Take a press; say what became of it. InputError for one of another sensor, and where it cannot be written."""
+        self._refuse_other(view, source)
+        number = max(self.views, default=-1) + 1
+        joints = list(self._joints(number, view))
+        self.views[number] = view
+        self.joints += joints
+        self._write(lambda: write_press(path_of(self.folder, number), view, joints))
+        self._solve()
+        self.write_map()
+        return self._report(number)
+
+    def write_map(self) -> None:
+        """Write the map of what is placed, and its picture."""
+        if self.fused is not None:
+            fused = self.fused
+            self._write(lambda: fused.height_map.save(self.folder / MAP))
+            self._write(lambda: write_file(self.folder / PICTURE, map_picture(fused)))
+
+    def _write(self, write: Callable[[], None]) -> None:
+        try:
+            write()
+        except OSError as error:
+            raise InputError(f"{self.folder} cannot be written ({error.strerror}): make room, and go on") from error
+
+    def _refuse_other(self, view: ContactView, source: str) -> None:
+        """Refuse what another sensor felt, or this one with other pixels."""
+        first = self.views[self.first] if self.views else view
+        if view.depth_mm.shape != first.depth_mm.shape or not np.allclose(view.pixel_size_mm, first.pixel_size_mm):
+            raise InputError(
+                f"{source} has {_pixels(view)}, the scan in {self.folder} {_pixels(first)}: give it another folder"
+            )
+        if view.calibration != first.calibration:
+            raise InputError(
+                f"{source} is of another sensor or calibration ({view.calibration[:12]}) than the scan in "
+                f"{self.folder} ({first.calibration[:12]}): give it another folder"
+            )
+
+    # ---- where a press lies ----
+
+    def _joints(self, number: int, view: ContactView) -> Iterator[Joint]:
+        """Yield what a new press has in common with others: first looked for, then where it has to be."""
+        pose, tried = None, set()
+        for other in self._likely():
+            joint = joined((other, self.views[other]), (number, view))
+            tried.add(other)
+            if joint is not None:
+                yield joint
+                if other in self.solved.poses:
+                    pose = self.solved.poses[other] @ inverse(joint.pose)
+                    break
+        if pose is not None:
+            for other in sorted(set(self.solved.poses) - tried):
+                guess = inverse(pose) @ self.solved.poses[other]
+                if self._near(guess, view) and (joint := joined((other, self.views[other]), (number, view), guess)):
+                    yield joint
+
+    def _likely(self) -> list[int]:
+        """Return the presses to look at: those that have a place first, the last ones first."""
+        return sorted(self.views, key=lambda other: (other not in self.solved.poses, -other))[:SEARCHED]
+
+    def _near(self, pose: Array, view: ContactView) -> bool:
+        """Say whether a pose from another press may let both views overlap."""
+        width, height = view.size_mm
+        return bool(np.hypot(*pose[:2, 3]) < np.hypot(width, height))
+
+    def _solve(self) -> None:
+        """Find all places anew, and the map."""
+        self.solved = solve(self.joints, self.first)
+        self.fused = fuse(
+            {number: self.views[number] for number in self.placed}, self.solved.poses, curved=self._curved
+        )
+
+    # ---- what is said of it ----
+
+    def _report(self, number: int) -> PressReport:
+        mine = [(joint, weight) for joint, weight in zip(self.joints, self.solved.weights, strict=True)
+                if number in (joint.one, joint.other)]  # fmt: skip
+        others = [(joint.one + joint.other - number, weight) for joint, weight in mine]
+        placed = number in self.solved.poses
+        return PressReport(
+            number=number,
+            joined_to=tuple(sorted(other for other, _ in others)) if placed else (),
+            contradicted=tuple(sorted(other for other, weight in others if weight < LEFT_OUT)),
+            reached=float(self.views[number].reached.mean()),
+            missing=tuple(self._missing(number)) if placed else (),
+        )
+
+    def _missing(self, number: int) -> Iterator[str]:
+        """Yield the sides of a press where no press has been."""
+        assert self.fused is not None
+        pixel, (width, height) = self.fused.height_map.pixel_mm, self.views[number].size_mm
+        middle = carried(self.solved.poses[number], np.zeros(3))[:2]
+        rows, columns = self.fused.seen.shape
+        for side, (across, down) in SIDES.items():
+            corner = middle + BESIDE * np.array([across * width, down * height]) - np.array([width, height]) / 2
+            left, top = np.rint((corner - self.fused.origin_mm) / pixel).astype(int)
+            part = self.fused.seen[
+                max(top, 0) : max(min(top + round(height / pixel), rows), 0),
+                max(left, 0) : max(min(left + round(width / pixel), columns), 0),
+            ]
+            if 1 - part.sum() / (width * height / pixel**2) > UNSEEN:
+                yield side
+
+
+def _pixels(view: ContactView) -> str:
+    height, width = view.depth_mm.shape
+    return f"{width} x {height} pixels of {view.pixel_size_mm[0]:g} mm"

@@ -1,0 +1,64 @@
+"""Presses in a stream of frames: each is taken once, while it is still and deepest."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.frames.frames import CameraFrame, Contact, Provenance, TactileFrame
+from gellight.lab.scanning.presses import STILL_FRAMES, PressWatcher
+
+SHAPE = (48, 64)
+HILL = np.exp(-(((np.indices(SHAPE) - [[[24]], [[32]]]) / 10.0) ** 2).sum(axis=0))
+
+
+def frame(deep_mm: float, noise: float = 0.0, seed: int = 0) -> TactileFrame:
+    depth = deep_mm * HILL + noise * np.random.default_rng(seed).standard_normal(SHAPE)
+    none = np.zeros((*SHAPE, 3), np.float32)
+    return TactileFrame(
+        camera_frame=CameraFrame(image=none.astype(np.uint8), time_s=0.0, sequence=seed),
+        difference=none,
+        gradient_map=none[..., :2],
+        depth_mm=depth.astype(np.float32),
+        contact=Contact(mask=depth > 0.1, area_mm2=1.0, indentation_mm=deep_mm, centroid_mm=None),
+        provenance=Provenance(calibration="a", zero="b", pixel_size_mm=(0.06, 0.06), unix_s=0.0, ages_s={}),
+    )
+
+
+def deepest(depths: list[float]) -> list[float]:
+    watcher = PressWatcher()
+    fed = [watcher.feed(frame(deep)) for deep in depths]
+    return [round(float(view.depth_mm.max()), 3) for view in [*fed, watcher.end()] if view is not None]
+
+
+def test_a_press_is_taken_when_it_is_lifted_as_it_was_while_still() -> None:
+    assert deepest([0, 0.2, 0.5, 0.5, 0.5, 0.5, 0.3, 0, 0]) == [0.5]
+    assert deepest([0, 0.4, 0.4, 0.4, 0, 0.6, 0.6, 0.6]) == [0.4, 0.6]
+
+
+def test_of_a_press_that_goes_deeper_the_deepest_is_taken() -> None:
+    assert deepest([0.4, 0.4, 0.4, 0.6, 0.7, 0.7, 0.7, 0.5, 0.5, 0.5, 0]) == [0.7]
+
+
+def test_what_is_never_still_or_hardly_pressed_is_no_press() -> None:
+    assert deepest([0, 0.2, 0.3, 0.4, 0.5, 0.4, 0.2, 0]) == []
+    assert deepest([0.05] * 9) == []
+    assert deepest([0.5] * (STILL_FRAMES - 1)) == []
+
+
+def test_the_mean_of_still_frames_has_less_noise() -> None:
+    watcher = PressWatcher()
+    for seed in range(8):
+        assert watcher.feed(frame(0.5, 0.002, seed)) is None
+    assert watcher.settled
+    view = watcher.end()
+    assert view is not None
+    assert (view.depth_mm - 0.5 * HILL).std() < 0.002 / np.sqrt(8) * 1.2
+
+
+def test_frames_without_depth_are_refused() -> None:
+    blind = frame(0.5)
+    contact = replace(blind.contact, indentation_mm=float("nan"))
+    with pytest.raises(InputError, match="no calibration"):
+        PressWatcher().feed(replace(blind, contact=contact))

@@ -1,0 +1,164 @@
+"""A rough part, pressed beside itself: the map is the part, and it stays whole whatever ends the program."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.lab.scanning.contact_view import ContactView
+from gellight.lab.scanning.height_map import load_height_map
+from gellight.lab.scanning.scan import MAP, Scan
+from tests.benchmarks.scan import Part, errors_mm
+from tests.helpers.children import GELLIGHT, gellight, started
+from tests.helpers.reliefs import PIXEL_MM, felt, picture, press, record, untouched
+from tests.helpers.waiting import eventually
+
+PART = Part(rms_mm=0.06, seed=11, columns=2, rows=2, steps_mm=(15, 13), deep_mm=0.45)
+
+
+@pytest.fixture(scope="module")
+def surfaces() -> list:
+    return [press(PART.plate, pose, PART.deep_mm) for pose in PART.poses]
+
+
+@pytest.fixture(scope="module")
+def views(surfaces: list) -> list[ContactView]:
+    return [felt(surface, number) for number, surface in enumerate(surfaces)]
+
+
+@pytest.fixture(scope="module")
+def recording(surfaces: list, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("recorded") / "presses.mcap"
+    record(path, [picture(surface, number) for number, surface in enumerate(surfaces[:2])])
+    return path
+
+
+def elsewhere() -> ContactView:
+    """A press of another part altogether."""
+    other = Part(rms_mm=0.06, seed=12, columns=1, rows=1, steps_mm=(0, 0), deep_mm=0.45)
+    return felt(press(other.plate, other.poses[0], other.deep_mm), 99)
+
+
+def test_only_gel_that_reached_the_part_counts(surfaces: list, views: list[ContactView]) -> None:
+    for surface, view in zip(surfaces, views, strict=True):
+        assert view.reached.mean() > 0.1
+        wrong, deep = (float((~surface.contact[mask]).mean()) for mask in (view.reached, view.depth_mm > 0.02))
+        assert wrong < 0.03
+        assert deep > 5 * wrong, "a threshold of the depth would not do"
+
+
+def test_the_map_is_the_part_and_says_how_far(views: list[ContactView], tmp_path: Path) -> None:
+    scan = Scan(tmp_path)
+    reports = [scan.add(view) for view in views]
+    assert scan.placed == [0, 1, 2, 3]
+    assert [report.joined_to[:1] for report in reports[1:]] == [(0,), (0,), (0,)]
+    assert scan.fused is not None
+    off = errors_mm(PART, scan.fused, PART.poses[0], curved=False)
+    stated = scan.fused.height_map.error_mm[scan.fused.height_map.reached]
+    assert off.std() < 0.015
+    assert 0.7 < np.sqrt((stated**2).mean()) / off.std() < 2
+    assert scan.fused.seam_mm < 0.004
+    kept = load_height_map(tmp_path / MAP)
+    np.testing.assert_array_equal(kept.height_mm, scan.fused.height_map.height_mm)
+    assert not kept.reached[~scan.fused.seen].any()
+
+
+def test_it_says_on_which_sides_nothing_is_scanned(views: list[ContactView], tmp_path: Path) -> None:
+    scan = Scan(tmp_path)
+    assert set(scan.add(views[0]).missing) == {"right", "left", "below", "above"}
+    second = scan.add(views[1])  # it lies right of the first one
+    assert "left" not in second.missing
+    assert {"right", "below", "above"} <= set(second.missing)
+    assert "Not scanned yet: right" in second.in_words()
+
+
+def test_it_goes_on_where_it_was_ended(views: list[ContactView], tmp_path: Path) -> None:
+    """Each press is its file alone, so whatever ends the program, the next one finds those before."""
+    whole = Scan(tmp_path / "whole")
+    for view in views[:2]:
+        whole.add(view)
+    parts = tmp_path / "parts"
+    for view in views[:2]:
+        Scan(parts).add(view)
+    again = Scan(parts)
+    assert again.placed == [0, 1]
+    np.testing.assert_allclose(again.solved.poses[1], whole.solved.poses[1], atol=1e-4)
+    (parts / "press-000.npz").unlink()
+    assert set(Scan(parts).views) == {1}
+
+
+def test_what_does_not_overlap_is_kept_without_a_place(views: list[ContactView], tmp_path: Path) -> None:
+    scan = Scan(tmp_path)
+    scan.add(views[0])
+    report = scan.add(elsewhere())
+    assert report.joined_to == ()
+    assert "could not be joined" in report.in_words()
+    assert scan.placed == [0]
+
+
+def test_a_press_finds_its_place_later(views: list[ContactView], tmp_path: Path) -> None:
+    """Two presses that hang together are placed as soon as one joins them to the first."""
+    scan = Scan(tmp_path)
+    for number in (0, 3, 1):
+        scan.add(views[number])
+    assert scan.placed == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("other", "why"),
+    [
+        (lambda view: ContactView(view.depth_mm, PIXEL_MM, "another"), "another sensor or calibration"),
+        (lambda view: ContactView(view.depth_mm[:200], PIXEL_MM, "synthetic"), "640 x 200 pixels"),
+        (lambda view: ContactView(view.depth_mm, (0.03, 0.03), "synthetic"), "pixels of 0.03 mm"),
+    ],
+)
+def test_a_press_of_another_sensor_is_refused(views: list[ContactView], tmp_path: Path, other, why: str) -> None:
+    scan = Scan(tmp_path)
+    scan.add(views[0])
+    with pytest.raises(InputError, match=why):
+        scan.add(other(views[1]), "other.mcap")
+    assert len(Scan(tmp_path).views) == 1
+
+
+@pytest.mark.parametrize("content", [b"", b"rubbish", b"PK\x03\x04rubbish"])
+def test_a_damaged_press_is_named(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "press-000.npz").write_bytes(content)
+    with pytest.raises(InputError, match=r"press-000\.npz is no press of a scan"):
+        Scan(tmp_path)
+
+
+def test_a_recording_becomes_a_map(recording: Path, tmp_path: Path) -> None:
+    done = gellight("scan", tmp_path / "part", "--recording", recording, "--json")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["presses"] == 2
+    assert result["not_joined"] == []
+    assert result["seam_um"] < 4
+    assert "press 1: " in done.stderr
+    assert load_height_map(tmp_path / "part" / MAP).reached.any()
+    assert (tmp_path / "part/map.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_scan_that_was_killed_goes_on(recording: Path, tmp_path: Path) -> None:
+    """By SIGKILL, as soon as the first press is there: the same command adds the second one, and none twice."""
+    folder = tmp_path / "part"
+    command = [*GELLIGHT, "scan", str(folder), "--recording", str(recording)]
+    with started(command, stderr=subprocess.DEVNULL) as program:
+        eventually((folder / "press-000.npz").exists, 120)
+        program.kill()
+        program.wait()
+    assert len(Scan(folder).views) >= 1
+    done = gellight("scan", folder, "--recording", recording, "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["presses"] == 2
+
+
+def test_a_recording_without_a_press_is_refused(tmp_path: Path) -> None:
+    record(tmp_path / "none.mcap", [untouched()])
+    done = gellight("scan", tmp_path / "part", "--recording", tmp_path / "none.mcap")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "has no press that was held still" in done.stderr
