@@ -76,6 +76,7 @@ DOORS = {
     "typer": ("cli/",),
     "rich": ("cli/",),
     "ezdxf": ("lab/design/",),
+    "x3pio": ("lab/scanning/map_files.py",),
     "OCP": ("lab/housing/solids.py",),
     "rp2040py": ("lab/emulator/",),
     "mujoco": ("lab/touch/",),
