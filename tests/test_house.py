@@ -77,6 +77,7 @@ DOORS = {
     "rich": ("cli/",),
     "ezdxf": ("lab/design/",),
     "shapely": ("lab/boards/pour.py",),
+    "x3pio": ("lab/scanning/map_files.py",),
     "OCP": ("lab/housing/solids.py",),
     "rp2040py": ("lab/emulator/",),
     "mujoco": ("lab/touch/",),

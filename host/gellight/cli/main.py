@@ -29,6 +29,7 @@ VERBS = lazy_group(
         "doctor": ("doctor:command", "Check computer, USB, camera, light ring, frames and training."),
         "install-udev": ("install_udev:command", "Let users who are not root use the sensor; needs root."),
         "reconstruct": ("reconstruct:command", "Reconstruct depth, normals and contact from images of the gel."),
+        "surface": ("surface:command", "Measure the roughness of a surface, or write it for other programs."),
         "selfcheck": ("selfcheck:command", "Compare the simulated sensor with the reference simulator."),
         "calibrate": ("calibrate.verbs:app", "Calibrate a sensor, and keep its bundles."),
         "config": ("config:app", "Show the settings, their schema, and the files they are read from."),

@@ -1,9 +1,10 @@
-"""A depth map as points, and as a surface in the PLY format that every 3D program opens."""
+"""A depth map as points, and as a surface in the formats that every 3D program opens: PLY, and STL for printers."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 VERTEX = np.dtype([("xyz", "<f4", 3), ("rgb", "u1", 3)])
+STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
@@ -28,9 +29,11 @@ def ply(depth_mm: NDArray[np.float32], pixel_size_mm: tuple[float, float], image
     known = np.isfinite(depth_mm)
     vertices = np.empty(np.count_nonzero(known), VERTEX)
     vertices["xyz"], vertices["rgb"] = points_of(depth_mm, pixel_size_mm)[known], image[known]
-    faces = _triangles(known)
+    corners = _triangles(known)
+    faces = np.empty(len(corners), FACE)
+    faces["count"], faces["corners"] = 3, corners
     header = (
-        "ply\nformat binary_little_endian 1.0\ncomment mm, x right, y up; z is the indentation\n"
+        "ply\nformat binary_little_endian 1.0\ncomment mm, x right, y up, z towards the camera\n"
         f"element vertex {len(vertices)}\n"
         "property float x\nproperty float y\nproperty float z\n"
         "property uchar red\nproperty uchar green\nproperty uchar blue\n"
@@ -39,12 +42,34 @@ def ply(depth_mm: NDArray[np.float32], pixel_size_mm: tuple[float, float], image
     return header.encode() + vertices.tobytes() + faces.tobytes()
 
 
-def _triangles(known: NDArray[np.bool_]) -> NDArray[np.void]:
-    """Return two triangles for each four neighbours in (H, W) that are known, anticlockwise seen from the camera."""
+def _triangles(known: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Return two triangles for each four neighbours in (H, W) that are known, (T, 3) numbers of what is known.
+
+    They are anticlockwise seen from the camera.
+    """
     number = np.cumsum(known, dtype=np.int32).reshape(known.shape) - 1
-    corners = [slice(None, -1), slice(1, None)]
+    corners = slice(None, -1), slice(1, None)
     whole = np.logical_and.reduce([known[rows, columns] for rows in corners for columns in corners])
     a, b, c, d = (number[rows, columns][whole] for rows in corners for columns in corners)
-    faces = np.empty(2 * len(a), FACE)
-    faces["count"], faces["corners"] = 3, np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)])
-    return faces
+    return np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)])
+
+
+def solid_stl(height_mm: NDArray[np.floating], pixel_mm: float, floor_mm: float) -> bytes:
+    """Return a closed solid in binary STL: what is known of a height map (H, W) on a foot that stands at `floor_mm`.
+
+    x is right, y up, z the height, from the middle of the map.
+    """
+    known = np.isfinite(height_mm)
+    top = points_of(np.asarray(height_mm, np.float32), (pixel_mm, pixel_mm))[known]
+    faces = _triangles(known)
+    corners = np.concatenate([top, np.column_stack([top[:, :2], np.full(len(top), floor_mm, np.float32)])])
+    below = len(top)
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
+    a, b = edges[~np.isin(edges @ [below, 1], edges @ [1, below])].T
+    walls = [np.stack([b, a, a + below], axis=1), np.stack([b, a + below, b + below], axis=1)]
+    placed = corners[np.concatenate([faces, faces[:, ::-1] + below, *walls])]
+    across = np.cross(placed[:, 1] - placed[:, 0], placed[:, 2] - placed[:, 0])
+    records = np.zeros(len(placed), STL_RECORD)
+    records["corners"] = placed
+    records["normal"] = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    return b"GelLight, mm".ljust(80) + np.uint32(len(placed)).tobytes() + records.tobytes()

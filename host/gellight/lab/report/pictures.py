@@ -19,6 +19,7 @@ DIFFERENCE_SCALE_GREY = 64.0
 
 _INK, _PAPER, _FAINT = (228, 230, 235), (20, 22, 28), (130, 134, 145)
 _PANEL_WIDTH, _MARGIN, _TITLE, _GUTTER = 640, 20, 34, 96
+_LARGEST_SIDE, _LEAST_SIDE, _LEAST_SCALE_UM = 3000, 200, 0.01
 _FONT = cv2.FONT_HERSHEY_DUPLEX
 
 
@@ -79,6 +80,30 @@ def four_panels(frame: TactileFrame, *, scale_um: float = DEPTH_SCALE_UM) -> Pic
     return sheet
 
 
+def height_picture(height_mm: NDArray[np.floating], pixel_mm: float) -> Picture:
+    """Draw a (H, W) map of heights with its colour bar, um from the lowest, and a scale bar; NaN is hatched.
+
+    The lowest and the highest thousandth share the end of the scale. Raises ValueError where all is NaN.
+    """
+    thinned = max(1, -(-max(height_mm.shape) // _LARGEST_SIDE))
+    height, pixel_mm = np.asarray(height_mm[::thinned, ::thinned]), pixel_mm * thinned
+    low, high = np.percentile(height[np.isfinite(height)], (0.1, 99.9)).tolist()
+    scale_um = max((high - low) * 1e3, _LEAST_SCALE_UM)
+    rows, columns = np.indices(height.shape)
+    hatched = np.where((rows + columns) % 8 < 2, 105, 75).astype(np.uint8)[..., None].repeat(3, axis=2)
+    known = np.isfinite(height)[..., None]
+    coloured = depth_picture(np.nan_to_num(height) - low, scale_um=scale_um)
+    panel = _enlarged(np.where(known, coloured, hatched))
+    rows_px, columns_px = max(panel.shape[0], _LEAST_SIDE), panel.shape[1]
+    sheet = _paper(rows_px + 2 * _MARGIN + _TITLE, max(columns_px, _LEAST_SIDE) + 2 * _MARGIN + _GUTTER)
+    sheet[_MARGIN : _MARGIN + panel.shape[0], _MARGIN : _MARGIN + columns_px] = panel
+    left = sheet.shape[1] - _GUTTER
+    sheet[_MARGIN : _MARGIN + rows_px, left:] = depth_bar(rows_px, _GUTTER, scale_um=scale_um)
+    _write(sheet, "um", (left, sheet.shape[0] - _MARGIN), _FAINT, 0.48)
+    _draw_scale(sheet, pixel_mm * height.shape[1] / columns_px, columns_px)
+    return sheet
+
+
 def encode_png(picture: Picture) -> bytes:
     """Encode a (H, W, 3) RGB or (H, W) grey picture as PNG."""
     return cv2.imencode(".png", picture[..., ::-1] if picture.ndim == 3 else picture)[1].tobytes()
@@ -95,6 +120,14 @@ def _paper(height: int, width: int) -> Picture:
 
 def _write(picture: Picture, text: str, place: tuple[int, int], colour: tuple[int, int, int], size: float) -> None:
     cv2.putText(picture, text, place, _FONT, size, colour, 1, cv2.LINE_AA)
+
+
+def _draw_scale(sheet: Picture, pixel_mm: float, width_px: int) -> None:
+    """Draw a bar of a round length, with that length, under the lower left corner."""
+    length_mm = round_step(width_px * pixel_mm, 10)
+    y, end = sheet.shape[0] - _MARGIN, _MARGIN + round(length_mm / pixel_mm)
+    cv2.rectangle(sheet, (_MARGIN, y - 8), (end, y - 3), _INK, -1)
+    _write(sheet, f"{length_mm:g} mm", (end + 10, y), _INK, 0.5)
 
 
 def round_step(span: float, most: int) -> float:

@@ -1,4 +1,17 @@
 """Surfaces larger than the view: presses side by side become one map of heights, which can be measured.
 
-height_map.py   `HeightMap`: heights on a grid, with their errors, and where nothing is known
+contact_view.py  one press as the tracker sees it, and its height
+presses.py       settled presses in a stream of frames
+search.py        where two presses may lie beside each other
+pairs.py         two presses joined, or not
+pose_graph.py    places of all presses at once
+fusion.py        presses in their places, as one map
+scan.py          a scan that grows press by press
+scan_files.py    its folder
+map_picture.py   the map as a picture
+height_map.py    `HeightMap`: heights on a grid, with their errors, and where nothing is known
+press_map.py     one press as a map, without the valleys that the gel spans
+filtering.py     form and waviness, by the Gaussian filter of ISO 16610
+roughness.py     Sa, Sq, Sz, Ra, Rq, Rz, how far they are to be believed, and when they are refused
+map_files.py     a map as PNG, X3P, PLY and STL
 """

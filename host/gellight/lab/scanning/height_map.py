@@ -48,9 +48,13 @@ class HeightMap:
 
     def save(self, path: Path) -> None:
         """Write the map as an npz file, whole or not at all."""
+        write_file(path, self.content())
+
+    def content(self) -> bytes:
+        """Return the map as the content of an npz file."""
         content = io.BytesIO()
         np.savez_compressed(content, **{name: getattr(self, name) for name in FIELDS})
-        write_file(path, content.getvalue())
+        return content.getvalue()
 
 
 def load_height_map(path: Path) -> HeightMap:

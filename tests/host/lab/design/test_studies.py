@@ -12,6 +12,7 @@ import platformdirs
 import pytest
 
 from gellight.base.errors import ConfigError, GellightError, InputError
+from gellight.frames.point_cloud import STL_RECORD, solid_stl
 from gellight.lab.design import benchmark_files, studies
 from gellight.lab.design.geometry import read_geometry
 from gellight.lab.simulator.sweep import SweepOptions, run_study
@@ -166,9 +167,7 @@ def test_help_says_what_is_taken_by_default() -> None:
 
 def test_the_solids_are_closed(tmp_path: Path) -> None:
     height, spacing = benchmark_files.benchmark_height("TSTEP", 1.0, 24)
-    records = np.frombuffer(
-        benchmark_files.solid_stl(np.maximum(height, -2.0), spacing)[84:], benchmark_files.STL_RECORD
-    )
+    records = np.frombuffer(solid_stl(np.maximum(height, -2.0), spacing, -7.0)[84:], STL_RECORD)
     corners = np.round(records["corners"].astype(float), 5)
     edges: dict[tuple[Any, Any], int] = {}
     for triangle in corners.tolist():
@@ -192,5 +191,5 @@ def test_the_objects_can_be_exported(tmp_path: Path) -> None:
     assert height.shape == (32, 32)
     relief = height[height > -100]  # around the object lies nothing
     assert (relief.min(), relief.max()) == pytest.approx((-1, 0), abs=0.1)
-    corners = np.frombuffer((tmp_path / "WAVE.stl").read_bytes()[84:], benchmark_files.STL_RECORD)["corners"]
+    corners = np.frombuffer((tmp_path / "WAVE.stl").read_bytes()[84:], STL_RECORD)["corners"]
     assert corners[..., 2].max() == height.max()

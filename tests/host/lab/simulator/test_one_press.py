@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.design.benchmark_files import solid_stl
+from gellight.frames.point_cloud import solid_stl
 from gellight.lab.simulator.one_press import PressRequest, object_heights, press_once
 from sim_reference.fem.newton import Step
 from sim_reference.geometry import SensorGeometry
@@ -118,7 +118,7 @@ def test_a_free_object_says_how_it_stands_also_after_an_interruption(tmp_path: P
 def test_a_solid_from_a_file_is_an_object(tmp_path: Path) -> None:
     at = np.linspace(-3, 3, 25)
     cone = -np.hypot(at[None, :], at[:, None])
-    (tmp_path / "cone.stl").write_bytes(solid_stl(cone, 0.25))
+    (tmp_path / "cone.stl").write_bytes(solid_stl(cone, 0.25, float(cone.min()) - 5))
     height = object_heights(str(tmp_path / "cone.stl"))
     assert height.max() == pytest.approx(0, abs=0.1)
     assert height[256, 256 + 16] == pytest.approx(-2.06, abs=0.1)
