@@ -28,7 +28,6 @@ from gellight.lab.scanning.roughness import (
     profile_roughness,
 )
 from gellight.lab.simulator.scene import Scene
-from gellight.reconstruction.force import Layer
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.deformation import grid
@@ -74,7 +73,6 @@ class Bench:
     def __init__(self, seed: int = 0) -> None:
         """Feel a flat plate first: what is found on it is the error of the heights."""
         self.geometry = SensorGeometry()
-        self.layer = Layer(self.geometry.gel_thickness_mm, self.geometry.poisson_ratio)
         self._scene = Scene(self.geometry, CameraResponse(noise_grey=NOISE_GREY))
         self._reconstructor = Reconstructor(load_bundle("synthetic"))
         self._random = np.random.default_rng(seed)
@@ -117,7 +115,7 @@ class Bench:
             return str(error)
 
     def _map(self, frame: TactileFrame, error_mm: float) -> HeightMap:
-        return map_of_press(frame, (self.geometry.pixel_size_mm,) * 2, self.layer, error_mm)
+        return map_of_press(frame, (self.geometry.pixel_size_mm,) * 2, error_mm)
 
     def _pressed(self, plate: Plate, shortest_mm: float, depth_mm: float) -> Surface:
         spacing = min(0.125, shortest_mm / POINTS_A_WAVE)

@@ -16,7 +16,7 @@ from gellight.cli.showing import show
 from gellight.frames.frames import TactileFrame
 from gellight.lab.scanning.height_map import HeightMap, load_height_map
 from gellight.lab.scanning.map_files import CONTENTS, write_map
-from gellight.lab.scanning.press_map import GEL_POISSON_RATIO, map_of_press
+from gellight.lab.scanning.press_map import map_of_press
 from gellight.lab.scanning.roughness import (
     COATING_BLUR_MM,
     AreaRoughness,
@@ -25,9 +25,7 @@ from gellight.lab.scanning.roughness import (
     area_roughness,
     profile_roughness,
 )
-from gellight.reconstruction.force import Layer
 from gellight.recording.recording_file import Recording
-from gellight.watch.possible import gel_thickness_mm
 
 
 class Form(StrEnum):
@@ -88,16 +86,8 @@ class OfRecording:
         """Return the heights of one press; raises InputError for a recording without that frame."""
         recording = Recording(path)
         bundle = load_bundle(self.calibration) if self.calibration else None
-        geometry = load_settings({}).geometry
-        thickness_mm = gel_thickness_mm(bundle or recording.bundle, geometry.gel_thickness_mm)
-        if thickness_mm is None:
-            raise InputError(
-                "nobody told how thick the gel is, and so which valleys it reached: give gel_thickness_mm under "
-                "[geometry] in gellight.toml"
-            )
-        layer = Layer(thickness_mm, geometry.poisson_ratio or GEL_POISSON_RATIO)
         felt = self._chosen(path, recording, bundle)
-        return map_of_press(felt, (bundle or recording.bundle).pixel_size_mm, layer, self.error)
+        return map_of_press(felt, (bundle or recording.bundle).pixel_size_mm, self.error)
 
     def _chosen(self, path: Path, recording: Recording, bundle: Bundle | None) -> TactileFrame:
         """Return the wanted frame, else the deepest."""
