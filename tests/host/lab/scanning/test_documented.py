@@ -1,6 +1,7 @@
 """docs/scanning.md as it is typed."""
 
 import re
+import shlex
 import sys
 from pathlib import Path
 
@@ -29,3 +30,18 @@ def test_the_simulated_part_is_scanned_and_the_program_reads_its_map(tmp_path: P
     assert done.returncode == 0, done.stderr
     height, width = map(int, re.findall(r"\d+", done.stdout)[:2])
     assert (height, width) > (505, 780), "larger than a view of 480 x 640 by the shift of 2 and 9 mm"
+
+
+def test_a_plate_is_measured_and_written(tmp_path: Path) -> None:
+    measuring = re.search(r"## Measuring\n.*?```sh\n(.*?)```", TEXT, re.DOTALL)
+    assert measuring
+    record, *measures, write = (shlex.split(line, comments=True)[1:] for line in measuring[1].splitlines())
+    for words in (record, write):
+        done = gellight(*words, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"plate.mcap", "plate.png", "plate.x3p", "plate.stl"}
+    area, line = (gellight(*words, cwd=tmp_path) for words in measures)
+    assert re.match(r"Sa +1\d\.\d\d um ± 1\.10 um as felt; 18\.\d\d um with what the blur takes\n", area.stdout), area
+    assert re.match(r"Ra +1\d\.\d\d um ± 1\.10 um as felt; 18\.\d\d um", line.stdout), line
+    ra, error, plate = (float(line.stdout.split()[at]) for at in (1, 4, 8))
+    assert ra < 0.03 * 2e3 / 3.1416 < plate + error
