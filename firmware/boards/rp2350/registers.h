@@ -1,6 +1,7 @@
 /*
- * The registers of the RP2350 that this firmware uses, with the sections of its data sheet. The addresses were compared with
- * the register headers of Raspberry Pi's pico-sdk; no chip has confirmed them yet.
+ * The registers of the RP2350 that this firmware uses, with the sections of its data sheet (build 2025-02-20, compared with
+ * its table of contents). The addresses were compared with the register headers of Raspberry Pi's pico-sdk; no chip has
+ * confirmed them yet.
  */
 #ifndef GELLIGHT_REGISTERS_H
 #define GELLIGHT_REGISTERS_H

@@ -34,7 +34,8 @@ _PICO: tuple[Label, ...] = (
     0, 1, _G, 2, 3, 4, 5, _G, 6, 7, 8, 9, _G, 10, 11, 12, 13, _G, 14, 15,
     16, 17, _G, 18, 19, 20, 21, _G, 22, "RUN", 26, 27, _G, 28, "VREF", LOGIC, "3V3_EN", _G, "VSYS", VBUS,
 )  # fmt: skip
-# Pins by the makers' pinout drawings, with the USB socket up: left row downwards, right row upwards.
+# Pins by the makers' pinout drawings, with the USB socket up: left row downwards, right row upwards. The numbers of
+# Pico, Pico 2 and XIAO are those of a distributor; that of the RP2040-Zero is not verified.
 MODULES = {
     "pico": Module(
         item=Item("Raspberry Pi Pico", "Raspberry Pi", "SC0915", mounted=False),

@@ -1,10 +1,11 @@
 """The carrier: each pin of each controller does what the firmware's table says, and the circuit is sound.
 
-KiCad 6 checks circuits in its window alone, so the electrical rules are checked here: over the netlist, pin by pin.
+KiCad 6 checks circuits in its window alone, so SKiDL checks the electrical rules here. What a pin is, it is told here.
 """
 
 import re
 from math import cos, pi, radians, sin
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from gellight.lab.boards.strip import strip_board
 from gellight.ring.boards import BOARDS
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.boards import carrier_of
+from tests.helpers.circuit_rules import Circuit, complaints
 from tests.helpers.command_line import invoke
 
 # From the makers' drawings: number of the pin on the module, down the left row and up the right one, by GPIO.
@@ -29,15 +31,18 @@ PINS = {
 }
 ROWS_MM = {"pico": (17.78, 20), "pico2": (17.78, 20), "xiao": (15.24, 7), "rp2040-zero": (15.24, 9)}
 KINDS = {
-    "U2": {"1": "supply", "2": "ground", "3": "in", "4": "passive", "5": "open", "6": "supply out"},
+    "U2": {"1": "PWRIN", "2": "PWRIN", "3": "INPUT", "6": "PWROUT"},
     "U3": {
-        **dict.fromkeys(("1", "2", "4", "5", "9", "10", "12", "13"), "in"),
-        **dict.fromkeys(("3", "6", "8", "11"), "out"),
-        "7": "ground",
-        "14": "supply",
+        **dict.fromkeys(("1", "2", "4", "5", "9", "10", "12", "13"), "INPUT"),
+        **dict.fromkeys(("3", "6", "8", "11"), "OUTPUT"),
+        "7": "PWRIN",
+        "14": "PWRIN",
     },
+    "F1": {"2": "PWROUT"},
 }
-"""what the pins of the integrated circuits are, by their data sheets"""
+"""what pins are that are not passive, by the data sheets; the fuse passes on what feeds it"""
+DRIVES = {"VBUS": "PWROUT", "3V3": "PWROUT", "NTC": "INPUT", "TRIGGER": "INPUT", "GND": "PASSIVE", "": "BIDIR"}
+"""what the controller's pins are by their net; the others are outputs"""
 
 
 @pytest.fixture(params=list(MODULES), scope="module")
@@ -86,19 +91,35 @@ def test_the_holes_take_the_module(name: str, board: Board) -> None:
     assert holes[0] == pytest.approx([holes[:, 0].min(), holes[:, 1].max()]), "pin 1 is at the upper left"
 
 
-def test_the_electrical_rules_hold(board: Board) -> None:
-    nets = board.nets()
-    assert [net for net, pads in nets.items() if len({part for part, _ in pads}) < 2] == [], "a net that ends nowhere"
-    drivers: dict[str, list[str]] = {}
-    for part, kinds in KINDS.items():
-        for pad, kind in kinds.items():
-            net = net_at(board, part, pad)
-            assert net or kind in ("out", "open"), f"{part}.{pad} ({kind}) floats"
-            assert (net == "GND") == (kind == "ground") or kind == "in"
-            if kind in ("out", "supply out") and net:
-                drivers.setdefault(net, []).append(part)
-    assert all(len(those) == 1 for those in drivers.values())
-    assert set(drivers) == {"5V", "SHIFTED"}
+def circuit_of(board: Board) -> Circuit:
+    """The netlist with what each pin is; the first ground of the controller feeds the others."""
+    circuit: Circuit = {}
+    for part in board.parts:
+        kinds = KINDS.get(part.reference, {})
+        nets = {pad.number: part.nets.get(pad.number, "") for pad in part.footprint.pads}
+        if part.reference == "U1":
+            kinds = {pad: DRIVES.get(net, "OUTPUT") for pad, net in nets.items()}
+            kinds[next(pad for pad, net in nets.items() if net == "GND")] = "PWROUT"
+        circuit[part.reference] = {pad: (kinds.get(pad, "PASSIVE"), net) for pad, net in nets.items()}
+    return circuit
+
+
+def test_the_electrical_rules_hold(tmp_path: Path) -> None:
+    circuits = [circuit_of(carrier_of(name)) for name in MODULES]
+    for circuit in circuits:
+        pins = [(f"{part}.{pad}", *pin) for part, pads in circuit.items() for pad, pin in pads.items()]
+        floating = [pin for pin, kind, net in pins if not net and kind in ("INPUT", "PWRIN")]
+        assert floating == [], "SKiDL takes a pin without a net for one that is meant to have none"
+    assert complaints(circuits, tmp_path) == [[]] * len(MODULES)
+
+
+def test_faults_of_the_circuit_are_found(tmp_path: Path) -> None:
+    """Two outputs on a net, a supply that nothing feeds, a switch short to ground, pins that hang in the air."""
+    faults = [("U3", "6", "SHIFTED"), ("U3", "14", "A"), ("U2", "6", "GND"), ("R3", "2", "A"), ("U2", "3", "A")]
+    circuits = [circuit_of(carrier_of("pico")) for _ in faults]
+    for circuit, (part, pad, net) in zip(circuits, faults, strict=True):
+        circuit[part][pad] = (circuit[part][pad][0], net)
+    assert all(complaints(circuits, tmp_path))
 
 
 def test_the_circuit_is_that_of_the_firmwares_page(board: Board) -> None:
