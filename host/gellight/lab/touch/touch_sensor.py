@@ -1,14 +1,16 @@
 """A simulated sensor that feels whatever a robot simulator presses into it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.allowed import nearest
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.lab.simulator.read_noise import ReadNoise
-from gellight.lab.simulator.unit import Unit
+from gellight.lab.simulator.unit import GEL, Unit
 from gellight.lab.touch.layer import Floats, Layer
 from gellight.lab.touch.picture import Pictures, UnitPictures
 from gellight.lab.touch.traction import Sheared, Traction
@@ -67,16 +69,23 @@ class TouchSensor:
         response: CameraResponse | None = None,
         cast_shadows: bool = True,
         seed: int = 0,
+        gel: Mapping[str, float] | None = None,
     ) -> None:
         """Prepare a gel of `size` x `size` points over `extent_mm` mm, default: 64, of a bundle what its view needs.
 
         sensor: how it is built, default: as in the paper; or the bundle of a real unit that was calibrated from
         presses, whose pictures are then drawn by the light they measured, without cast shadows. response: of the
-        camera; a bundle has its own. Without cast_shadows steep walls cast none. Raises InputError for a grid that
-        cannot be, and BundleError for a bundle that keeps no presses.
+        camera; a bundle has its own. Without cast_shadows steep walls cast none. gel: what you know of a unit's gel
+        better than its bundle, by the names of `simulator.unit.GEL`. Raises InputError for a grid or gel that cannot
+        be, and BundleError for a bundle that keeps no presses.
         """
         unit = Unit(sensor) if isinstance(sensor, Bundle) else None
-        self.geometry = unit.geometry() if unit else sensor if isinstance(sensor, SensorGeometry) else SensorGeometry()
+        if gel and not unit:
+            raise InputError(f"gel = {dict(gel)} says better what a bundle says: give a bundle, or one SensorGeometry")
+        for name in gel or ():
+            if name not in GEL:
+                raise InputError(f"a gel has no {name}: {nearest(name, GEL)}")
+        self.geometry = unit.geometry(gel) if unit else _designed(sensor)
         self._light = unit.light if unit else None
         """what its presses showed, for a real unit"""
         if extent_mm is None:
@@ -184,6 +193,10 @@ class TouchSensor:
         elif self._pictures is None:
             self._pictures = Pictures(self.geometry, self.layer.at_mm, self._response, cast_shadows=self._shadows)
         return self._pictures
+
+
+def _designed(sensor: SensorGeometry | Bundle | None) -> SensorGeometry:
+    return sensor if isinstance(sensor, SensorGeometry) else SensorGeometry()
 
 
 def _reach_mm(geometry: SensorGeometry) -> float:
