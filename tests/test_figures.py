@@ -82,6 +82,15 @@ TABLES = {
         "4 lights, stopping at each (`hold`)",
         "4 lights, window, `free` or `ext`",
     ),
+    ("simulators", "drawn_units"): (
+        "plate, three lights",
+        "GelSight Mini A",
+        "B, by hand",
+        "B, by `detect`",
+        "C, by hand",
+        "C, by `detect`",
+        "DIGIT, hard shadows",
+    ),
 }
 FIGURES = [figure for figure in quoted() if figure[1] in PRINTED]
 

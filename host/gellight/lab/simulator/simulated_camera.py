@@ -329,9 +329,9 @@ def lit_ring(colours: NDArray[np.uint8]) -> LightRing:
 
 def built(geometry: Mapping[str, float | int | str], unit: Unit | None = None) -> SensorGeometry:
     """Return the default sensor, or a unit, with the values of `geometry` instead; ConfigError if it cannot be."""
+    if unit is not None:
+        return unit.geometry(geometry)
     try:
-        if unit is not None:
-            return unit.geometry(geometry)
         return SensorGeometry(**geometry)  # type: ignore[arg-type]  # the names and types were checked by the settings
     except ValueError as error:
         raise ConfigError(f"the simulated sensor cannot be built: {error}") from None

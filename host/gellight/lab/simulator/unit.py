@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from gellight.base.errors import BundleError, CameraError
+from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.lab.simulator.measured_light import MeasuredLight
 from gellight.reconstruction.force_file import read_force
@@ -40,7 +40,7 @@ class Unit:
 
         The thickness is that of `force.json`, else of the manifest, else of the simulated gel; nobody measured the
         coating. The gel reaches to the corners of the view. Raises BundleError for pixels that are not square and
-        ValueError for a gel that cannot be.
+        InputError for a gel that cannot be.
         """
         (height, width), (x_mm, y_mm) = self.bundle.image_shape, self.bundle.pixel_size_mm
         if x_mm != y_mm:
@@ -54,7 +54,10 @@ class Unit:
         if (force := read_force(self.bundle)) is not None:
             gel |= {"gel_thickness_mm": force.gel_thickness_mm, "poisson_ratio": force.poisson_ratio}
         gel |= {name: float(value) for name, value in (given or {}).items() if name in GEL}
-        return SensorGeometry(image_width_px=width, image_height_px=height, pixel_size_mm=x_mm, **gel)  # type: ignore[arg-type]
+        try:
+            return SensorGeometry(image_width_px=width, image_height_px=height, pixel_size_mm=x_mm, **gel)  # type: ignore[arg-type]
+        except ValueError as error:
+            raise InputError(f"the gel of {self.bundle.source} cannot be simulated: {error}") from None
 
     def response(self, noise_grey: float | None = None) -> CameraResponse:
         """Return the camera behind the measured light; noise: that of the bundle where not given, grey levels."""

@@ -1,14 +1,18 @@
 """A simulated sensor that feels whatever a robot simulator presses into it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.allowed import nearest
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
+from gellight.lab.simulator.printed_dots import PrintedDots, paint
 from gellight.lab.simulator.read_noise import ReadNoise
-from gellight.lab.simulator.unit import Unit
+from gellight.lab.simulator.unit import GEL, Unit
+from gellight.lab.touch.dots import dots_px
 from gellight.lab.touch.layer import Floats, Layer
 from gellight.lab.touch.picture import Pictures, UnitPictures
 from gellight.lab.touch.traction import Sheared, Traction
@@ -67,16 +71,24 @@ class TouchSensor:
         response: CameraResponse | None = None,
         cast_shadows: bool = True,
         seed: int = 0,
+        gel: Mapping[str, float] | None = None,
+        dots: PrintedDots | None = None,
     ) -> None:
         """Prepare a gel of `size` x `size` points over `extent_mm` mm, default: 64, of a bundle what its view needs.
 
         sensor: how it is built, default: as in the paper; or the bundle of a real unit that was calibrated from
         presses, whose pictures are then drawn by the light they measured, without cast shadows. response: of the
-        camera; a bundle has its own. Without cast_shadows steep walls cast none. Raises InputError for a grid that
-        cannot be, and BundleError for a bundle that keeps no presses.
+        camera; a bundle has its own. Without cast_shadows steep walls cast none. gel: what you know of a unit's gel
+        better than its bundle, by the names of `simulator.unit.GEL`. dots: printed on the gel. Raises InputError for a
+        grid or gel that cannot be, and BundleError for a bundle that keeps no presses.
         """
         unit = Unit(sensor) if isinstance(sensor, Bundle) else None
-        self.geometry = unit.geometry() if unit else sensor if isinstance(sensor, SensorGeometry) else SensorGeometry()
+        if gel and not unit:
+            raise InputError(f"gel = {dict(gel)} says better what a bundle says: give a bundle, or one SensorGeometry")
+        for name in gel or ():
+            if name not in GEL:
+                raise InputError(f"a gel has no {name}: {nearest(name, GEL)}")
+        self.geometry = unit.geometry(gel) if unit else _designed(sensor)
         self._light = unit.light if unit else None
         """what its presses showed, for a real unit"""
         if extent_mm is None:
@@ -93,7 +105,7 @@ class TouchSensor:
         self._traction = Traction(
             self.layer.at_mm, self.geometry.gel_thickness_mm, self.geometry.poisson_ratio, shear_modulus_mpa
         )
-        self._shadows = cast_shadows
+        self._shadows, self.dots = cast_shadows, dots
         self._response = response or (unit.response() if unit else CameraResponse())
         self._pictures: Pictures | UnitPictures | None = None
         self._noise = ReadNoise(np.random.default_rng(seed))
@@ -152,14 +164,29 @@ class TouchSensor:
             depth = min(depth, self.geometry.deepest_press_mm)
         raise ValueError(f"no depth was found at which the gel carries {force_n:.3g} N")
 
-    def picture(self, felt: Felt, *, noise: bool = True) -> NDArray[np.uint8]:
-        """Return what the camera sees, (H, W, 3) uint8 RGB."""
-        grey = self.grey(felt)
+    def picture(self, felt: Felt, sheared: Sheared | None = None, *, noise: bool = True) -> NDArray[np.uint8]:
+        """Return what the camera sees, (H, W, 3) uint8 RGB; sheared: from `drag`, it moves the dots."""
+        grey = self.grey(felt, sheared)
         return self._noise.digitise(grey, self._response.noise_grey if noise else 0.0)
 
-    def grey(self, felt: Felt) -> Floats:
+    def grey(self, felt: Felt, sheared: Sheared | None = None) -> Floats:
         """Return the picture before noise, (H, W, 3) grey levels."""
-        return self._drawing().grey(felt.depth_mm)
+        grey = self._drawing().grey(felt.depth_mm)
+        if self.dots is not None:
+            albedo = self.dots.albedo ** (1 / self._response.gamma)
+            diameter_px = self.dots.diameter_mm / self.geometry.pixel_size_mm
+            paint(np.moveaxis(grey, 2, 0), self.dots_px(felt, sheared), diameter_px, albedo)
+        return grey
+
+    def dots_px(self, felt: Felt, sheared: Sheared | None = None) -> NDArray[np.float64]:
+        """Return (N, 2) x, y px of the dots; without `sheared` the gel was pressed and not dragged.
+
+        Raises InputError where the gel has none.
+        """
+        if self.dots is None:
+            raise InputError("no dots are printed on this gel: give TouchSensor(dots=PrintedDots(columns=9, rows=7))")
+        moved = sheared or self._traction.pressed(felt.pressure_mpa)
+        return dots_px(self.dots, felt.depth_mm, moved.tangential_mm, felt.at_mm, self.geometry)
 
     def depth_map_mm(self, felt: Felt) -> Floats:
         """Return the depth on the pixels of the camera, (H, W) mm."""
@@ -184,6 +211,10 @@ class TouchSensor:
         elif self._pictures is None:
             self._pictures = Pictures(self.geometry, self.layer.at_mm, self._response, cast_shadows=self._shadows)
         return self._pictures
+
+
+def _designed(sensor: SensorGeometry | Bundle | None) -> SensorGeometry:
+    return sensor if isinstance(sensor, SensorGeometry) else SensorGeometry()
 
 
 def _reach_mm(geometry: SensorGeometry) -> float:

@@ -57,6 +57,11 @@ class Traction:
         spacing_mm = float(self.at_mm[1] - self.at_mm[0])
         return tangential.Layer((size, size), spacing_mm, self.thickness_mm, self.poisson_ratio)
 
+    def pressed(self, pressure_mpa: NDArray[np.float32]) -> Sheared:
+        """Return the gel under a pressure alone (n, n), MPa."""
+        pressure = np.asarray(pressure_mpa, np.float64) / self.shear_modulus_mpa
+        return self._sheared(tangential.at_rest(pressure, self._layer))
+
     def drag(
         self, pressure_mpa: NDArray[np.float32], motion: tuple[float, float, float],
         friction: float, before: Sheared | None,
@@ -67,6 +72,8 @@ class Traction:
         pressure = np.asarray(pressure_mpa, np.float64) / self.shear_modulus_mpa
         begun = tangential.at_rest(pressure, self._layer) if before is None else before.state
         moved = tangential.rigid_motion(self.at_mm[None, :], self.at_mm[:, None], motion)
-        state = tangential.drag(begun, pressure, moved, friction, self._layer)
+        return self._sheared(tangential.drag(begun, pressure, moved, friction, self._layer))
+
+    def _sheared(self, state: tangential.Dragged) -> Sheared:
         traction = state.traction * self.shear_modulus_mpa
         return Sheared(traction, state.displacement_mm, state.sticks, self.at_mm, state)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gellight
-from gellight.base.errors import BundleError, CameraError, ConfigError, InputError
+from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
@@ -77,7 +77,7 @@ def test_the_gel_is_that_of_the_bundle_unless_the_user_knows_better(bundle: Bund
     assert Unit(thin).geometry({"gel_thickness_mm": 3.0, "image_width_px": 640}).gel_thickness_mm == 3.0
     weighed = bundle.with_files({"force.json": load_bundle("synthetic").files["force.json"]})
     assert Unit(weighed).youngs_modulus_mpa == pytest.approx(0.2)
-    with pytest.raises(ConfigError, match=r"cannot be built: poisson_ratio = 0.5"):
+    with pytest.raises(InputError, match=r"cannot be simulated: poisson_ratio = 0.5"):
         open_camera(f"sim://?bundle={bundle.source}", geometry={"poisson_ratio": 0.5})
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError
+from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.lab.simulator.measured_light import MeasuredLight
 from gellight.lab.touch import TouchSensor
@@ -44,6 +44,16 @@ def test_the_same_press_looks_alike_in_the_simulated_sensor(bundle: Bundle) -> N
         frame = camera.read()
     assert np.abs(frame.image - drawn).mean() < 0.5
     assert np.abs(frame.image - drawn).max() < 3
+
+
+def test_the_user_may_know_the_gel_better(bundle: Bundle) -> None:
+    assert TouchSensor(bundle, gel={"gel_thickness_mm": 2.0}).geometry.gel_thickness_mm == 2.0
+    with pytest.raises(InputError, match=r"cannot be simulated: gel_thickness_mm = -1.0 must be greater than 0"):
+        TouchSensor(bundle, gel={"gel_thickness_mm": -1.0})
+    with pytest.raises(InputError, match="give a bundle, or one SensorGeometry"):
+        TouchSensor(gel={"gel_thickness_mm": 2.0})
+    with pytest.raises(InputError, match="no thickness_mm: did you mean gel_thickness_mm"):
+        TouchSensor(bundle, gel={"thickness_mm": 2.0})
 
 
 def test_a_bundle_that_keeps_no_presses_is_refused() -> None:
