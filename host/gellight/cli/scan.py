@@ -57,10 +57,11 @@ def command(
     """
     if recording is not None and sensor is not None:
         raise InputError("give --recording or --sensor, one of the two")
+    found = Recording(recording) if recording is not None else None
     scan = Scan(folder, curved=curved)
     with _alone(folder):
-        if recording is not None:
-            _scan_recording(scan, recording, options.calibration, presses)
+        if found is not None:
+            _scan_recording(scan, found, options.calibration, presses)
         else:
             settings = load_settings({"sensor.url": sensor, **options.flags()})
             with opened(settings, dashboard=dashboard) as (daemon, _), until_interrupted():
@@ -79,15 +80,14 @@ def _alone(folder: Path) -> Iterator[None]:
         yield
 
 
-def _scan_recording(scan: Scan, file: Path, calibration: str | None, most: int) -> None:
-    found = Recording(file)
+def _scan_recording(scan: Scan, found: Recording, calibration: str | None, most: int) -> None:
     frames = felt_frames(found, load_bundle(calibration) if calibration else None)
     view = None
     for view in _presses(frames, most):
         if not scan.has(view):
-            _add(scan, view, str(file))
+            _add(scan, view, str(found.path))
     if view is None:
-        raise InputError(f"{file} has no press that was held still: press 0.1 mm deep or more, for some frames")
+        raise InputError(f"{found.path} has no press that was held still: press 0.1 mm deep or more, for some frames")
 
 
 def _live(daemon: SensorSession, frames: int) -> Iterator[TactileFrame]:

@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
 
 from gellight.frames.pixel_grid import between_blocks
 from gellight.reconstruction.integration import surface_gradient
@@ -29,6 +30,8 @@ MIRRORED_PX = 16
 _INNER = slice(MIRRORED_PX, -MIRRORED_PX)
 BASE_MM = 0.003
 """standard deviation of the depth that is not explained otherwise: of simulated presses, beside their plane"""
+AROUND_MM = 0.25
+"""whose curvature says how far the coating is off"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +70,14 @@ class ContactView:
     def error_mm(self) -> Floats:
         """(H, W) standard deviation of the height of the part, mm, where it was reached.
 
-        The coating blurs the surface by a Gaussian of s = `COATING_MM`, which is off by s^2 / 2 times the curvature.
+        The coating blurs the surface by a Gaussian of s = `COATING_MM`, which is off by s^2 / 2 times the curvature:
+        by that of the surroundings, since where a rough surface is straight by chance the next order counts.
         """
         curved = surface_gradient(self.depth_mm, self.pixel_size_mm)
         bend = surface_gradient(curved[..., 0], self.pixel_size_mm)[..., 0]
         bend += surface_gradient(curved[..., 1], self.pixel_size_mm)[..., 1]
-        return np.asarray(np.hypot(BASE_MM, COATING_MM**2 / 2 * bend), np.float32)
+        around = gaussian_filter(bend**2, [AROUND_MM / size for size in self.pixel_size_mm[::-1]])
+        return np.asarray(np.sqrt(BASE_MM**2 + COATING_MM**4 / 4 * around), np.float32)
 
     @property
     def share(self) -> float:

@@ -217,6 +217,8 @@ def _form(height: Array, grid: Grid, *, curved: bool) -> Array:
     x, y = np.meshgrid(grid.x_mm - grid.x_mm.mean(), grid.y_mm - grid.y_mm.mean())
     terms = [np.ones_like(x), x, y] + ([] if curved else [x * x, x * y, y * y])
     known = np.flatnonzero(np.isfinite(height))
+    if len(known) == 0:
+        return np.zeros_like(height)
     known = known[:: len(known) // FORM_PX + 1]
     basis = np.stack([term.flat[known] for term in terms], axis=1)
     values = height.flat[known]

@@ -143,13 +143,15 @@ class Scan:
         """Yield what a new press has in common with others: first looked for, then where it has to be."""
         pose, tried = None, set()
         for other in self._likely():
-            joint = joined((other, self.views[other]), (number, view))
+            placed = other in self.solved.poses
+            if placed and pose is not None:
+                continue
             tried.add(other)
+            joint = joined((other, self.views[other]), (number, view))
             if joint is not None:
                 yield joint
-                if other in self.solved.poses:
+                if placed:
                     pose = self.solved.poses[other] @ inverse(joint.pose)
-                    break
         if pose is not None:
             for other in sorted(set(self.solved.poses) - tried):
                 guess = inverse(pose) @ self.solved.poses[other]
@@ -157,8 +159,10 @@ class Scan:
                     yield joint
 
     def _likely(self) -> list[int]:
-        """Return the presses to look at: those that have a place first, the last ones first."""
-        return sorted(self.views, key=lambda other: (other not in self.solved.poses, -other))[:SEARCHED]
+        """Return the presses to look at, the last ones first: those that have a place, then those that have none."""
+        last = sorted(self.views, reverse=True)
+        placed = [other for other in last if other in self.solved.poses]
+        return placed[:SEARCHED] + [other for other in last if other not in self.solved.poses][:SEARCHED]
 
     def _near(self, pose: Array, view: ContactView) -> bool:
         """Say whether a pose from another press may let both views overlap."""

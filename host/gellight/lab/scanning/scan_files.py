@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
+from gellight.bundle.contents import UNZIPPING
 from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.pairs import Joint
 
@@ -63,7 +64,7 @@ def _read(path: Path) -> tuple[ContactView, list[Joint]]:
             columns = [file[f"joint_{name}"] for name in _JOINT]
             joints = [_joint(row) for row in zip(*columns, strict=True)]
             return ContactView(depth.astype(np.float32), (float(pixel[0]), float(pixel[1])), str(calibration)), joints
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as problem:
+    except (*UNZIPPING, KeyError, TypeError) as problem:
         raise InputError(f"{path} is no press of a scan ({problem}): remove it, and press there again") from problem
 
 

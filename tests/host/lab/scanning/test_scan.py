@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.lab.scanning import scan as scan_module
 from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.height_map import load_height_map
+from gellight.lab.scanning.pairs import Joint
 from gellight.lab.scanning.scan import MAP, Scan
+from gellight.tracking.rigid import pose_of
 from tests.benchmarks.scan import Part, errors_mm
 from tests.helpers.children import GELLIGHT, gellight, started
 from tests.helpers.reliefs import PIXEL_MM, felt, picture, press, record, untouched
@@ -99,12 +102,23 @@ def test_what_does_not_overlap_is_kept_without_a_place(views: list[ContactView],
     assert scan.placed == [0]
 
 
-def test_a_press_finds_its_place_later(views: list[ContactView], tmp_path: Path) -> None:
-    """Two presses that hang together are placed as soon as one joins them to the first."""
-    scan = Scan(tmp_path)
-    for number in (0, 3, 1):
-        scan.add(views[number])
-    assert scan.placed == [0, 1, 2]
+def test_presses_find_their_place_later(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two that hang together, and not on the first, are placed as soon as one lies between."""
+    places_mm = {0: 0.0, 1: 40.0, 2: 50.0, 3: 20.0}
+
+    def joined(one, other, guess=None) -> Joint | None:
+        by_mm = places_mm[one[0]] - places_mm[other[0]]
+        known = Joint(one[0], other[0], pose_of(np.array([by_mm, 0, 0, 0, 0, 0])), np.zeros(3), np.eye(6), 9.0, 0.9)
+        return known if abs(by_mm) < 25 else None
+
+    monkeypatch.setattr(scan_module, "joined", joined)
+    scan, placed = Scan(tmp_path), []
+    for number in places_mm:
+        scan.add(ContactView(np.full((48, 64), 0.3, np.float32), PIXEL_MM, "a"))
+        placed.append(list(scan.placed))
+        assert len(scan.views) == number + 1
+    assert placed == [[0], [0], [0], [0, 1, 2, 3]]
+    assert scan.solved.poses[2][0, 3] == pytest.approx(50)
 
 
 @pytest.mark.parametrize(
