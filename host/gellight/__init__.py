@@ -4,6 +4,7 @@ The names below are what programs rely on. They are imported when they are first
 nothing that is not needed.
 """
 
+import os
 from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from gellight.stream.subscription import Subscription, subscribe
 
     __version__: str
+
+# Before OpenCV is loaded, for a small file may be a picture of gigabytes: 8192 x 8192 pixels, unless told otherwise.
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 26))
 
 _HOME = {
     "Bundle": "bundle.bundle",

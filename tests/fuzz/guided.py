@@ -8,6 +8,8 @@ from pathlib import Path
 
 import atheris
 
+import gellight  # noqa: F401  (before OpenCV: it limits pictures)
+
 with atheris.instrument_imports(include=["gellight", "sim_reference"], enable_loader_override=False):
     from tests.fuzz.parsers import parsers
 

@@ -37,7 +37,7 @@ def gemm_network(
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     onnx.checker.check_model(model)
-    return model.SerializeToString()
+    return bytes(model.SerializeToString())
 
 
 def linear_network() -> bytes:
@@ -68,7 +68,8 @@ def tanh_network(width: int = 64, seed: int = 0) -> bytes:
         [helper.make_tensor_value_info("gradient", TensorProto.FLOAT, ["N", 2])],
         tensors,
     )
-    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8).SerializeToString()
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    return bytes(model.SerializeToString())
 
 
 def reference_image(shape: tuple[int, int]) -> np.ndarray:

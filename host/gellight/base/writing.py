@@ -7,6 +7,7 @@ call has returned.
 
 import ctypes
 import errno
+import glob
 import os
 import shutil
 import tempfile
@@ -43,8 +44,7 @@ def write_folder(target: Path, files: Mapping[str, bytes]) -> None:
     `write_file` does.
     """
     make_folder(target.parent)
-    partial = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".partial", dir=target.parent))
-    try:
+    with _beside(target) as partial:
         partial.chmod(0o755)
         for name, content in files.items():
             _fill(os.open(partial / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), content)
@@ -54,8 +54,6 @@ def write_folder(target: Path, files: Mapping[str, bytes]) -> None:
         else:
             partial.rename(target)
         _flush_folder(target.parent)
-    finally:
-        _remove(partial)
 
 
 def make_folder(path: Path) -> None:
@@ -65,6 +63,52 @@ def make_folder(path: Path) -> None:
         place.mkdir(exist_ok=True)
         _flush_folder(place.parent)
     path.mkdir(exist_ok=True)  # an error of its own where something else has that name
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Yield a place where a library may write the file or folder `path`, which gets its name once the block is done.
+
+    Where the block fails, or writes nothing, nothing is left. A file is flushed to the disk; of a folder only its name
+    is. Raises OSError.
+    """
+    make_folder(path.parent)
+    with _beside(path) as beside:
+        partial = beside / path.name
+        yield partial
+        if partial.is_file():
+            with partial.open("rb+") as stream:
+                os.fsync(stream.fileno())
+        if partial.exists():
+            partial.rename(path)
+            _flush_folder(path.parent)
+
+
+@contextmanager
+def _beside(target: Path) -> Iterator[Path]:
+    """Make a folder beside `target` that is removed; so are those that a killed process left for the same target."""
+    for old in target.parent.glob(f".{glob.escape(target.name)}.*.partial"):
+        with suppress(OSError), _held(old):
+            _remove(old)
+    partial = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".partial", dir=target.parent))
+    try:
+        with _held(partial):
+            yield partial
+    finally:
+        _remove(partial)
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[None]:
+    """Hold a folder as long as the process lives; OSError where another one holds it."""
+    import fcntl  # Windows, where only readers of streams run, has none
+
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(handle)
 
 
 @contextmanager

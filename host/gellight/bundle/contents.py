@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError
+from gellight.base.png import is_whole
 from gellight.bundle.manifest import AGAIN, REFERENCE, plain_name
 
 UNZIPPING = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, RuntimeError, MemoryError)
@@ -52,7 +53,10 @@ def arrays_of(content: bytes) -> dict[str, NDArray[Any]]:
     if total > MOST_BYTES:
         raise ValueError(f"it unpacks to {total / 1e6:.0f} MB, allowed are {MOST_BYTES / 1e6:.0f}")
     with np.load(io.BytesIO(content), allow_pickle=False) as table:
-        return {name: table[name] for name in table.files}
+        arrays = {name: table[name] for name in table.files}
+    if others := [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]:
+        raise ValueError(f"{others[0]} is no array")
+    return arrays
 
 
 def npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
@@ -86,7 +90,7 @@ def decoded_reference(content: bytes, image_shape: tuple[int, int], source: str)
             f"{source}: {REFERENCE} is {width} x {height} px, the manifest says {image_shape[1]} x {image_shape[0]}: "
             f"{AGAIN}"
         )
-    levels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if head[1:4] == b"PNG" else None
+    levels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if is_whole(content) else None
     if levels is None or levels.dtype != np.uint16 or levels.ndim != 3 or levels.shape[2] != 3:
         raise BundleError(f"{source}: {REFERENCE} is not a 16-bit RGB PNG: {AGAIN}")
     return np.ascontiguousarray(levels[..., ::-1], dtype=np.float32) / np.float32(256)

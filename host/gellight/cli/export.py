@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from gellight.base.errors import InputError
-from gellight.base.writing import write_file
+from gellight.base.writing import whole, write_file
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.options import AsJson
 from gellight.cli.reconstruct import maps_file
@@ -85,7 +85,8 @@ def command(
             case _:
                 count = sum(_written(frame, out, kind, depth_scale_um, recording.bundle) for frame in frames)
     except OSError as error:
-        raise InputError(f"{out} cannot be written ({error.strerror}): choose another folder, or free space") from error
+        why = error.strerror or error
+        raise InputError(f"{out} cannot be written ({why}): choose another folder, or free space") from error
     if not recording.whole:
         print(f"gellight: the end of {file} is missing: its recording was cut short", file=sys.stderr)
     show({"frames": count, "whole": recording.whole}, as_json, f"{count} frames in {out}")
@@ -135,7 +136,7 @@ def _written(frame: TactileFrame, out: Path, kind: Kind, depth_scale_um: float, 
 def _video(frames: Iterator[TactileFrame], out: Path, depth_scale_um: float, fps: float) -> int:
     """Write the video; return the number of its frames."""
     count = 0
-    with VideoFile(out / VIDEO, fps) as video:
+    with whole(out / VIDEO) as partial, VideoFile(partial, fps) as video:
         for frame in frames:
             video.add(four_panels(frame, scale_um=depth_scale_um))
             count += 1

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import CameraError, InputError
+from gellight.base.png import cut_off
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
 from gellight.frames.video_files import VIDEO_SUFFIXES, frame_of_video, frames_of_video, is_frame_of_video
@@ -85,7 +86,8 @@ def read_levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
         raise InputError(f"{path} is not an image by its name: convert it to one of {' '.join(IMAGE_SUFFIXES)}")
     try:
         content = np.fromfile(path, np.uint8)
-        image = cv2.imdecode(content, cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION) if content.size else None
+        readable = content.size and not cut_off(content.tobytes())
+        image = cv2.imdecode(content, cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION) if readable else None
     except (OSError, cv2.error) as error:
         raise InputError(f"{path} cannot be read ({error}): capture or copy it again") from error
     if image is None:

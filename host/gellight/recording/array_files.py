@@ -4,6 +4,7 @@ A picture or a map is a chunk, so that a program reads one frame without the oth
 `STEP`, which lets them be packed; nothing else is lost. All figures are arrays of one number, or two, a frame.
 """
 
+import io
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.base.writing import whole
 from gellight.frames.frames import TactileFrame
 
 STEP = 2.0**-14
@@ -24,15 +26,16 @@ Append = Callable[[str, Array], None]
 
 
 def write_arrays(frames: Iterable[TactileFrame], path: Path, **attributes: object) -> int:
-    """Write frames to `path`, a .h5 file or a .zarr folder, and return their number.
+    """Write frames to `path`, a .h5 file or a .zarr folder, all or nothing, and return their number.
 
-    attributes: of the file. Raises InputError where it exists, where the library is missing, or without frames.
+    attributes: of the file. Raises InputError where it exists or where the library is missing, OSError where it cannot
+    be written.
     """
     if path.exists():
         raise InputError(f"{path} exists: choose another folder, or remove it")
     figures: list[dict[str, Any]] = []
     kind = _hdf5 if path.suffix == ".h5" else _zarr
-    with kind(path, {"depth_step_mm": STEP, **attributes}) as append:
+    with whole(path) as partial, kind(partial, {"depth_step_mm": STEP, **attributes}) as append:
         for frame in frames:
             append("image", frame.camera_frame.image)
             append("depth_mm", on_grid(frame.depth_mm))
@@ -76,7 +79,7 @@ def _hdf5(path: Path, attributes: dict[str, object]) -> Iterator[Append]:
         import h5py
     except ImportError:
         raise InputError(REMEDY) from None
-    with h5py.File(path, "x") as file:
+    with _Patient(path) as stream, h5py.File(stream, "w") as file:
         file.attrs.update(attributes)
 
         def append(name: str, values: Array) -> None:
@@ -89,8 +92,62 @@ def _hdf5(path: Path, attributes: dict[str, object]) -> Iterator[Append]:
                                     compression="gzip", compression_opts=1, shuffle=True)  # fmt: skip
             file[name].resize(len(file[name]) + 1, axis=0)
             file[name][-1] = values
+            stream.check()
 
         yield append
+
+
+class _Patient(io.RawIOBase):
+    """A file for HDF5, whose library ends the process where a write fails: it is told so afterwards."""
+
+    def __init__(self, path: Path) -> None:
+        """Begin a file; OSError where it cannot be made."""
+        self._file = path.open("xb+", buffering=0)
+        self._failed: OSError | None = None
+
+    def write(self, content: Any) -> int:
+        """Write, or remember why not."""
+        try:
+            left = memoryview(content).cast("B")
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            self._failed = self._failed or error
+        return memoryview(content).nbytes
+
+    def readinto(self, place: Any) -> int:
+        """Read; zeros where nothing could be written."""
+        view = memoryview(place).cast("B")
+        count = self._file.readinto(view) or 0
+        view[count:] = bytes(len(view) - count)
+        return len(view)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Go to a byte."""
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """Return where the next byte is."""
+        return self._file.tell()
+
+    def truncate(self, size: int | None = None) -> int:
+        """Set the length, or remember why not."""
+        try:
+            return self._file.truncate(size)
+        except OSError as error:
+            self._failed = self._failed or error
+            return size or 0
+
+    def check(self) -> None:
+        """Raise what failed."""
+        if self._failed:
+            raise self._failed
+
+    def __exit__(self, *problem: object) -> None:
+        """Close; raise what failed."""
+        self._file.close()
+        self.close()
+        self.check()
 
 
 @contextmanager

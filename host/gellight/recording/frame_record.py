@@ -11,6 +11,7 @@ from pydantic import Field
 
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import InputError
+from gellight.base.png import is_whole
 from gellight.frames.frames import CameraFrame, CaptureStamp, LightLabel
 from gellight.frames.shear import DotsSeen
 from gellight.frames.shear_figures import DotFigures
@@ -123,7 +124,8 @@ class FrameRecord:
     def _unpacked(self, source: str) -> NDArray[np.uint8]:
         # A damaged header would take all memory.
         said = self.data[_PNG_SIZE] == struct.pack(">II", self.info.width, self.info.height)
-        image = cv2.imdecode(np.frombuffer(self.data, np.uint8), cv2.IMREAD_COLOR_RGB) if said else None
+        sound = said and is_whole(self.data)
+        image = cv2.imdecode(np.frombuffer(self.data, np.uint8), cv2.IMREAD_COLOR_RGB) if sound else None
         if image is None:
             raise InputError(f"{source}: frame {self.info.sequence} cannot be decoded: record it again")
         return np.asarray(image, np.uint8)

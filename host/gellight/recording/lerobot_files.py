@@ -7,7 +7,6 @@ none, and a policy that takes every observation must not meet that. Neither has 
 """
 
 import json
-import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from math import nan
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.base.writing import whole
 from gellight.frames.frames import TactileFrame
 
 IMAGE, DEPTH, STATE, TIME = (f"observation.{name}" for name in ("images.gel", "gel_depth", "state", "time_s"))
@@ -48,8 +48,7 @@ def write_lerobot(
     if folder.exists():
         raise InputError(f"{folder} exists: choose another folder, or remove it")
     rate, statistics, count = max(round(fps), 1), Statistics(), 0
-    draft = folder.with_name(f".{folder.name}.draft")
-    try:
+    with whole(folder) as draft:
         rows = iter(frames)
         first = next(rows, None)
         if first is None:
@@ -65,9 +64,6 @@ def write_lerobot(
                 row = _row(frame, count - 1, rate) | (_pose(frame) if tracked else {})
                 append({IMAGE: image, STATE: state.tolist(), TIME: since_s, **row})
         _write_meta(draft, features, statistics, count, rate, task)
-        draft.rename(folder)
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
     return count
 
 

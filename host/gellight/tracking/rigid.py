@@ -21,7 +21,8 @@ def rotation_of(vector: Array) -> Array:
     """Return the rotation (3, 3) about a vector (3,), by its length in rad (Rodrigues)."""
     angle = float(np.linalg.norm(vector))
     if angle < _SMALL_RAD:
-        return np.eye(3) + cross_matrix(vector)
+        small = cross_matrix(vector)
+        return np.asarray(np.eye(3) + small + small @ small / 2)
     k = cross_matrix(vector / angle)
     return np.asarray(np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k)
 

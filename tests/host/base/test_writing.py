@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gellight.base import writing
-from gellight.base.writing import make_folder, write_file, write_folder
+from gellight.base.writing import make_folder, whole, write_file, write_folder
 
 Step = tuple[str, str]
 
@@ -176,3 +176,34 @@ def test_a_folder_that_another_program_makes_in_the_meantime_is_no_error(
     monkeypatch.setattr(Path, "exists", lambda self: False)  # as it was a moment ago
     make_folder(tmp_path / "one" / "two")
     assert (tmp_path / "one" / "two").is_dir()
+
+
+def test_what_a_library_writes_gets_its_name_when_it_is_whole(tmp_path: Path) -> None:
+    with whole(tmp_path / "a.h5") as partial:
+        partial.write_bytes(b"a")
+        assert not (tmp_path / "a.h5").exists()
+    with whole(tmp_path / "b.zarr") as partial:
+        partial.mkdir()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "b.zarr"]
+    assert (tmp_path / "a.h5").read_bytes() == b"a"
+
+
+def test_what_a_library_could_not_finish_is_gone(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError), whole(tmp_path / "a.h5") as partial:  # noqa: PT012
+        partial.write_bytes(b"half")
+        raise RuntimeError
+    with whole(tmp_path / "nothing"):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_killed_process_left_is_removed_and_what_another_one_writes_is_not(tmp_path: Path) -> None:
+    left = tmp_path / ".a.h5.abcdefgh.partial"
+    left.mkdir()
+    (left / "a.h5").write_bytes(b"half")
+    with whole(tmp_path / "a.h5") as first:
+        first.write_bytes(b"first")
+        assert not left.exists()
+        with whole(tmp_path / "a.h5") as second:
+            second.write_bytes(b"second")
+        assert first.read_bytes() == b"first"

@@ -98,6 +98,12 @@ def presses_that_lie(bundle: Path) -> None:
     seal(bundle, "presses.npz", liar())
 
 
+def picture_with_a_chunk_of_gigabytes(bundle: Path) -> None:
+    """As a fuzzer found it: OpenCV makes room for what a chunk claims to be."""
+    content = (bundle / "reference.png").read_bytes()
+    seal(bundle, "reference.png", content[:33] + b"\xff\xf5\xb7\x49" + content[37:])
+
+
 def presses_with_code(bundle: Path) -> None:
     content = io.BytesIO()
     np.savez(content, rows=np.array([os.system], dtype=object))
@@ -137,6 +143,7 @@ def large_file(bundle: Path) -> None:
 HOSTILE: dict[Callable[[Path], None], str] = {
     picture_of_gigabytes: "reference.png is 30000 x 30000 px, the manifest says 32 x 24",
     picture_and_manifest_of_gigabytes: "image_width_px: Input should be less than or equal to 8192",
+    picture_with_a_chunk_of_gigabytes: "reference.png is not a 16-bit RGB PNG",
     presses_that_unpack: "presses.npz cannot be read (it unpacks to 671 MB, allowed are 537)",
     presses_that_lie: "presses.npz cannot be read",
     presses_with_code: "presses.npz cannot be read (Object arrays cannot be loaded",

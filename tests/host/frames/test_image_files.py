@@ -1,5 +1,6 @@
 """Image files as a camera: order, end, and every kind of file that is not a picture of the gel."""
 
+import sys
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,7 @@ from gellight.base.errors import CameraError, InputError
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.image_files import ImageCamera, read_image, read_levels
 from gellight.opening import open_camera
+from tests.helpers.children import run
 
 SHAPE = (6, 8)
 
@@ -153,3 +155,33 @@ def test_images_of_two_sizes_are_refused_by_name(tmp_path: Path) -> None:
     camera.read()
     with pytest.raises(InputError, match=r"2\.png is 9 x 6 px, 1\.png is 8 x 6 px"):
         camera.read()
+
+
+BOMB = """
+import resource, sys
+import gellight
+from gellight.frames.image_files import read_image
+from gellight.base.errors import InputError
+from pathlib import Path
+try:
+    read_image(Path(sys.argv[1]))
+except InputError as error:
+    print(str(error).splitlines()[0])
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
+"""
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+def test_a_small_file_that_would_take_gigabytes_is_refused(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"bomb{suffix}"
+    content = bytearray(cv2.imencode(suffix, np.zeros((24, 32, 3), np.uint8))[1].tobytes())
+    if suffix == ".png":
+        content[33:37] = b"\xff\xf5\xb7\x49"  # what its second chunk claims to be
+    else:
+        size = content.index(b"\xff\xc0") + 5
+        content[size : size + 4] = (32000).to_bytes(2) * 2
+    path.write_bytes(content)
+    done = run([sys.executable, "-c", BOMB, path], check=True)
+    text, peak_mb = done.stdout.splitlines()
+    assert str(path) in text
+    assert int(peak_mb) < 1500  # a process that starts another one passes its own peak on

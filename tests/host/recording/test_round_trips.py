@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -120,6 +120,7 @@ places = arrays(np.float64, 3, elements=st.floats(-30, 30))
 
 
 @given(places, turns, places, places)
+@example(np.array([3.0, 0, 0]), np.full(3, 4.6e-7), np.zeros(3), np.zeros(3))
 def test_a_pose_and_its_inverse_are_none_and_its_twist_comes_back(
     moved: np.ndarray, turn: np.ndarray, about: np.ndarray, point: np.ndarray
 ) -> None:

@@ -68,7 +68,7 @@ def load_height_map(path: Path) -> HeightMap:
         if size > 9 * LARGEST_PIXELS:
             raise InputError(f"{path} holds {size / 1e6:.0f} MB; a map has at most {LARGEST_PIXELS} pixels")
         with np.load(path, allow_pickle=False) as file:
-            height, error, pixel = (file[name] for name in FIELDS)
+            height, error, pixel = (np.asarray(file[name]) for name in FIELDS)
             return HeightMap(height.astype(np.float32), error.astype(np.float32), float(pixel))
     except (*UNZIPPING, KeyError, TypeError) as problem:
         raise InputError(f"{path} is no map of heights ({problem}); `gellight scan` writes one") from problem

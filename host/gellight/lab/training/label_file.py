@@ -62,11 +62,12 @@ def read_csv(path: Path, what: str) -> tuple[list[str], list[tuple[int, Row]]]:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             reader = csv.DictReader(stream)
             rows = [(reader.line_num, dict(row)) for row in reader]
+            names = list(reader.fieldnames or [])
     except OSError as error:
         raise InputError(f"{what} {path} cannot be opened ({error.strerror}): check the name") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{what} {path} is not a csv file ({error}): save it as UTF-8 text") from error
-    return list(reader.fieldnames or []), rows
+    return names, rows
 
 
 def number_in(row: Row, column: str, where: str) -> float:

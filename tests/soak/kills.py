@@ -1,0 +1,297 @@
+"""Faults drawn at random over everything that writes: `python -m tests.soak.kills FAULTS [SEED]`.
+
+A process is killed or stopped at a random moment of its act, its disk is full after a random number of bytes, or its
+home is read-only. Afterwards what is there has to be old or new, the same act has to work at once, and a refusal has to
+name the place. Ends with 1 where something did not hold. writers.py has the acts.
+"""
+
+import ctypes
+import os
+import random
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+
+from gellight.base.errors import GellightError
+from tests.soak.writers import Writer, prepare, writers
+
+PATIENCE_S = 60.0
+DONE, REFUSED, FAULT = 0, 2, 3
+_NEW_NAMES, _NEW_USERS = 0x00020000, 0x10000000
+"""CLONE_NEWNS, CLONE_NEWUSER"""
+_CAPABILITIES_3 = 0x20080522
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+class Blow(StrEnum):
+    """What happens to an act."""
+
+    KILLED = "killed"
+    STOPPED = "stopped, and another one meanwhile"
+    NO_LARGER_FILE = "a file may not grow"
+    FULL_DISK = "the disk is full"
+    READ_ONLY = "the home is read-only"
+
+
+class BrokenError(Exception):
+    """Something did not hold."""
+
+
+@dataclass
+class Tally:
+    """What became of the faults of one class."""
+
+    tried: int = 0
+    passed: int = 0
+    worst_s: float = 0.0
+    """the next start, from its beginning until its act was done"""
+    refused: int = 0
+    left: int = 0
+    """files that a killed process left hidden"""
+    broken: Counter[str] = field(default_factory=Counter)
+
+
+class Child:
+    """A process that does one thing, and what it said."""
+
+    def __init__(self, act: Callable[[], object]) -> None:
+        """Fork."""
+        self._said = os.memfd_create("said")
+        self.pid = os.fork()
+        if self.pid == 0:
+            os._exit(self._do(act))
+
+    def _do(self, act: Callable[[], object]) -> int:
+        nothing = os.open(os.devnull, os.O_RDWR)
+        for stream in (0, 1, 2):
+            os.dup2(nothing, stream)
+        try:
+            act()
+        except (GellightError, OSError) as error:
+            return self._say(f"{type(error).__name__}: {error}", REFUSED)
+        except BaseException:
+            return self._say(traceback.format_exc(), FAULT)
+        return DONE
+
+    def _say(self, text: str, status: int) -> int:
+        with suppress(OSError):
+            resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+        os.write(self._said, text.encode())
+        return status
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send a signal; the process is not waited for, so its number is still its own."""
+        os.kill(self.pid, number)
+
+    def wait(self) -> tuple[int, str]:
+        """Return the exit status, negative for a signal, and what was said; BrokenError where it does not end."""
+        patience_s = time.monotonic() + PATIENCE_S
+        while (ended := os.waitpid(self.pid, os.WNOHANG))[0] == 0:
+            if time.monotonic() > patience_s:
+                self.signal(signal.SIGKILL)
+                os.waitpid(self.pid, 0)
+                raise BrokenError(f"does not end in {PATIENCE_S:g} s")
+            time.sleep(0.0005)
+        with os.fdopen(self._said, "r+b") as stream:
+            stream.seek(0)
+            return os.waitstatus_to_exitcode(ended[1]), stream.read().decode()
+
+
+def did(act: Callable[[], object]) -> tuple[int, str]:
+    """Do something in a process of its own; return its status and what it said."""
+    return Child(act).wait()
+
+
+class Faults:
+    """Draws faults, and judges what they leave."""
+
+    def __init__(self, seed: int, folder: Path, chosen: Callable[[Path], tuple[Writer, ...]] = writers) -> None:
+        """Write what the acts read, and measure how long each lasts undisturbed; chosen: makes the acts."""
+        self._random, self._folder = random.Random(seed), folder
+        (folder / "sources").mkdir()
+        prepare(folder / "sources")
+        self.writers = chosen(folder / "sources")
+        self.tallies: dict[tuple[str, Blow], Tally] = {}
+        self._lasts_s = {writer.name: min(self._undisturbed(writer) for _ in range(2)) for writer in self.writers}
+
+    def _undisturbed(self, writer: Writer) -> float:
+        home = self._home(writer)
+        begun_s = time.monotonic()
+        status, said = did(lambda: writer.act(home))
+        lasted_s = time.monotonic() - begun_s
+        if status != DONE or did(lambda: writer.judge(home))[0] != DONE:
+            raise SystemExit(f"{writer.name} does not work undisturbed: {said}")
+        return lasted_s
+
+    def _home(self, writer: Writer) -> Path:
+        shutil.rmtree(self._folder / "home", ignore_errors=True)
+        home = self._folder / "home"
+        home.mkdir()
+        writer.begin(home)
+        return home
+
+    def one(self) -> None:
+        """Draw a fault, and judge it."""
+        (writer,) = self._random.choices(self.writers, [writer.weight for writer in self.writers])
+        (blow,) = self._random.choices(tuple(Blow), (6, 1, 2, 2, 1))
+        tally = self.tallies.setdefault((writer.name, blow), Tally())
+        tally.tried += 1
+        try:
+            if blow is Blow.FULL_DISK:
+                self._on_a_full_disk(writer, tally)
+            else:
+                self._strike(writer, blow, tally)
+            tally.passed += 1
+        except BrokenError as error:
+            tally.broken[str(error)] += 1
+
+    def _strike(self, writer: Writer, blow: Blow, tally: Tally) -> None:
+        home, moment_s = self._home(writer), self._random.uniform(0, 1.1) * self._lasts_s[writer.name]
+        if blow is Blow.NO_LARGER_FILE:
+            most = int(10 ** self._random.uniform(0, 5))
+            tally.refused += self._refusal(*did(lambda: without_growth(writer, home, most)), home)
+        elif blow is Blow.READ_ONLY:
+            _set_modes(home, 0o555, 0o444)
+            ended = did(lambda: _without_rights(writer, home))
+            _set_modes(home, 0o755, 0o644)
+            tally.refused += self._refusal(*ended, home)
+        else:
+            struck = Child(lambda: writer.act(home))
+            time.sleep(moment_s)
+            struck.signal(signal.SIGKILL if blow is Blow.KILLED else signal.SIGSTOP)
+            if blow is Blow.STOPPED:
+                status, said = did(lambda: writer.act(home))
+                struck.signal(signal.SIGCONT)
+                self._no_fault("the other one", status, said)
+            status, said = struck.wait()
+            self._no_fault("the struck one", status, said)
+        self._go_on(writer, home, tally)
+
+    def _go_on(self, writer: Writer, home: Path, tally: Tally) -> None:
+        """Judge what is there, do the act again, and judge again."""
+        self._holds("what is left is neither old nor new", did(lambda: writer.judge(home)))
+        begun_s = time.monotonic()
+        status, said = did(lambda: writer.act(home))
+        if not (status == REFUSED and "exists: " in said):  # it was done before the fault came
+            self._holds("the next start fails", (status, said))
+        tally.worst_s = max(tally.worst_s, time.monotonic() - begun_s)
+        self._holds("after the next start it is neither old nor new", did(lambda: writer.judge(home)))
+        tally.left += sum(path.suffix in (".partial", ".draft") for path in home.rglob(".*"))
+
+    def _on_a_full_disk(self, writer: Writer, tally: Tally) -> None:
+        """All of it in one process, for its disk is its own."""
+        share = self._random.random()
+        home = self._folder / "disk"
+        home.mkdir(exist_ok=True)
+
+        def act() -> None:
+            _own_disk(home, "size=4m")
+            writer.begin(home)
+            _fill(home, int(share * 100_000))
+            self._refusal(*did(lambda: writer.act(home)), home)
+            (home / "filler").unlink()
+            self._go_on(writer, home, Tally())
+
+        begun_s = time.monotonic()
+        status, said = did(act)
+        tally.worst_s = max(tally.worst_s, time.monotonic() - begun_s)
+        if status != DONE:
+            raise BrokenError(said.splitlines()[-1])
+
+    def _refusal(self, status: int, said: str, home: Path) -> bool:
+        """Return whether there was a refusal; BrokenError for one that names no place, and for another ending."""
+        self._no_fault("the act", status, said)
+        if status == REFUSED and str(home) not in said:
+            raise BrokenError(f"a refusal names no place: {said}")
+        return status == REFUSED
+
+    @staticmethod
+    def _no_fault(who: str, status: int, said: str) -> None:
+        if status not in (DONE, REFUSED, -signal.SIGKILL):
+            raise BrokenError(f"{who} ended with {status}: {(said.splitlines() or [''])[-1]}")
+
+    @staticmethod
+    def _holds(what: str, ended: tuple[int, str]) -> None:
+        if ended[0] != DONE:
+            raise BrokenError(f"{what}: {(ended[1].splitlines() or [str(ended[0])])[-1]}")
+
+
+def without_growth(writer: Writer, home: Path, most: int) -> None:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, resource.RLIM_INFINITY))
+    writer.act(home)
+
+
+def _without_rights(writer: Writer, home: Path) -> None:
+    """Do the act without the right of root to write everywhere."""
+    none = (ctypes.c_uint32 * 6)()
+    if _libc.capset((ctypes.c_uint32 * 2)(_CAPABILITIES_3, 0), none) != 0:
+        raise SystemExit("capabilities cannot be given up")
+    writer.act(home)
+
+
+def _set_modes(home: Path, folders: int, files: int) -> None:
+    for path in (home, *home.rglob("*")):
+        path.chmod(folders if path.is_dir() else files)
+
+
+def _own_disk(place: Path, options: str) -> None:
+    """Mount a disk in memory that this process alone sees."""
+    user, group = os.getuid(), os.getgid()
+    if _libc.unshare(_NEW_NAMES | _NEW_USERS) != 0:
+        raise SystemExit("no namespaces here")
+    Path("/proc/self/setgroups").write_text("deny")
+    Path("/proc/self/uid_map").write_text(f"0 {user} 1")
+    Path("/proc/self/gid_map").write_text(f"0 {group} 1")
+    if _libc.mount(b"tmpfs", os.fsencode(place), b"tmpfs", 0, options.encode()) != 0:
+        raise SystemExit(f"no disk in memory: {os.strerror(ctypes.get_errno())}")
+
+
+def _fill(home: Path, leave: int) -> None:
+    """Fill the disk but for some bytes."""
+    free = os.statvfs(home).f_bavail * os.statvfs(home).f_frsize
+    (home / "filler").write_bytes(bytes(max(free - leave, 0)))
+
+
+def table(tallies: dict[tuple[str, Blow], Tally]) -> str:
+    """Return what was found, a line a class."""
+    lines = [f"{'act':20}{'fault':38}{'tried':>6}{'passed':>7}{'refused':>8}{'left':>5}{'worst':>8}"]
+    for (name, blow), one in sorted(tallies.items()):
+        lines.append(
+            f"{name:20}{blow:38}{one.tried:6d}{one.passed:7d}{one.refused:8d}{one.left:5d}{one.worst_s:6.2f} s"
+        )
+        lines += [f"    {count} x {text}" for text, count in one.broken.most_common(3)]
+    tried, passed = (sum(getattr(one, what) for one in tallies.values()) for what in ("tried", "passed"))
+    return "\n".join([*lines, f"{passed} of {tried} faults passed"])
+
+
+def faults(count: int, seed: int) -> dict[tuple[str, Blow], Tally]:
+    """Make that many faults; return what became of them, by act and kind."""
+    with tempfile.TemporaryDirectory(prefix="gellight-faults-") as folder:
+        drawn = Faults(seed, Path(folder))
+        for _ in range(count):
+            drawn.one()
+        return drawn.tallies
+
+
+def main() -> int:
+    """Make as many faults as are asked for."""
+    count, seed = (int(sys.argv[at]) if len(sys.argv) > at else least for at, least in ((1, 200), (2, 1)))
+    found = faults(count, seed)
+    print(table(found))
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    print(f"{sum(one.ru_utime + one.ru_stime for one in used):.0f} s of processor time")
+    return 0 if all(one.passed == one.tried for one in found.values()) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
