@@ -57,7 +57,7 @@ FURTHER = (
     Mutation("the crystal's delay is set once it runs", CLOCK, "        REGISTER(XOSC_STARTUP) = CRYSTAL_DELAY;\n        SET_BITS(XOSC_CTRL) = 0xfabu << 12;    /* enable */\n", "        SET_BITS(XOSC_CTRL) = 0xfabu << 12;\n        REGISTER(XOSC_STARTUP) = CRYSTAL_DELAY;\n"),
     Mutation("the crystal is not awaited", CLOCK, "        wait_for(XOSC_STATUS, 1u << 31);\n", ""),
     Mutation("the time is read in two halves", CLOCK, "while (high != REGISTER(TIMER_TIMERAWH));", "while (0);"),
-    Mutation("the end of a conversion is not awaited", CLOCK, "    while (!(REGISTER(ADC_CS) & 1u << 8))\n        ;\n", ""),
+    Mutation("the end of a conversion is not awaited", f"{SHARED}/thermometers.c", "    while (!(REGISTER(ADC_CS) & 1u << 8))\n        ;\n", ""),
     Mutation("the trigger waits for USB", CLOCK, "prioritize(IRQ_IO_BANK0, 0x40u);", "prioritize(IRQ_IO_BANK0, 0xc0u);"),
     Mutation("the tick is not enabled", f"{BOARD}/registers.h", "1u << 9 | 12;", "12;"),
     Mutation("the reason of the start is lost", f"{SHARED}/watchdog.c", "    REGISTER(WATCHDOG_SCRATCH1) = REGISTER(WATCHDOG_SCRATCH0);\n", ""),

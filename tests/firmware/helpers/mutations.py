@@ -112,7 +112,7 @@ IMAGE = (
     Mutation("configuration in another place", f"{SHARED}/flash.c", "run(CONFIG_OFFSET + offset, page", "run(offset, page", "hub"),
     Mutation("wrong unique number", f"{BOARD}/rom.c", "dummy < 4", "dummy < 3"),
     Mutation("closing forgotten when opened again", f"{SHARED}/usb.c", "events = (uint8_t)(events | what);", "events = (uint8_t)what;", "close"),
-    Mutation("a USB frame of long ago noted", f"{SHARED}/usb.c", "    (void)REGISTER(USB_SOF_RD);\n    SET_BITS", "    SET_BITS"),
+    Mutation("a USB frame of long ago noted", f"{SHARED}/usb.c", "    (void)REGISTER(USB_SOF_RD);\n    SET_BITS", "    SET_BITS", "long_rest"),
     Mutation("packets taken without room", f"{SHARED}/usb.c", "RING_BYTES - ring_count(&incoming) >= PACKET", "true", "flood"),
     Mutation("a busy bus not joined", f"{SHARED}/usb.c", "    join_begin();\n", "", "hub"),
     Mutation("idle forced while the host resets", f"{BOARD}/usb_join.c", "state == JOIN_RESET && bus & LINE_STATE", "state == JOIN_RESET", "hub"),
