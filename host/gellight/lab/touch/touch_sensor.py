@@ -82,24 +82,14 @@ class TouchSensor:
         better than its bundle, by the names of `simulator.unit.GEL`. dots: printed on the gel. Raises InputError for a
         grid or gel that cannot be, and BundleError for a bundle that keeps no presses.
         """
-        unit = Unit(sensor) if isinstance(sensor, Bundle) else None
-        if gel and not unit:
-            raise InputError(f"gel = {dict(gel)} says better what a bundle says: give a bundle, or one SensorGeometry")
-        for name in gel or ():
-            if name not in GEL:
-                raise InputError(f"a gel has no {name}: {nearest(name, GEL)}")
-        self.geometry = unit.geometry(gel) if unit else _designed(sensor)
-        self._light = unit.light if unit else None
+        self.geometry, unit = _built(sensor, gel or {})
+        self.light = unit.light if unit else None
         """what its presses showed, for a real unit"""
         if extent_mm is None:
             extent_mm = _reach_mm(self.geometry) if unit else GRID_EXTENT_MM
         if youngs_modulus_mpa is None:
             youngs_modulus_mpa = unit.youngs_modulus_mpa if unit else FemGel.youngs_modulus_mpa
-        if size < 16 or not extent_mm > 0 or not youngs_modulus_mpa > 0:
-            raise InputError(
-                f"a grid of {size} points over {extent_mm:g} mm, Young's modulus {youngs_modulus_mpa:g} MPa: give 16 "
-                "points or more, and lengths and moduli above 0"
-            )
+        _check_grid(size, extent_mm, youngs_modulus_mpa)
         shear_modulus_mpa = youngs_modulus_mpa / 2 / (1 + self.geometry.poisson_ratio)
         self.layer = Layer(self.geometry, size, extent_mm, shear_modulus_mpa)
         self._traction = Traction(
@@ -206,15 +196,31 @@ class TouchSensor:
 
     def _drawing(self) -> Pictures | UnitPictures:
         """Prepare the tables of the light when the first picture is asked for."""
-        if self._pictures is None and self._light is not None:
-            self._pictures = UnitPictures(self.geometry, self.layer.at_mm, self._light)
+        if self._pictures is None and self.light is not None:
+            self._pictures = UnitPictures(self.geometry, self.layer.at_mm, self.light)
         elif self._pictures is None:
             self._pictures = Pictures(self.geometry, self.layer.at_mm, self._response, cast_shadows=self._shadows)
         return self._pictures
 
 
-def _designed(sensor: SensorGeometry | Bundle | None) -> SensorGeometry:
-    return sensor if isinstance(sensor, SensorGeometry) else SensorGeometry()
+def _built(sensor: SensorGeometry | Bundle | None, gel: Mapping[str, float]) -> tuple[SensorGeometry, Unit | None]:
+    """Return how a sensor is built, and the real unit that a bundle is of."""
+    if not isinstance(sensor, Bundle):
+        if gel:
+            raise InputError(f"gel = {dict(gel)} corrects a bundle: give one, or a SensorGeometry that says so itself")
+        return sensor or SensorGeometry(), None
+    for name in gel:
+        if name not in GEL:
+            raise InputError(f"a gel has no {name}: {nearest(name, GEL)}")
+    return Unit(sensor).geometry(gel), Unit(sensor)
+
+
+def _check_grid(size: int, extent_mm: float, youngs_modulus_mpa: float) -> None:
+    if size < 16 or not extent_mm > 0 or not youngs_modulus_mpa > 0:
+        raise InputError(
+            f"a grid of {size} points over {extent_mm:g} mm, Young's modulus {youngs_modulus_mpa:g} MPa: give 16 "
+            "points or more, and lengths and moduli above 0"
+        )
 
 
 def _reach_mm(geometry: SensorGeometry) -> float:

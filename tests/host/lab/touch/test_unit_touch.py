@@ -29,6 +29,8 @@ def test_a_bundle_is_a_gel_and_its_camera(bundle: Bundle) -> None:
     assert np.ptp(felt.at_mm) > 20 + 4 * 3 - 1, "the grid holds the view and a margin around it"
     _, across, down = touch.surface(felt)
     assert (touch.grey(felt) == MeasuredLight.of(bundle).grey(across, down)).all()
+    assert touch.light is not None
+    assert touch.light.error_grey is not None
     picture = touch.picture(felt)
     assert (picture.shape, picture.dtype) == ((*SHAPE, 3), np.uint8)
     rest = touch.feel(pressed(touch, -0.1))
@@ -50,7 +52,7 @@ def test_the_user_may_know_the_gel_better(bundle: Bundle) -> None:
     assert TouchSensor(bundle, gel={"gel_thickness_mm": 2.0}).geometry.gel_thickness_mm == 2.0
     with pytest.raises(InputError, match=r"cannot be simulated: gel_thickness_mm = -1.0 must be greater than 0"):
         TouchSensor(bundle, gel={"gel_thickness_mm": -1.0})
-    with pytest.raises(InputError, match="give a bundle, or one SensorGeometry"):
+    with pytest.raises(InputError, match="corrects a bundle: give one, or a SensorGeometry"):
         TouchSensor(gel={"gel_thickness_mm": 2.0})
     with pytest.raises(InputError, match="no thickness_mm: did you mean gel_thickness_mm"):
         TouchSensor(bundle, gel={"thickness_mm": 2.0})
