@@ -21,7 +21,7 @@ from gellight.lab.calibration.state import STATE, state_in
 from gellight.lab.design.benchmark_files import solid_stl
 from gellight.lab.scanning.height_map import HeightMap, load_height_map
 from gellight.lab.simulator.sequence import read_sequence
-from gellight.lab.simulator.simulated_camera import SimulatedUrl
+from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.prisms import read_prisms
@@ -67,7 +67,7 @@ def of_tables(folder: Path) -> Iterator[Parser]:
 
 def of_other_files(folder: Path, bundle: Bundle) -> Iterator[Parser]:
     """Yield those of solids, maps, a begun calibration, firmware, and the force of a bundle."""
-    solid = solid_stl(np.array([[0.0, 1.0], [1.0, 2.0]]), 1.0)
+    solid = solid_stl(np.array([[0.0, 1.0], [1.0, 2.0]]), 1.0, floor_mm=-1.0)
     yield Parser(
         "stl", lambda content: height_map(read_stl(content), 16, 0.5), (solid, _text_stl(solid)), (ValueError,)
     )
