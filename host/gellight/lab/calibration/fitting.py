@@ -8,12 +8,7 @@ from gellight.lab.calibration.records import Fit, UntouchedGel
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.rehearsal import rehearse
-from gellight.lab.training.table import TableOptions
 from gellight.lab.training.training import Learning, Reference
-
-TABLE = TableOptions(inset_px=2.0, flat_distance=3.0, flat_share=1.0)
-"""The coating rounds the rim of the contact, so the outermost 2 px of the circle are left out. Soft gel still slopes a
-little two radii from the centre, so only what is beyond three counts as flat: as many pixels as lie in contact."""
 
 
 def fit(run: CalibrationRun) -> None:
@@ -36,7 +31,7 @@ def fit(run: CalibrationRun) -> None:
         ball_of(run),
         run.folder.draft,
         sensor=run.options.sensor,
-        how=Learning(options=run.options.training, table_options=TABLE),
+        how=Learning(options=run.options.training),
         extra_files=run.camera.bundle_files,
         overwrite=True,
         progress=report,
