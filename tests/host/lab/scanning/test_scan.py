@@ -3,6 +3,7 @@
 import json
 import subprocess
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -96,6 +97,19 @@ def test_it_goes_on_where_it_was_ended(views: list[ContactView], tmp_path: Path)
     np.testing.assert_allclose(again.solved.poses[1], whole.solved.poses[1], atol=1e-4)
     (parts / "press-000.npz").unlink()
     assert set(Scan(parts).views) == {1}
+
+
+def test_what_is_interrupted_while_it_is_joined_is_there(
+    views: list[ContactView], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C after the file of a press was written: it is there, with its joints."""
+    scan = Scan(tmp_path)
+    scan.add(views[0])
+    with monkeypatch.context() as patched:
+        patched.setattr(scan_module, "solve", Mock(side_effect=KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            scan.add(views[1])
+    assert Scan(tmp_path).placed == [0, 1]
 
 
 def test_what_does_not_overlap_is_kept_without_a_place(views: list[ContactView], tmp_path: Path) -> None:
