@@ -74,6 +74,7 @@ TABLES = {
         "*gentle bead rocks by 50°*",
         "*QUCAVE, all six*",
     ),
+    ("scanning", "scan --kept-apart"): ("0.06", "0.15"),
     ("scanning", "roughness"): ("0.5 mm", "0.8 mm", "1 mm", "2 mm", "3 mm"),
     ("force", "force"): ("layer", "N per mm³ of all that is pressed in", "N per mm³ of the contact patch"),
     ("photometric", "photometric"): ("GelNet, 1 picture", "4 exposures", "12 exposures"),

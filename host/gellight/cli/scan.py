@@ -68,6 +68,7 @@ def command(
                 logs.say("press the part into the gel, hold it still, lift it; press again, over half of that place")
                 for view in _ahead(_presses(_live(daemon, options.frames), presses, tell=True)):
                     _add(scan, view, "the sensor")
+            scan = Scan(folder, curved=curved)  # Ctrl-C may have come in the middle of a press
     _end(scan, as_json)
 
 

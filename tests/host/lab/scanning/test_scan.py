@@ -3,6 +3,7 @@
 import json
 import subprocess
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from gellight.lab.scanning.scan import MAP, Scan
 from gellight.tracking.rigid import pose_of
 from tests.benchmarks.scan import Part, errors_mm
 from tests.helpers.children import GELLIGHT, gellight, started
-from tests.helpers.reliefs import PIXEL_MM, felt, picture, press, record, untouched
+from tests.helpers.reliefs import felt, picture, press, record, untouched
 from tests.helpers.waiting import eventually
 
 PART = Part(rms_mm=0.06, seed=11, columns=2, rows=2, steps_mm=(15, 13), deep_mm=0.45)
@@ -37,6 +38,11 @@ def recording(surfaces: list, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("recorded") / "presses.mcap"
     record(path, [picture(surface, number) for number, surface in enumerate(surfaces[:2])])
     return path
+
+
+def small(width: int = 64, pixel_mm: float = 0.06, calibration: str = "a") -> ContactView:
+    """A press that shows nothing."""
+    return ContactView(np.full((48, width), 0.3, np.float32), (pixel_mm, pixel_mm), calibration)
 
 
 def elsewhere() -> ContactView:
@@ -93,6 +99,19 @@ def test_it_goes_on_where_it_was_ended(views: list[ContactView], tmp_path: Path)
     assert set(Scan(parts).views) == {1}
 
 
+def test_what_is_interrupted_while_it_is_joined_is_there(
+    views: list[ContactView], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C after the file of a press was written: it is there, with its joints."""
+    scan = Scan(tmp_path)
+    scan.add(views[0])
+    with monkeypatch.context() as patched:
+        patched.setattr(scan_module, "solve", Mock(side_effect=KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            scan.add(views[1])
+    assert Scan(tmp_path).placed == [0, 1]
+
+
 def test_what_does_not_overlap_is_kept_without_a_place(views: list[ContactView], tmp_path: Path) -> None:
     scan = Scan(tmp_path)
     scan.add(views[0])
@@ -114,7 +133,7 @@ def test_presses_find_their_place_later(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(scan_module, "joined", joined)
     scan, placed = Scan(tmp_path), []
     for number in places_mm:
-        scan.add(ContactView(np.full((48, 64), 0.3, np.float32), PIXEL_MM, "a"))
+        scan.add(small())
         placed.append(list(scan.placed))
         assert len(scan.views) == number + 1
     assert placed == [[0], [0], [0], [0, 1, 2, 3]]
@@ -124,16 +143,16 @@ def test_presses_find_their_place_later(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize(
     ("other", "why"),
     [
-        (lambda view: ContactView(view.depth_mm, PIXEL_MM, "another"), "another sensor or calibration"),
-        (lambda view: ContactView(view.depth_mm[:200], PIXEL_MM, "synthetic"), "640 x 200 pixels"),
-        (lambda view: ContactView(view.depth_mm, (0.03, 0.03), "synthetic"), "pixels of 0.03 mm"),
+        (small(calibration="another"), "another sensor or calibration"),
+        (small(width=32), "32 x 48 pixels"),
+        (small(pixel_mm=0.03), "pixels of 0.03 mm"),
     ],
 )
-def test_a_press_of_another_sensor_is_refused(views: list[ContactView], tmp_path: Path, other, why: str) -> None:
+def test_a_press_of_another_sensor_is_refused(tmp_path: Path, other: ContactView, why: str) -> None:
     scan = Scan(tmp_path)
-    scan.add(views[0])
+    scan.add(small())
     with pytest.raises(InputError, match=why):
-        scan.add(other(views[1]), "other.mcap")
+        scan.add(other, "other.mcap")
     assert len(Scan(tmp_path).views) == 1
 
 
