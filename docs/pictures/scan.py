@@ -17,8 +17,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.lab.report.pictures import Picture
 from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.fusion import Fused
-from gellight.lab.scanning.map_picture import map_picture
-from gellight.lab.scanning.scan import Scan
+from gellight.lab.scanning.scan import Scan, map_picture
 from gellight.lab.simulator.scene import Scene, under_light
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise, linear_grey
@@ -86,7 +85,7 @@ def main() -> None:
     """Write the picture beside this file."""
     with tempfile.TemporaryDirectory() as folder:
         fused = scanned(Path(folder))
-    large = cv2.imdecode(np.frombuffer(map_picture(fused), np.uint8), cv2.IMREAD_COLOR)
+    large = map_picture(fused)[..., ::-1]
     height = round(large.shape[0] * WIDTH_PX / large.shape[1])
     picture = cv2.resize(large, (WIDTH_PX, height), interpolation=cv2.INTER_AREA)
     path = Path(__file__).with_suffix(".webp")

@@ -24,7 +24,6 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
 from gellight.lab.scanning.contact_view import ContactView
-from gellight.lab.scanning.map_picture import bar_mm, heights_um
 from gellight.lab.scanning.presses import PressWatcher
 from gellight.lab.scanning.scan import MAP, PICTURE, Scan
 from gellight.recording.recording_file import Recording
@@ -158,7 +157,6 @@ def _end(scan: Scan, as_json: bool) -> None:
     scan.write_map()
     height, width = (size * fused.height_map.pixel_mm for size in fused.height_map.height_mm.shape)
     reached = float(fused.height_map.reached.sum() / max(fused.seen.sum(), 1))
-    low, high = heights_um(fused)
     result = {
         "map": str(scan.folder / MAP),
         "picture": str(scan.folder / PICTURE),
@@ -167,13 +165,11 @@ def _end(scan: Scan, as_json: bool) -> None:
         "size_mm": [round(width, 2), round(height, 2)],
         "reached": round(reached, 4),
         "seam_um": round(fused.seam_mm * 1e3, 2),
-        "bar_mm": bar_mm(fused),
-        "colours_um": [round(low, 1), round(high, 1)],
     }
     text = (
         f"{result['map']}: {len(scan.placed)} of {len(scan.views)} presses, {width:.1f} x {height:.1f} mm, of which "
         f"the gel reached {reached:.0%}; presses differ by {fused.seam_mm * 1e3:.1f} um where two reached the part\n"
-        f"{result['picture']}: colours from {low:.0f} to {high:.0f} um, the bar is {bar_mm(fused):g} mm"
+        f"{result['picture']}: a picture of it"
     )
     show(result, as_json, text)
     if lost:

@@ -80,10 +80,13 @@ def four_panels(frame: TactileFrame, *, scale_um: float = DEPTH_SCALE_UM) -> Pic
     return sheet
 
 
-def height_picture(height_mm: NDArray[np.floating], pixel_mm: float) -> Picture:
+def height_picture(
+    height_mm: NDArray[np.floating], pixel_mm: float, *, unseen: NDArray[np.bool_] | None = None
+) -> Picture:
     """Draw a (H, W) map of heights with its colour bar, um from the lowest, and a scale bar; NaN is hatched.
 
-    The lowest and the highest thousandth share the end of the scale. Raises ValueError where all is NaN.
+    Where (H, W) `unseen` is true nothing is drawn. The lowest and the highest thousandth share the end of the scale.
+    Raises ValueError where all is NaN.
     """
     thinned = max(1, -(-max(height_mm.shape) // _LARGEST_SIDE))
     height, pixel_mm = np.asarray(height_mm[::thinned, ::thinned]), pixel_mm * thinned
@@ -93,7 +96,10 @@ def height_picture(height_mm: NDArray[np.floating], pixel_mm: float) -> Picture:
     hatched = np.where((rows + columns) % 8 < 2, 105, 75).astype(np.uint8)[..., None].repeat(3, axis=2)
     known = np.isfinite(height)[..., None]
     coloured = depth_picture(np.nan_to_num(height) - low, scale_um=scale_um)
-    panel = _enlarged(np.where(known, coloured, hatched))
+    drawn = np.where(known, coloured, hatched)
+    if unseen is not None:
+        drawn[unseen[::thinned, ::thinned]] = _PAPER
+    panel = _enlarged(drawn)
     rows_px, columns_px = max(panel.shape[0], _LEAST_SIDE), panel.shape[1]
     sheet = _paper(rows_px + 2 * _MARGIN + _TITLE, max(columns_px, _LEAST_SIDE) + 2 * _MARGIN + _GUTTER)
     sheet[_MARGIN : _MARGIN + panel.shape[0], _MARGIN : _MARGIN + columns_px] = panel

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.base.writing import make_folder, write_file
+from gellight.base.writing import make_folder
+from gellight.lab.report.pictures import height_picture, write_png
 from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.fusion import Fused, fuse
-from gellight.lab.scanning.map_picture import map_picture
 from gellight.lab.scanning.pairs import Joint, joined
 from gellight.lab.scanning.pose_graph import LEFT_OUT, Solved, solve
 from gellight.lab.scanning.scan_files import path_of, read_presses, write_press
@@ -116,7 +116,8 @@ class Scan:
         if self.fused is not None:
             fused = self.fused
             self._write(lambda: fused.height_map.save(self.folder / MAP))
-            self._write(lambda: write_file(self.folder / PICTURE, map_picture(fused)))
+            if fused.height_map.reached.any():
+                self._write(lambda: write_png(self.folder / PICTURE, map_picture(fused)))
 
     def _write(self, write: Callable[[], None]) -> None:
         try:
@@ -206,6 +207,11 @@ class Scan:
             ]
             if 1 - part.sum() / (width * height / pixel**2) > UNSEEN:
                 yield side
+
+
+def map_picture(fused: Fused) -> NDArray[np.uint8]:
+    """Draw the heights; hatched where a press saw the part and did not reach it. ValueError where none did."""
+    return height_picture(fused.height_map.height_mm, fused.height_map.pixel_mm, unseen=~fused.seen)
 
 
 def _pixels(view: ContactView) -> str:
