@@ -4,7 +4,7 @@ Both solve a Neo-Hookean block that is bonded to its support, with a rigid objec
 elements (bricks of 20 nodes), another contact (penalties between surfaces), another friction (a spring that yields),
 and a law that differs from ours by terms of the order of the volume's change, about one per cent here. Half of the
 block is solved: what is pressed and how it moves is its own mirror image in y = 0. Debian: `apt-get install
-calculix-ccx`. Processor time: 40 s for the presses, three minutes for the drags.
+calculix-ccx`. Processor time: two minutes for the presses, four for the drags.
 """
 
 import re
