@@ -102,7 +102,8 @@ def gel_mesh(geometry: SensorGeometry, resolution_mm: float, dense_radius_mm: fl
         size = thickness / layers / 2**halving
         refinement.refine(size, dense_radius_mm)
         levels.append(len(refinement.vertices))
-    inside = _inside(refinement.vertices, refinement.tets, np.pi * radius**2 * thickness)
+    centres = refinement.vertices[refinement.tets].mean(axis=1)
+    inside = np.hypot(centres[:, 0], centres[:, 1]) < radius
     return Mesh(
         vertices=refinement.vertices,
         tets=_oriented(refinement.vertices, refinement.tets[inside]),
@@ -128,22 +129,18 @@ def divisions(wanted: float) -> tuple[int, int]:
 
 
 def _kuhn_grid(across: int, layers: int, radius: float, thickness: float) -> tuple[Array, Indices]:
-    """Return vertices and tetrahedra of a box of cubes, six for each cube, along its diagonal.
-
-    Each diagonal goes from the cube's corner of even indices to that of odd ones: neighbours are mirror images, so the
-    mesh has no direction in which it is softer than in the mirrored one.
-    """
+    """Return vertices and tetrahedra of a box of cubes, six for each cube, along its diagonal."""
     numbers = np.arange((across + 1) ** 2 * (layers + 1)).reshape(across + 1, across + 1, layers + 1)
     at = [np.linspace(-radius, radius, across + 1)] * 2 + [np.linspace(0, thickness, layers + 1)]
     vertices = np.stack(np.meshgrid(*at, indexing="ij"), axis=-1).reshape(-1, 3)
-    cube = np.stack(np.meshgrid(*map(np.arange, (across, across, layers)), indexing="ij"), axis=-1).reshape(-1, 3)
     tets = []
     for order in permutations(range(3)):
-        corner = cube + cube % 2
-        path = [numbers[tuple(corner.T)]]
-        for axis in order:
-            corner[:, axis] = cube[:, axis] + 1 - cube[:, axis] % 2
-            path.append(numbers[tuple(corner.T)])
+        corner, path = [0, 0, 0], []
+        for axis in (None, *order):
+            if axis is not None:
+                corner[axis] = 1
+            i, j, k = corner
+            path.append(numbers[i : across + i, j : across + j, k : layers + k].ravel())
         tets.append(np.stack(path, axis=1))
     return vertices, np.concatenate(tets)
 
@@ -219,16 +216,6 @@ class _Refinement:
 def _key(a: Indices, b: Indices) -> Indices:
     """One number for an edge, whichever end comes first."""
     return (np.minimum(a, b) << 32) | np.maximum(a, b)
-
-
-def _inside(vertices: Array, tets: Indices, volume_mm3: float) -> NDArray[np.bool_]:
-    """Return which tetrahedra, those nearest to the axis, fill this volume best; all that are equally near, or none."""
-    corners = vertices[tets]
-    distance = np.hypot(*corners.mean(axis=1)[:, :2].T).round(9)
-    volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
-    nearer, ring = np.unique(distance, return_inverse=True)
-    filled = np.cumsum(np.bincount(ring, volumes))
-    return np.asarray(distance <= nearer[np.abs(filled - volume_mm3).argmin()])
 
 
 def _oriented(vertices: Array, tets: Indices) -> Indices:

@@ -6,7 +6,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from sim_reference import gel
 from sim_reference.deformation import grid
 from sim_reference.fem.dragging import Dragged, Pose, drag
 from sim_reference.fem.gel import FemGel, solver_of
@@ -33,12 +32,6 @@ def pulled(x_mm: float, friction: float) -> Dragged:
     return drag(rough, BALL, SPACING, DEPTH, [Pose((x_mm, 0.0, 0.0))], GEOMETRY, resume=start)[0]
 
 
-def test_a_ball_is_pulled_straight_back_and_by_as_much_either_way() -> None:
-    there, back = pulled(0.05, 0.4).force_n, pulled(-0.05, 0.4).force_n
-    assert abs(there[1]) < 1e-4 * there[0]
-    np.testing.assert_allclose(back, there * [-1, 1, 1], atol=1e-4 * there[0])
-
-
 def test_without_a_drag_the_press_is_the_press() -> None:
     press = SMOOTH.press(BALL, SPACING, DEPTH, GEOMETRY)
     assert pressed().force_n[2] == pytest.approx(press.force_n, rel=1e-3)
@@ -52,44 +45,3 @@ def test_the_support_holds_what_drags() -> None:
     bonded = np.setdiff1d(np.arange(len(solver.mesh.vertices)), solver.mesh.free)
     held = -solver.elastic.gradient(one.checkpoint.state.at)[bonded].sum(axis=0)
     np.testing.assert_allclose(held * SMOOTH.shear_modulus_mpa(GEOMETRY), one.force_n, atol=5e-3 * one.force_n[2])
-
-
-FLAT = np.sqrt(30.0**2 - AT[None, :] ** 2 - AT[:, None] ** 2) - 30.0
-"""a ball that slopes by no more than 0.06 where it touches: friction along it is friction along the gel"""
-FLAT_DEPTH = 0.1
-
-
-def slid(pose: Pose) -> Dragged:
-    start = drag(SMOOTH, FLAT, SPACING, FLAT_DEPTH, [Pose()], GEOMETRY)[0].checkpoint
-    return drag(replace(SMOOTH, friction=0.4), FLAT, SPACING, FLAT_DEPTH, [pose], GEOMETRY, resume=start)[0]
-
-
-def test_what_slides_pulls_with_all_of_the_friction() -> None:
-    one = slid(Pose((0.3, 0.0, 0.0)))
-    assert not one.sticks.any()
-    assert one.force_n[0] == pytest.approx(0.4 * one.force_n[2], rel=0.02)
-
-
-def test_what_turns_in_place_turns_against_all_of_the_friction() -> None:
-    # The layer's pressure, at full slip everywhere but in the middle.
-    one = slid(Pose(turn_rad=(0.0, 0.0, 0.4)))
-    pressure = gel.press(FLAT, SPACING, FLAT_DEPTH, GEOMETRY).pressure
-    arm = (pressure * np.hypot(AT[None, :], AT[:, None])).sum() / pressure.sum()
-    assert np.abs(one.force_n[:2]).max() < 1e-4 * one.force_n[2]
-    assert one.torque_nmm == pytest.approx(0.4 * one.force_n[2] * arm, rel=0.05)
-
-
-def test_the_part_that_sticks_is_cattaneos_and_mindlins() -> None:
-    # c = a (1 - Q / (mu P))^(1/3) on a half space: the contact is a sixth of the gel's thickness. A vertex has an area
-    # of 0.023 mm2, so radii are known to about a tenth of a spacing.
-    size, spacing, radius = 128, 0.04, 6.0
-    at = grid(size, spacing)
-    ball = np.sqrt(radius**2 - at[None, :] ** 2 - at[:, None] ** 2) - radius
-    model = FemGel(resolution_mm=0.15, dense_radius_mm=1.0)
-    start = drag(model, ball, spacing, 0.1, [Pose()], GEOMETRY)[0].checkpoint
-    one = drag(replace(model, friction=0.4), ball, spacing, 0.1, [Pose((0.03, 0, 0))], GEOMETRY, resume=start)[0]
-    area = solver_of(model, GEOMETRY).mesh.surface_area
-    touching, sticking = (float(np.sqrt(area[part].sum() / np.pi)) for part in (one.touches, one.sticks))
-    share = one.force_n[0] / (0.4 * one.force_n[2])
-    assert 0.3 < share < 0.8
-    assert sticking == pytest.approx(touching * (1 - share) ** (1 / 3), rel=0.08)

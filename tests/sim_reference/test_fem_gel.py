@@ -162,9 +162,9 @@ def test_patches_keep_a_nearly_incompressible_gel_from_locking() -> None:
         force(replace(FINE, patches=patches).press(BALL, SPACING, 0.2, geometry)) / expected
         for patches in (True, False)
     )
-    # Measured: 1.05 and 1.13; the layer knows no finite strain.
+    # Measured: 1.05 and 1.17 (at 0.49: 1.03 and 1.10); the layer knows no finite strain.
     assert kept < 1.06
-    assert locked > 1.12
+    assert locked > 1.15
 
 
 def test_a_load_sinks_in_as_deep_as_it_takes_to_press_with_that_force() -> None:
