@@ -13,7 +13,7 @@ PANELS = {
     "Pictures": "view dots white overlay depth-scale-um",
     "Training": "recipe trainer width epochs folds previous",
     "Limits": "largest-depth-error-um largest-normal-error-deg verifications until-um calibrate/presses",
-    "Files": "folder resume restart overwrite install",
+    "Files": "surface/frame folder resume restart overwrite install",
     "Simulation": "gel resolution-mm friction noise coarse/size design/size",
     "Pins": "data-pin trigger-pin output-pin status-pin switch-pin",
 }

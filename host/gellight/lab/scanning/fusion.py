@@ -62,7 +62,7 @@ class Fused:
     """x and y of the first pixel, in the axes of the first press"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Grid:
     """The pixels of a map."""
 

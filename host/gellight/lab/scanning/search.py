@@ -26,7 +26,7 @@ APART_PX = 4
 """between starts"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Slopes:
     """The slopes of a press on a coarse grid, complex, 0 where the gel did not reach the part."""
 
