@@ -2,27 +2,24 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import islice, pairwise
+from itertools import islice
 
 import numpy as np
 
 from gellight.base.errors import BoardError
-from gellight.lab.emulator.analog import OUTPUT_OFF
 from gellight.lab.emulator.busy_bus import B1, B2, DATA_PLUS
-from gellight.lab.emulator.chip import VTOR
 from gellight.lab.emulator.flash_chip import WORN_ERASE_NS
 from gellight.lab.emulator.usb_host import ADDRESS
-from gellight.lab.emulator.waveform import Strip
 from gellight.ring import protocol as p
-from gellight.ring.enumerations import ColourOrder, Dark, OutputAt, ResetReason, SyncMode
+from gellight.ring.enumerations import Dark, ResetReason, SyncMode
 from gellight.ring.heat import ring_temperature_c
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
+from tests.firmware.helpers.examined_board import PATTERN, break_down, dark, reopen
+from tests.firmware.helpers.wired_otherwise import wiring
 from tests.helpers import usb_requests as usb
-from tests.helpers.bench_board import THERMISTOR_PIN, BenchBoard, VirtualTransport
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
-PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97
-STATUS_PIN, SWITCH_PIN = 16, 6
 TRIGGER_DELAY_US, EDGE_TOLERANCE_US = 300.0, 3.0
 
 
@@ -35,16 +32,6 @@ def examine(image: bytes, check: str) -> list[str]:
     except (BoardError, IndexError, AssertionError) as error:  # no frame on the pin, or no answer to a request
         problems = [str(error) or "nothing came"]
     return board.faults + problems
-
-
-def _dark(board: BenchBoard) -> bool:
-    board.run(8_000)
-    return not board.timeline.at(board.now_us).any()
-
-
-def _reopen(board: BenchBoard) -> LightRing:
-    board.run_until(lambda: board.host.configured, 200_000)
-    return LightRing(VirtualTransport(board), keep_alive_s=None, timeout_s=0.03, attempts=2)
 
 
 def _colours(board: BenchBoard, ring: LightRing) -> Iterator[str]:
@@ -102,7 +89,7 @@ def _configuration(board: BenchBoard, ring: LightRing) -> Iterator[str]:
         yield "the image in flash was changed"
     board.power_off()
     board.power_on()
-    again = _reopen(board)
+    again = reopen(board)
     if again.configuration().name.rstrip(b"\0") != b"mutant":
         yield "configuration lost"
 
@@ -126,9 +113,9 @@ def _suspend(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     ring.set_leds(PATTERN)
     board.run(3_000)
     board.suspend()
-    if not _dark(board):
+    if not dark(board):
         yield "lit while suspended"
-    _reopen(board)
+    reopen(board)
 
 
 def _close(board: BenchBoard, ring: LightRing) -> Iterator[str]:
@@ -139,9 +126,9 @@ def _close(board: BenchBoard, ring: LightRing) -> Iterator[str]:
         board.run(after_us)
         board.host.close()
         board.host.open()
-        if not _dark(board):
+        if not dark(board):
             yield "lit after closing"
-        ring = _reopen(board)
+        ring = reopen(board)
 
 
 def _short_packets(board: BenchBoard, ring: LightRing) -> Iterator[str]:
@@ -207,13 +194,7 @@ def _watchdog(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     core.pc, core.pm, core.waiting = 0x2003FF00, True, False
     if not board.run_until(lambda: board.resets > resets, 150_000):
         yield "the watchdog does not bite"
-    _reopen(board)
-
-
-def _break_down(board: BenchBoard) -> None:
-    """Enter what the vector of HardFault points to."""
-    board.chip.core.pc = board.chip.read_uint32(board.chip.read_uint32(VTOR) + 12) & ~1
-    board.chip.core.waiting = False
+    reopen(board)
 
 
 def _fault(board: BenchBoard, ring: LightRing) -> Iterator[str]:
@@ -222,11 +203,11 @@ def _fault(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     resets = board.resets
     ring.set_leds(PATTERN)
     board.run_until(lambda: board.waveform.frame_starts_us[-1] > board.now_us - 100, 1_000)
-    _break_down(board)
+    break_down(board)
     board.run_until(lambda: board.resets > resets, 150_000)
     if board.timeline.at(board.now_us).any():
         yield "lit after a fault"
-    again = _reopen(board)
+    again = reopen(board)
     if again.hello.reset_reason != ResetReason.FAULT:
         yield "the fault is not told"
 
@@ -236,11 +217,11 @@ def _start_fault(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     board.power_on()
     resets = board.resets
     board.run(30_000)
-    _break_down(board)
+    break_down(board)
     if not board.run_until(lambda: board.resets > resets, 1_000):
         yield "a fault at the start does not start anew"
         return
-    again = _reopen(board)
+    again = reopen(board)
     if again.hello.reset_reason != ResetReason.FAULT:
         yield "a fault at the start is not told"
 
@@ -249,7 +230,7 @@ def _reflash(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     ring.enter_bootloader()
     board.run_until(lambda: board.in_bootloader, 100_000)
     board.leave_bootloader()
-    again = _reopen(board)
+    again = reopen(board)
     if again.hello.reset_reason != ResetReason.COMMAND:
         yield "a start after flashing is told as another"
 
@@ -275,7 +256,7 @@ def _bus(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     ring.telemetry(10)
     board.run(30_000)
     board.host.hangs = True
-    if not board.run_until(lambda: not board.host.configured, 11_500_000) or not _dark(board):
+    if not board.run_until(lambda: not board.host.configured, 11_500_000) or not dark(board):
         yield "a controller that hangs is not reset in the dark"
 
 
@@ -319,69 +300,6 @@ def _paused(board: BenchBoard, ring: LightRing) -> Iterator[str]:
         yield "a host that does not read loses its port"
 
 
-def _blinks(board: BenchBoard, duration_us: float) -> set[int]:
-    """Half periods of the status LED, ms, rounded to 10; empty where it is steady."""
-    times: list[float] = []
-    board.chip.gpio[STATUS_PIN].add_listener(lambda _new, _old: times.append(board.now_us))
-    board.run(duration_us)
-    return {round((after - before) / 1e4) * 10 for before, after in pairwise(times)}
-
-
-def _wiring(board: BenchBoard, ring: LightRing) -> Iterator[str]:
-    """All pins elsewhere, twice the LEDs, of another kind; the pulse of the output, the patterns of the status LED."""
-    ring = _reopen(board)
-    ring.blank()
-    board.run(3_000)
-    wired = replace(ring.configuration(), data_pin=9, trigger_pin=17, output_pin=THERMISTOR_PIN,
-                    output_at=OutputAt.MIDDLE, status_pin=STATUS_PIN + p.ACTIVE_LOW,
-                    switch_pin=SWITCH_PIN + p.ACTIVE_LOW, led_count=24, colour_order=ColourOrder.RGBW)  # fmt: skip
-    ring.configure(wired, save=True)
-    board.power_off()
-    other = BenchBoard(bytes(board.flash), strip=Strip(24, ColourOrder.RGBW, 9, SWITCH_PIN + p.ACTIVE_LOW))
-    other.run_until(lambda: other.host.configured, 200_000)
-    if _blinks(other, 1_600_000) != {500}:
-        yield "the status LED does not blink slowly without a host"
-    again = _reopen(other)
-    yield from _examine_wired(other, again)
-    again.blank()
-    other.run(600_000)
-    if _blinks(other, 600_000) or other.chip.sio.gpio_value >> STATUS_PIN & 1:
-        yield "the status LED is not steadily lit with a host"
-    again.set_leds(np.tile(PATTERN, (2, 1)))
-    other.run(30_000)
-    before_us, resets = other.now_us, other.resets
-    _break_down(other)
-    other.run(50)
-    if other.timeline.at(before_us).any() == other.timeline.at(other.now_us).any():
-        yield "the load switch stays closed through a fault"
-    other.run_until(lambda: other.resets > resets, 150_000)
-    other.run_until(lambda: other.host.configured, 200_000)
-    if _blinks(other, 500_000) != {100}:
-        yield "the status LED does not show the fault"
-    yield from other.faults
-
-
-def _examine_wired(board: BenchBoard, ring: LightRing) -> Iterator[str]:
-    pattern = np.tile(PATTERN, (2, 1))
-    ring.load_sequence([pattern], [Step(group=0, dwell_us=20_000, blank_us=20_000)], loops=2)
-    ring.set_sync(SyncMode.EXT)
-    changes: list[float] = []
-    board.chip.gpio[THERMISTOR_PIN].add_listener(lambda _new, _old: changes.append(board.now_us))
-    ring.start()
-    board.run(p.SUPPLY_US + 12_000)  # the load switch has closed, and the main loop has looked
-    begun = len(board.waveform.frame_starts_us)
-    board.chip.gpio[17].set_input_value(True)
-    board.run(5_000)
-    if not np.array_equal(board.timeline.at(board.now_us), pattern):
-        yield "colours of a ring that is wired in another way"
-    board.run(45_000)
-    begun_us = board.waveform.frame_starts_us[begun]
-    if len(changes) != 2 or abs(changes[0] - begun_us - 10_000) > 10 or abs(changes[1] - changes[0] - 100) > 5:
-        yield "the trigger output"
-    if board.chip.gpio[THERMISTOR_PIN].pad_value & OUTPUT_OFF:
-        yield "the pad of the trigger output does not drive it"
-
-
 def _hub(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     """Silicon B1 joins a busy hub and gives GPIO15 back; nobody touches it on B2, or where it is in use."""
     for revision in (B1, B2):
@@ -408,7 +326,7 @@ CHECKS: dict[str, Callable[[BenchBoard, LightRing], Iterator[str]]] = {
     check.__name__.strip("_"): check
     for check in (
         _colours, _hub, _short_packets, _long_rest, _sequence, _trigger, _configuration, _flood, _suspend, _close,
-        _watchdog, _fault, _start_fault, _reflash, _heat, _bus, _wiring, _noise, _paused,
+        _watchdog, _fault, _start_fault, _reflash, _heat, _bus, wiring, _noise, _paused,
         _refusals,
     )
 }  # fmt: skip

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.lab.scanning.contact_view import ContactView
-from gellight.lab.scanning.search import starts
+from gellight.lab.scanning.search import LEAST_MM2, starts
 from gellight.tracking.information import Agreement, agreement, information
 from gellight.tracking.registration import MOST_STEPS, SCALE, Keyframe, Registration, register
 from gellight.tracking.rigid import carried, inverse
@@ -20,8 +20,6 @@ from gellight.tracking.view import View, at_pixels
 Array = NDArray[np.float64]
 POINTS, COARSE_POINTS = 3000, 600
 TRIED, TRIED_STEPS = 8, 6
-LEAST_MM2 = 5.0
-"""of gel that reached the part in both presses"""
 LEAST_CORRELATION = 0.8
 """of the slopes"""
 RIVAL, RIVAL_LEFT, RIVAL_AREA = 3.0, 0.02, 0.3
