@@ -30,7 +30,7 @@ def read_file(path: Path) -> bytes:
     if not stat.S_ISREG(found.st_mode):
         raise ValueError("it is no regular file")
     if found.st_size > MOST_BYTES:
-        raise ValueError(f"it has {found.st_size / 1e6:.0f} MB, no bundle is that large")
+        raise ValueError(f"it has {found.st_size / 1e6:.0f} MB, allowed are {MOST_BYTES / 1e6:.0f}")
     return path.read_bytes()
 
 

@@ -1,7 +1,6 @@
 """`HeightMap`: what was found of a surface, on a grid, with its error; a file of it is an npz."""
 
 import io
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,10 +9,8 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
-from gellight.bundle.contents import UNZIPPING
+from gellight.bundle.contents import UNZIPPING, arrays_of, read_file
 
-LARGEST_PIXELS = 100_000_000
-"""a map of 200 x 200 mm at .02 mm a pixel"""
 FIELDS = ("height_mm", "error_mm", "pixel_mm")
 
 
@@ -60,15 +57,11 @@ class HeightMap:
 def load_height_map(path: Path) -> HeightMap:
     """Read a map that `HeightMap.save` wrote.
 
-    Raises `InputError` if the file cannot be read, is none, or is larger than `LARGEST_PIXELS`.
+    Raises `InputError` if the file cannot be read, is none, or is far too large.
     """
     try:
-        with zipfile.ZipFile(path) as archive:
-            size = sum(one.file_size for one in archive.infolist())
-        if size > 9 * LARGEST_PIXELS:
-            raise InputError(f"{path} holds {size / 1e6:.0f} MB; a map has at most {LARGEST_PIXELS} pixels")
-        with np.load(path, allow_pickle=False) as file:
-            height, error, pixel = (np.asarray(file[name]) for name in FIELDS)
-            return HeightMap(height.astype(np.float32), error.astype(np.float32), float(pixel))
+        arrays = arrays_of(read_file(path))
+        height, error, pixel = (arrays[name] for name in FIELDS)
+        return HeightMap(height.astype(np.float32), error.astype(np.float32), float(pixel))
     except (*UNZIPPING, KeyError, TypeError) as problem:
         raise InputError(f"{path} is no map of heights ({problem}); `gellight scan` writes one") from problem

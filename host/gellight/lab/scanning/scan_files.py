@@ -2,7 +2,6 @@
 
 import io
 import re
-import zipfile
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -13,12 +12,10 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
-from gellight.bundle.contents import UNZIPPING
+from gellight.bundle.contents import UNZIPPING, arrays_of, read_file
 from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.pairs import Joint
 
-MOST_BYTES = 400_000_000
-"""of a press: a picture of 100 megapixels"""
 NAME = re.compile(r"press-(\d{3,6})\.npz")
 _JOINT = [field.name for field in fields(Joint)]
 
@@ -54,16 +51,12 @@ def read_presses(folder: Path) -> tuple[dict[int, ContactView], list[Joint]]:
 
 def _read(path: Path) -> tuple[ContactView, list[Joint]]:
     try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(one.file_size for one in archive.infolist()) > MOST_BYTES:
-                raise ValueError("it is too large")
-        with np.load(path, allow_pickle=False) as file:
-            depth, pixel, calibration = (file[name] for name in ("depth_mm", "pixel_size_mm", "calibration"))
-            if depth.ndim != 2 or min(depth.shape) < 16 or pixel.shape != (2,) or not np.isfinite(depth).all():
-                raise ValueError(f"a depth of shape {depth.shape}")
-            columns = [file[f"joint_{name}"] for name in _JOINT]
-            joints = [_joint(row) for row in zip(*columns, strict=True)]
-            return ContactView(depth.astype(np.float32), (float(pixel[0]), float(pixel[1])), str(calibration)), joints
+        arrays = arrays_of(read_file(path))
+        depth, pixel, calibration = (arrays[name] for name in ("depth_mm", "pixel_size_mm", "calibration"))
+        if depth.ndim != 2 or min(depth.shape) < 16 or pixel.shape != (2,) or not np.isfinite(depth).all():
+            raise ValueError(f"a depth of shape {depth.shape}")
+        joints = [_joint(row) for row in zip(*(arrays[f"joint_{name}"] for name in _JOINT), strict=True)]
+        return ContactView(depth.astype(np.float32), (float(pixel[0]), float(pixel[1])), str(calibration)), joints
     except (*UNZIPPING, KeyError, TypeError) as problem:
         raise InputError(f"{path} is no press of a scan ({problem}): remove it, and press there again") from problem
 

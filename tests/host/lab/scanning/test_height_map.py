@@ -71,3 +71,9 @@ def test_a_field_that_is_missing_is_named(tmp_path: Path) -> None:
     np.savez(tmp_path / "other.npz", height_mm=np.zeros((2, 2)))
     with pytest.raises(InputError, match="error_mm"):
         load_height_map(tmp_path / "other.npz")
+
+
+def test_a_device_is_no_map() -> None:
+    """It would be read for ever."""
+    with pytest.raises(InputError, match=r"/dev/zero is no map of heights .*no regular file"):
+        load_height_map(Path("/dev/zero"))
