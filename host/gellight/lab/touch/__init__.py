@@ -8,6 +8,7 @@ touch_sensor.py   `TouchSensor`: all of it for one sensor
 episode.py        touches as the frames of a recording
 mujoco_gap.py     the gap of a gel in a MuJoCo model
 mujoco_gels.py    `MujocoGels`: the gels of a model, as they look and feel
+mujoco_drag.py    along a gel while objects that it feels move
 mujoco_carry.py   the layer's forces in place of MuJoCo's contact
 environments/     tasks for Gymnasium
 gripper.xml       a parallel gripper with two gels, to try it

@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.lab.touch.mujoco_gap import MM
 from gellight.lab.touch.mujoco_gels import MujocoGel, MujocoGels
+from gellight.lab.touch.touch_sensor import Felt
+from gellight.lab.touch.traction import Sheared
 
 Floats = NDArray[np.float64]
 SLIDING = [0, 1, 5]
@@ -99,6 +101,19 @@ class Carrying:
         mujoco.mj_step2(self._model, data)
         data.xfrc_applied[:] = others
         return held
+
+    def shear(self, data: mujoco.MjData, gel: str, felt: Felt, held: list[Held]) -> Sheared:
+        """Return the traction along a gel that carries what it `held` in the last step; raises as `TouchSensor.pull`.
+
+        felt: of the gel's `feel`.
+        """
+        one = self.gels[gel]
+        load, axes, origin = np.zeros(3), one.gap.rotation(data), data.site_xpos[one.gap.site]
+        for force in (part for part in held if part.gel == gel):
+            x, y = (axes.T @ (force.point_m - origin))[:2] / MM
+            along_x, along_y, _ = -force.force_n
+            load += along_x, along_y, x * along_y - y * along_x - force.torque_nmm[2]
+        return one.sensor.pull(felt, (load[0], load[1]), load[2], friction=self._friction)
 
     def _apply(self, data: mujoco.MjData) -> list[Held]:
         mujoco.mj_fwdActuation(self._model, data)

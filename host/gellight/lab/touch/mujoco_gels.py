@@ -1,18 +1,21 @@
 """The gels of a MuJoCo model: how they look while MuJoCo computes the contact, and what they would feel.
 
 *look* moves the objects along the gel's normal until the layer carries the force that MuJoCo's contact has: how deep
-MuJoCo lets bodies penetrate depends on their mass and its solver, and says nothing of a gel. *feel* takes the places as
-they are, for objects that are moved by hand or that `mujoco_carry` holds.
+MuJoCo lets bodies penetrate depends on their mass and its solver, and says nothing of a gel. Nor does what rests on a
+gel move along it in MuJoCo: *shear* moves it until the gel carries MuJoCo's friction. *feel* takes the places as they
+are, for objects that are moved by hand or that `mujoco_carry` holds; `mujoco_drag` follows them along the gel.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.lab.touch.mujoco_gap import GelGap, geoms_of
+from gellight.lab.touch.mujoco_gap import MM, GelGap, geoms_of
 from gellight.lab.touch.touch_sensor import Felt, TouchSensor
+from gellight.lab.touch.traction import Sheared
 
 
 class MujocoGel:
@@ -33,18 +36,39 @@ class MujocoGel:
         """Return the gel under the objects, as deep as carries MuJoCo's contact force; raises as `TouchSensor.sink`."""
         return self.sensor.sink(self.gap.gap_mm(data), self.contact_force_n(data))
 
+    def shear(self, data: mujoco.MjData, felt: Felt, *, friction: float | None = None) -> Sheared:
+        """Return the traction along the gel that carries MuJoCo's friction; felt: of `look`.
+
+        friction: Coulomb's coefficient, default: the largest of MuJoCo's contacts. Raises as `TouchSensor.pull`.
+        """
+        x, y, _, torque_nmm = self._load(data)
+        coefficients = [float(data.contact[index].friction[0]) for index, _ in self._contacts(data)]
+        return self.sensor.pull(
+            felt, (x, y), torque_nmm, friction=max(coefficients, default=0.0) if friction is None else friction
+        )
+
     def contact_force_n(self, data: mujoco.MjData) -> float:
         """Return how hard MuJoCo's contacts press the objects against the body of the gel, along its normal, N."""
-        normal, total, force = self.gap.rotation(data)[:, 2], 0.0, np.zeros(6)
+        return max(-float(self._load(data)[2]), 0.0)
+
+    def _contacts(self, data: mujoco.MjData) -> Iterator[tuple[int, int]]:
+        """Yield the contacts of objects with the gel's body, and 1 where that is the first of the two, else -1."""
         for index in range(data.ncon):
             pair = [int(geom) for geom in data.contact[index].geom]
             ours = [self._model.geom_bodyid[geom] == self.body for geom in pair]
-            if not any(ours) or pair[ours.index(True) ^ 1] not in self.geoms:
-                continue
+            if any(ours) and pair[ours.index(True) ^ 1] in self.geoms:
+                yield index, 1 if ours[0] else -1
+
+    def _load(self, data: mujoco.MjData) -> NDArray[np.float64]:
+        """(4,): MuJoCo's contact force on the gel along its axes, N, and the torque about its normal, N mm."""
+        axes, load, force = self.gap.rotation(data), np.zeros(4), np.zeros(6)
+        for index, sign in self._contacts(data):
             mujoco.mj_contactForce(self._model, data, index, force)
-            on_second = data.contact[index].frame.reshape(3, 3).T @ force[:3]
-            total += float(normal @ on_second) * (1 if ours[0] else -1)
-        return max(total, 0.0)
+            contact = data.contact[index]
+            pushed, turned = (-sign * axes.T @ contact.frame.reshape(3, 3).T @ part for part in (force[:3], force[3:]))
+            arm = axes.T @ (contact.pos - data.site_xpos[self.gap.site])
+            load += *pushed, (turned + np.cross(arm, pushed))[2] / MM
+        return load
 
 
 class MujocoGels(Mapping[str, MujocoGel]):

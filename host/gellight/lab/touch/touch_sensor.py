@@ -123,6 +123,25 @@ class TouchSensor:
         """
         return self._traction.drag(felt.pressure_mpa, motion, friction, before)
 
+    def go_on(
+        self, felt: Felt, moved_mm: NDArray[np.float64], *, friction: float = 0.8, before: Sheared | None = None
+    ) -> Sheared:
+        """Return the traction when what lies on each point has gone by `moved_mm` (n, n, 2) since `before`.
+
+        For a path, and for objects that move otherwise than each other; raises NotConverged.
+        """
+        return self._traction.go_on(felt.pressure_mpa, moved_mm, friction, before)
+
+    def pull(
+        self, felt: Felt, force_n: tuple[float, float], torque_nmm: float = 0.0, *, friction: float = 0.8
+    ) -> Sheared:
+        """Return the traction when what presses was moved along the gel until it carries a load.
+
+        force_n: on the gel along x and y; torque_nmm: about the gel's centre, from x to y. What is more than friction
+        holds slips everywhere, along the load. Raises InputError for what is negative or not finite, and NotConverged.
+        """
+        return self._traction.pull(felt.pressure_mpa, felt.centre_mm, (*force_n, torque_nmm), friction)
+
     def sink(self, gap_mm: Floats, force_n: float) -> Felt:
         """Return the gel under objects that were moved along its normal until it carries `force_n` N.
 

@@ -1,13 +1,20 @@
 """Traction along the gel with Coulomb's limit: where a pressed gel sticks to what moves, and where it slips."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 
 from gellight.base.errors import InputError
 from sim_reference import tangential
+
+PULLED_WITHIN = 1e-3
+"""of a load that is to be carried"""
+LITTLE_MM = 1e-3
+FAR = 5.0
+"""thicknesses of the gel: what has gone so far slips everywhere"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +80,60 @@ class Traction:
         begun = tangential.at_rest(pressure, self._layer) if before is None else before.state
         moved = tangential.rigid_motion(self.at_mm[None, :], self.at_mm[:, None], motion)
         return self._sheared(tangential.drag(begun, pressure, moved, friction, self._layer))
+
+    def go_on(
+        self, pressure_mpa: NDArray[np.float32], moved_mm: NDArray[np.float64], friction: float, before: Sheared | None
+    ) -> Sheared:
+        """Return the gel after what lies on each point has gone by `moved_mm` (n, n, 2) since `before`."""
+        pressure = np.asarray(pressure_mpa, np.float64) / self.shear_modulus_mpa
+        begun = tangential.at_rest(pressure, self._layer) if before is None else before.state
+        begun = replace(begun, offset_mm=begun.displacement_mm)
+        return self._sheared(tangential.drag(begun, pressure, moved_mm, friction, self._layer))
+
+    def pull(
+        self, pressure_mpa: NDArray[np.float32], centre_mm: tuple[float, float], load: tuple[float, float, float],
+        friction: float,
+    ) -> Sheared:  # fmt: skip
+        """Return the gel after a straight motion to where it carries a load; raises as `TouchSensor.pull`.
+
+        load: N, N, N mm about the gel's centre; centre_mm: x, y of the pressure. The gel's energy less the work of the
+        load is convex in the motion, and its gradient is what the gel carries less the load. Motions are in N, by the
+        stiffness of a small one.
+        """
+        if not friction >= 0 or not np.isfinite([friction, *load]).all():
+            raise InputError(f"a load of {load} with friction {friction:g}: give finite N and N mm, and 0 or more")
+        rest = self.pressed(pressure_mpa)
+        if friction == 0 or not any(load) or not (pressure_mpa > 0).any():
+            return rest
+        (x, y), cell_mm2 = centre_mm, float(self.at_mm[1] - self.at_mm[0]) ** 2
+        rim_mm = float(np.sqrt(np.count_nonzero(pressure_mpa) * cell_mm2 / np.pi))
+        wanted = np.array([load[0], load[1], (load[2] - x * load[1] + y * load[0]) / rim_mm])
+        ways, sheared = self._ways(centre_mm, rim_mm), rest
+
+        def moved(motion_mm: NDArray[np.float64], guess: Sheared) -> Sheared:
+            begun = replace(rest.state, traction=guess.state.traction)
+            return self.go_on(pressure_mpa, np.tensordot(motion_mm, ways, 1), friction, replace(rest, state=begun))
+
+        def missing(motion_n: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+            nonlocal sheared
+            sheared = moved(motion_n / stiffness, sheared)
+            bent = np.vdot(sheared.traction_mpa, sheared.tangential_mm - rest.tangential_mm) * cell_mm2
+            missed = np.tensordot(ways, sheared.traction_mpa, 3) * cell_mm2 - wanted
+            return float(motion_n @ missed - stiffness * bent / 2), missed
+
+        stiffness = moved(np.array([LITTLE_MM, 0.0, 0.0]), rest).force_n[0] / LITTLE_MM
+        far_n = FAR * self.thickness_mm * stiffness
+        enough = {"gtol": PULLED_WITHIN * float(np.abs(wanted).max()), "ftol": 0, "maxiter": 30}
+        found = minimize(missing, wanted, jac=True, method="L-BFGS-B", bounds=[(-far_n, far_n)] * 3, options=enough)
+        return moved(found.x / stiffness, sheared)
+
+    def _ways(self, centre_mm: tuple[float, float], rim_mm: float) -> NDArray[np.float64]:
+        """Return motions (3, n, n, 2), mm: along x, along y, and a turn about the centre that moves the rim by 1."""
+        ways = np.zeros((3, len(self.at_mm), len(self.at_mm), 2))
+        ways[0, ..., 0] = ways[1, ..., 1] = 1.0
+        ways[2, ..., 0] = -(self.at_mm[:, None] - centre_mm[1]) / rim_mm
+        ways[2, ..., 1] = (self.at_mm[None, :] - centre_mm[0]) / rim_mm
+        return ways
 
     def _sheared(self, state: tangential.Dragged) -> Sheared:
         traction = state.traction * self.shear_modulus_mpa
