@@ -6,7 +6,7 @@ from dataclasses import replace
 from enum import StrEnum
 from itertools import islice
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -24,6 +24,7 @@ from gellight.lab.report.video import VideoFile
 from gellight.recording.array_files import write_arrays
 from gellight.recording.lerobot_files import write_lerobot
 from gellight.recording.recording_file import Recording
+from gellight.recording.shard_files import write_shards
 from gellight.tracking.following import ObjectFollower
 
 VIDEO = "video.mp4"
@@ -41,9 +42,12 @@ class Kind(StrEnum):
     HDF5 = "hdf5"
     ZARR = "zarr"
     LEROBOT = "lerobot"
+    WEBDATASET = "webdataset"
 
 
-ONE_FILE = {Kind.HDF5: "frames.h5", Kind.ZARR: "frames.zarr", Kind.LEROBOT: "lerobot"}
+ONE_FILE = {
+    Kind.HDF5: "frames.h5", Kind.ZARR: "frames.zarr", Kind.LEROBOT: "lerobot", Kind.WEBDATASET: "webdataset",
+}  # fmt: skip
 
 
 def command(
@@ -54,7 +58,7 @@ def command(
     every: Annotated[int, typer.Option(min=1, help="Take every n-th frame.")] = 1,
     depth_scale_um: Annotated[float, typer.Option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
     track: Annotated[
-        bool, typer.Option("--track", help="Follow the object: hdf5, zarr and lerobot get its pose.")
+        bool, typer.Option("--track", help="Follow the object: hdf5, zarr, lerobot and webdataset get its pose.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -64,18 +68,20 @@ def command(
     have what those of `gellight reconstruct` have, .ply files are surfaces in mm.
     """
     recording = Recording(file)
-    if track and kind not in (Kind.HDF5, Kind.ZARR, Kind.LEROBOT):
-        raise InputError(f"--track: --as {kind} has no place for a pose: take hdf5, zarr or lerobot")
+    if track and kind not in ONE_FILE:
+        raise InputError(f"--track: --as {kind} has no place for a pose: take {', '.join(ONE_FILE)}")
     felt = felt_frames(recording, load_bundle(calibration) if calibration else None)
     frames = islice(map(ObjectFollower(on=track).follow, felt), 0, None, every)
+    used = recording.bundle
+    known: dict[str, Any] = {"pixel_size_mm": used.pixel_size_mm, "calibration": used.identity, "source": file.name}
     try:
         out.mkdir(parents=True, exist_ok=True)
         match kind:
             case Kind.VIDEO:
                 count = _video(frames, out, depth_scale_um, fps_of(recording) / every)
+            case Kind.WEBDATASET:
+                count = write_shards(frames, out / ONE_FILE[kind], task=file.stem, png=encode_png, **known)
             case Kind.HDF5 | Kind.ZARR:
-                used = recording.bundle
-                known = {"pixel_size_mm": used.pixel_size_mm, "calibration": used.identity, "source": file.name}
                 count = write_arrays(frames, out / ONE_FILE[kind], **known)
             case Kind.LEROBOT:
                 rate = fps_of(recording) / every

@@ -5,7 +5,7 @@ A picture or a map is a chunk, so that a program reads one frame without the oth
 """
 
 import io
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,30 +21,57 @@ STEP = 2.0**-14
 """mm of depth, and slope: off by 0.03 um and 0.002 degrees at most"""
 REMEDY = 'this needs packages: pip install "gellight[arrays]"'
 Array = NDArray[Any]
+Actions = Sequence[Sequence[float]] | NDArray[Any]
+"""(frames, k)"""
 Append = Callable[[str, Array], None]
 """adds the row of one frame to the array of a name, or many to one that is new"""
 
 
-def write_arrays(frames: Iterable[TactileFrame], path: Path, **attributes: object) -> int:
+def write_arrays(
+    frames: Iterable[TactileFrame], path: Path, *, actions: Actions | None = None, **attributes: object
+) -> int:
     """Write frames to `path`, a .h5 file or a .zarr folder, all or nothing, and return their number.
 
-    attributes: of the file. Raises InputError where it exists or where the library is missing, OSError where it cannot
-    be written.
+    actions: a row of numbers for each frame, what was done in it. attributes: of the file. Raises InputError where it
+    exists, where the library is missing or actions do not fit, OSError where it cannot be written.
     """
     if path.exists():
         raise InputError(f"{path} exists: choose another folder, or remove it")
     figures: list[dict[str, Any]] = []
+    done: list[Sequence[float]] = []
     kind = _hdf5 if path.suffix == ".h5" else _zarr
     with whole(path) as partial, kind(partial, {"depth_step_mm": STEP, **attributes}) as append:
-        for frame in frames:
+        for frame, action in with_actions(frames, actions):
             append("image", frame.camera_frame.image)
             append("depth_mm", on_grid(frame.depth_mm))
             append("gradient_map", on_grid(frame.gradient_map))
             append("contact", frame.contact.mask)
-            figures.append(_figures(frame))
+            figures.append(figures_of(frame))
+            done += [] if action is None else [action]
         for name in figures[0] if figures else ():
             append(f"figures/{name}", np.array([one[name] for one in figures]))
+        if done:
+            append("figures/action", np.array(done, np.float32))
     return len(figures)
+
+
+def with_actions(
+    frames: Iterable[TactileFrame], actions: Actions | None
+) -> Iterator[tuple[TactileFrame, Sequence[float] | None]]:
+    """Yield each frame and what was done in it, None without actions; InputError where their numbers differ."""
+    if actions is None:
+        yield from ((frame, None) for frame in frames)
+        return
+    rows = np.asarray(actions, np.float64)
+    if rows.ndim != 2 or not np.isfinite(rows).all():
+        raise InputError(f"actions of shape {rows.shape}: give a row of finite numbers for each frame")
+    number = -1
+    for number, frame in enumerate(frames):
+        if number == len(rows):
+            raise InputError(f"there are {len(rows)} actions, and more frames: give one for each frame")
+        yield frame, rows[number].tolist()
+    if number + 1 < len(rows):
+        raise InputError(f"there are {len(rows)} actions for {number + 1} frames: give one for each frame")
 
 
 def on_grid(values: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -52,7 +79,7 @@ def on_grid(values: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.round(values / np.float32(STEP)) * np.float32(STEP)
 
 
-def _figures(frame: TactileFrame) -> dict[str, Any]:
+def figures_of(frame: TactileFrame) -> dict[str, Any]:
     """Return the figures of a frame; NaN where nothing touches, no constant for the force is known, or no object."""
     taken, contact, force = frame.camera_frame, frame.contact, frame.force
     side = frame.shear

@@ -9,6 +9,7 @@ none, and a policy that takes every observation must not meet that. Neither has 
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from math import nan
 from pathlib import Path
 from typing import Any
@@ -19,12 +20,14 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.base.writing import whole
 from gellight.frames.frames import TactileFrame
+from gellight.recording.array_files import Actions, with_actions
 
 IMAGE, DEPTH, STATE, TIME = (f"observation.{name}" for name in ("images.gel", "gel_depth", "state", "time_s"))
 NUMBER, MOTION, COVARIANCE = (f"object.{name}" for name in ("number", "motion", "covariance"))
 """of `frames.pose.ObjectPose`; matrices row by row"""
 POSE_SIZES = {MOTION: 16, COVARIANCE: 36}
 INDICES = ("frame_index", "episode_index", "index", "task_index")
+ACTION = "action"
 STEP_M = 2.0**-24
 REMEDY = 'this needs a package: pip install "gellight[lerobot]"'
 _DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
@@ -39,37 +42,36 @@ def write_lerobot(
     task: str,
     png: Callable[[NDArray[np.uint8]], bytes],
     tracked: bool = False,
+    actions: Actions | None = None,
 ) -> int:
     """Write frames as one episode into a new `folder`, all or nothing, and return their number.
 
-    task: what was done, in words. png: encodes an image. tracked: the pose of the object is written too. Raises
-    InputError where the folder exists, without pyarrow, or without frames.
+    task: what was done, in words. png: encodes an image. tracked: the pose of the object is written too. actions: a row
+    of numbers for each frame, what was done in it. Raises InputError where the folder exists, without pyarrow or
+    frames, and where actions do not fit.
     """
     if folder.exists():
         raise InputError(f"{folder} exists: choose another folder, or remove it")
     rate, statistics, count = max(round(fps), 1), Statistics(), 0
     with whole(folder) as draft:
-        rows = iter(frames)
-        first = next(rows, None)
-        if first is None:
+        rows = with_actions(frames, actions)
+        begun = next(rows, None)
+        if begun is None:
             raise InputError("the recording has no frames")
+        first, done = begun
         names = state_names(first)
-        features = features_of(first, names, tracked=tracked)
+        features = features_of(first, names, tracked=tracked, actions=len(done or ()))
         with _table(draft / "data" / _FIRST, features) as append:
-            for count, frame in enumerate(_chained(first, rows), start=1):
+            for count, (frame, action) in enumerate(chain([begun], rows), start=1):
                 state = np.array([_state(frame)[name] for name in names], np.float32)
-                statistics.add(frame.camera_frame.image, state)
+                statistics.add(frame.camera_frame.image, state, action)
                 image = {"bytes": png(frame.camera_frame.image), "path": None}
                 since_s = frame.camera_frame.time_s - first.camera_frame.time_s
                 row = _row(frame, count - 1, rate) | (_pose(frame) if tracked else {})
+                row |= {} if action is None else {ACTION: action}
                 append({IMAGE: image, STATE: state.tolist(), TIME: since_s, **row})
         _write_meta(draft, features, statistics, count, rate, task)
     return count
-
-
-def _chained(first: TactileFrame, rest: Iterator[TactileFrame]) -> Iterator[TactileFrame]:
-    yield first
-    yield from rest
 
 
 def state_names(frame: TactileFrame) -> list[str]:
@@ -99,7 +101,9 @@ def _pose(frame: TactileFrame) -> dict[str, Any]:
     return {NUMBER: pose.number, MOTION: pose.motion.ravel().tolist(), COVARIANCE: pose.covariance.ravel().tolist()}
 
 
-def features_of(frame: TactileFrame, names: Sequence[str], *, tracked: bool) -> dict[str, dict[str, Any]]:
+def features_of(
+    frame: TactileFrame, names: Sequence[str], *, tracked: bool, actions: int = 0
+) -> dict[str, dict[str, Any]]:
     """Return the features as info.json lists them."""
     height, width = frame.depth_mm.shape
     axes = ["height", "width", "channels"]
@@ -112,6 +116,7 @@ def features_of(frame: TactileFrame, names: Sequence[str], *, tracked: bool) -> 
         STATE: {"dtype": "float32", "shape": [len(names)], "names": list(names)},
         TIME: {"dtype": "float32", **single},
         **of_object,
+        **({ACTION: {"dtype": "float32", "shape": [actions], "names": None}} if actions else {}),
         "timestamp": {"dtype": "float32", **single},
         **{name: {"dtype": "int64", **single} for name in INDICES},
     }
@@ -123,10 +128,12 @@ class Statistics:
     def __init__(self) -> None:
         """Begin without frames."""
         self._states: list[NDArray[np.float32]] = []
+        self._actions: list[Sequence[float]] = []
         self._channels: list[NDArray[np.float64]] = []
 
-    def add(self, image: NDArray[np.uint8], state: NDArray[np.float32]) -> None:
+    def add(self, image: NDArray[np.uint8], state: NDArray[np.float32], action: Sequence[float] | None = None) -> None:
         """Take in a frame."""
+        self._actions += [] if action is None else [action]
         levels = image.reshape(-1, 3) / 255
         self._states.append(state)
         self._channels.append(np.array([levels.min(0), levels.max(0), levels.mean(0), (levels**2).mean(0)]))
@@ -135,13 +142,19 @@ class Statistics:
         """Return what stats.json holds."""
         low, high, mean, square = (np.array(self._channels)[:, part] for part in range(4))
         spread = np.sqrt(np.maximum(square.mean(0) - mean.mean(0) ** 2, 0))
-        states, count = np.array(self._states, np.float64), [len(self._states)]
+        count = [len(self._states)]
+        vectors = {STATE: self._states} | ({ACTION: self._actions} if self._actions else {})
         channels = {"min": low.min(0), "max": high.max(0), "mean": mean.mean(0), "std": spread}
-        vectors = {"min": states.min(0), "max": states.max(0), "mean": states.mean(0), "std": states.std(0)}
         return {
             IMAGE: {name: values[:, None, None].tolist() for name, values in channels.items()} | {"count": count},
-            STATE: {name: values.tolist() for name, values in vectors.items()} | {"count": count},
+            **{name: _spread(np.array(rows, np.float64)) | {"count": count} for name, rows in vectors.items()},
         }
+
+
+def _spread(rows: NDArray[np.float64]) -> dict[str, Any]:
+    """Return least, largest, mean and standard deviation of each column."""
+    figures = {"min": rows.min(0), "max": rows.max(0), "mean": rows.mean(0), "std": rows.std(0)}
+    return {name: values.tolist() for name, values in figures.items()}
 
 
 def _row(frame: TactileFrame, number: int, rate: int) -> dict[str, Any]:
@@ -177,7 +190,7 @@ def _table(path: Path, features: dict[str, dict[str, Any]]) -> Iterator[Any]:
 
 def _vectors(features: dict[str, dict[str, Any]]) -> list[str]:
     """Return which features are rows of numbers."""
-    return [name for name in features if name in (STATE, *POSE_SIZES)]
+    return [name for name in features if name in (STATE, ACTION, *POSE_SIZES)]
 
 
 def _kinds_of_datasets(features: dict[str, dict[str, Any]]) -> dict[str, Any]:

@@ -124,6 +124,17 @@ def test_a_recording_becomes_an_episode_of_lerobot(recording: Path, tmp_path: Pa
     assert sorted(path.name for path in tmp_path.iterdir()) == ["lerobot"]
 
 
+def test_a_recording_becomes_shards_smaller_than_arrays(recording: Path, tmp_path: Path) -> None:
+    done = children.gellight("export", recording, "--out", tmp_path, "--as", "webdataset", "--every", "4", check=True)
+    (shard,) = (tmp_path / "webdataset").glob("*.tar")
+    children.gellight("export", recording, "--out", tmp_path, "--every", "4", check=True)
+    arrays = [path.stat().st_size for path in tmp_path.glob("*.npz")]
+    assert f"{len(arrays)} frames" in done.stdout
+    assert "pixel size mm" in (tmp_path / "webdataset/README.md").read_text()
+    print(f"shards {shard.stat().st_size}, arrays {sum(arrays)} bytes")
+    assert shard.stat().st_size < 0.5 * sum(arrays)
+
+
 def test_without_its_library_or_frames_no_episode_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match="no frames"):
         write_lerobot([], tmp_path / "a", fps=30, task="touch", png=bytes)

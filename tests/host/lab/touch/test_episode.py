@@ -1,5 +1,7 @@
 """An episode of simulated touches, written by the writers of recordings and read by other people's libraries."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,8 +15,10 @@ from gellight.lab.touch.environments import SlideToEdge
 from gellight.lab.touch.episode import tactile_frames
 from gellight.recording.array_files import write_arrays
 from gellight.recording.lerobot_files import write_lerobot
+from gellight.recording.shard_files import LEAST_MM, STEP_MM, write_shards
 from sim_reference.geometry import SensorGeometry
 
+ACTIONS = [[1.0, 0.25 * number, 0.0] for number in range(5)]
 SMALL = SensorGeometry(image_width_px=64, image_height_px=48, pixel_size_mm=0.588)
 
 
@@ -36,9 +40,12 @@ def sensor() -> TouchSensor:
 
 def test_an_episode_is_read_from_zarr(touches: list[Felt], tmp_path: Path) -> None:
     zarr = pytest.importorskip("zarr")
-    assert write_arrays(tactile_frames(sensor(), touches, fps=10), tmp_path / "a.zarr", task="slide") == 5
+    assert (
+        write_arrays(tactile_frames(sensor(), touches, fps=10), tmp_path / "a.zarr", actions=ACTIONS, task="slide") == 5
+    )
     file, same = zarr.open_group(tmp_path / "a.zarr", mode="r"), sensor()
     assert file.attrs["task"] == "slide"
+    assert file["figures/action"][:].tolist() == ACTIONS
     assert file["figures/force_n"][:] == pytest.approx([felt.force_n for felt in touches])
     for number, felt in enumerate(touches):
         assert np.array_equal(file["image"][number], same.picture(felt))
@@ -51,15 +58,66 @@ def test_an_episode_is_read_from_zarr(touches: list[Felt], tmp_path: Path) -> No
 def test_an_episode_is_read_from_lerobot(touches: list[Felt], tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     frames = tactile_frames(sensor(), touches, fps=10)
-    assert write_lerobot(frames, tmp_path / "a", fps=10, task="slide to an edge", png=encode_png) == 5
+    task = "slide to an edge"
+    assert write_lerobot(frames, tmp_path / "a", fps=10, task=task, png=encode_png, actions=ACTIONS) == 5
+    info, stats = (json.loads((tmp_path / f"a/meta/{name}.json").read_text()) for name in ("info", "stats"))
+    assert info["features"]["action"]["shape"] == [3]
+    assert stats["action"]["max"] == [1.0, 1.0, 0.0]
     rows = parquet.read_table(tmp_path / "a/data/chunk-000/file-000.parquet").to_pylist()
     same = sensor()
     for number, (row, felt) in enumerate(zip(rows, touches, strict=True)):
         png = np.frombuffer(row["observation.images.gel"]["bytes"], np.uint8)
         assert np.array_equal(cv2.imdecode(png, cv2.IMREAD_COLOR_RGB), same.picture(felt))
+        assert row["action"] == ACTIONS[number]
         assert row["timestamp"] == pytest.approx(number / 10)
         assert row["observation.state"][2] == pytest.approx(felt.force_n, rel=1e-5)
         assert np.array(row["observation.gel_depth"])[..., 0] == pytest.approx(same.depth_map_mm(felt) / 1e3, abs=5e-8)
+
+
+def test_an_episode_is_read_from_shards_by_webdataset_itself(touches: list[Felt], tmp_path: Path) -> None:
+    webdataset = pytest.importorskip("webdataset")
+    frames = tactile_frames(sensor(), touches, fps=10)
+    kept = {"task": "slide", "png": encode_png, "per_shard": 3, "actions": ACTIONS, "calibration": "none"}
+    assert write_shards(frames, tmp_path / "a", **kept) == 5
+    assert "calibration: none." in (tmp_path / "a/README.md").read_text()
+    shards = [str(path) for path in sorted((tmp_path / "a").glob("*.tar"))]
+    samples, same = list(webdataset.WebDataset(shards, shardshuffle=False)), sensor()
+    assert len(shards) == 2
+    for sample, felt, action in zip(samples, touches, ACTIONS, strict=True):
+        image, depth = (
+            cv2.imdecode(np.frombuffer(sample[name], np.uint8), flags)
+            for name, flags in (("image.png", cv2.IMREAD_COLOR_RGB), ("depth.png", cv2.IMREAD_UNCHANGED))
+        )
+        assert np.array_equal(image, same.picture(felt))
+        assert depth * STEP_MM + LEAST_MM == pytest.approx(same.depth_map_mm(felt), abs=STEP_MM)
+        figures = json.loads(sample["figures.json"])
+        assert figures["action"] == action
+        assert figures["force_n"] == pytest.approx(felt.force_n)
+        assert figures["torque_nmm"] is None
+    again = tactile_frames(sensor(), touches, fps=10)
+    write_shards(again, tmp_path / "b", **kept)
+    assert (tmp_path / "b/000001.tar").read_bytes() == (tmp_path / "a/000001.tar").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("actions", "says"),
+    [(ACTIONS[:4], "4 actions, and more frames"), ([*ACTIONS, ACTIONS[0]], "6 actions for 5 frames"),
+     ([[np.nan]] * 5, "a row of finite numbers for each frame"), ([1.0] * 5, "of shape")],
+)  # fmt: skip
+def test_actions_that_do_not_fit_leave_nothing(
+    touches: list[Felt], tmp_path: Path, actions: list[list[float]], says: str
+) -> None:
+    frames = tactile_frames(sensor(), touches, fps=10)
+    with pytest.raises(InputError, match=says):
+        write_shards(frames, tmp_path / "a", task="slide", png=encode_png, actions=actions)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_depth_that_shards_cannot_hold_is_said(touches: list[Felt], tmp_path: Path) -> None:
+    (frame,) = tactile_frames(sensor(), touches[:1], fps=10)
+    deep = replace(frame, depth_mm=frame.depth_mm + np.float32(7))
+    with pytest.raises(InputError, match=r"shards hold -1\.5 to 5 mm; export to HDF5 or Zarr"):
+        write_shards([deep], tmp_path / "a", task="slide", png=encode_png)
 
 
 def test_the_pressure_on_the_pixels_carries_the_force(touches: list[Felt]) -> None:
