@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from gellight.lab.emulator.analog import thermistor_ohm
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Policy
 from tests.firmware.helpers.two_emulators import Account, Action, command, first_emulator, second_emulator
@@ -25,6 +26,9 @@ STORY: list[Action] = [
     ), 1) for action in (command(name, number, record), ("run", wait_us))),
     ("suspend",), ("run", 8_000), ("resume",), ("run", 5_000), command("COUNTERS", 30), ("run", 4_000),
     ("power",), ("open",), command("GET_CONFIG", 31), ("run", 4_000), command("SET_LEDS", 32, LIT), ("run", 4_000),
+    ("ntc", thermistor_ohm(25)), ("run", 450_000), command("STATUS", 33), ("ntc", thermistor_ohm(90)),
+    *(action for number in (34, 35) for action in (("run", 700_000), command("CLOCK", number, p.ClockRequest(1)))),
+    command("STATUS", 36), ("run", 4_000), ("ntc", 1.0), ("run", 400_000), command("STATUS", 37), ("run", 4_000),
 ]  # fmt: skip
 
 
@@ -71,12 +75,16 @@ def test_every_bit_to_the_leds_is_the_same(accounts: tuple[Account, Account]) ->
 
 
 def test_the_story_has_what_it_is_told_for(accounts: tuple[Account, Account]) -> None:
-    """Lit, refused, saved, dark in a suspend, and the saved settings after the power was off."""
+    """Lit, refused, saved, dark in a suspend, the saved settings after the power was off; a ring warm, hot and lost."""
     for account in accounts:
         replies = {number: fields for code, number, fields in account.said() if code & p.REPLY}
         assert replies[6]["status"][0] != 0
         assert replies[9]["status"][0] == replies[11]["status"][0] == 0
         assert replies[12]["failed"] == 0
+        assert [replies[number]["ring_temperature"] for number in (5, 37)] == [p.NO_TEMPERATURE] * 2
+        assert replies[33]["ring_temperature"] == pytest.approx(250, abs=3)
+        assert 10 * p.RING_HOTTEST_C < replies[36]["ring_temperature"] < 900
+        assert replies[36]["dimmed"] == 1
         assert (replies[31]["limit_ma"], replies[31]["name"]) == (300, NAMED.name)
         lit = [number for number, bits in enumerate(account.lights) if "1" in bits]
         assert any("1" not in bits for bits in account.lights[lit[1] + 1 : lit[-1]])

@@ -10,11 +10,12 @@ import subprocess
 from dataclasses import dataclass, field
 from typing import Any
 
+from gellight.lab.emulator.analog import Divider
 from gellight.lab.emulator.busy_bus import B1
 from gellight.lab.emulator.chip import UNIQUE_ID
 from gellight.ring import protocol as p
 from gellight.ring.wire import Packet, Record, decode, encode
-from tests.helpers.bench_board import BenchBoard, NotingDecoder
+from tests.helpers.bench_board import THERMISTOR_PIN, BenchBoard, NotingDecoder
 from tests.helpers.places import CHECKOUT
 
 FOLDER = CHECKOUT / "tests/firmware/second_emulator"
@@ -105,6 +106,8 @@ def _act(board: RecordedBoard, account: Account, name: str, values: list[Any]) -
         board.host.send(bytes.fromhex(values[0]))
     elif name == "run":
         _run(board, account, values[0])
+    elif name == "ntc":
+        board.dividers[THERMISTOR_PIN] = Divider(to_ground=values[0])
     elif name == "power":
         board.power_off()
         board.power_on()

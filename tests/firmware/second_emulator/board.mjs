@@ -4,6 +4,7 @@ import { Flash, Rom, romImage } from './flash.mjs';
 import { Host } from './host.mjs';
 
 const LED_PIN = 2, TEMPERATURE = 881, BOOT2_AT = 0x20041f00, RING_OSCILLATOR_HZ = 6.5e6;
+const NTC_PIN = 26, PULL_OHM = 60e3, PULL_DOWN = 1 << 2, PULL_UP = 1 << 3, DIGITAL_ON = 1 << 6, OUTPUT_OFF = 1 << 7;
 const ONE_NS = 500, FRAME_END_NS = 50_000;
 
 export class Board {
@@ -36,6 +37,7 @@ export class Board {
     this.rom = new Rom(this);
     mcu.onBreak = (code) => this.rom.call(code);
     mcu.adc.channelValues[4] = TEMPERATURE;
+    this.wireNtc();
     mcu.peripherals[0x40058].onWatchdogTrigger = () => this.fault('the watchdog bites');
     this.watchFlash();
     this.pace();
@@ -44,6 +46,23 @@ export class Board {
     mcu.clkSys = RING_OSCILLATOR_HZ;
     for (let i = 0; i < 256; i++) mcu.sram[BOOT2_AT - 0x20000000 + i] = this.cells[i];
     Object.assign(mcu.core, { SP: BOOT2_AT, PC: BOOT2_AT });
+  }
+
+  // The NTC of the ring: 10 kohm to the supply, `ntcOhm` to ground, and what the pad pulls; without one the pad alone.
+  wireNtc() {
+    const { adc, gpio } = this.mcu, convert = adc.onADCRead;
+    adc.onADCRead = (channel) => {
+      if (channel === 0) adc.channelValues[0] = this.ntcReading(gpio[NTC_PIN].padValue);
+      convert(channel);
+    };
+  }
+
+  ntcReading(pad) {
+    if (pad & DIGITAL_ON || !(pad & OUTPUT_OFF)) this.fault(`GPIO${NTC_PIN} is converted as a digital pin`);
+    const there = this.ntcOhm !== undefined;
+    const up = (there ? 1 / 10e3 : 0) + (pad & PULL_UP ? 1 / PULL_OHM : 0);
+    const down = (there ? 1 / this.ntcOhm : 0) + (pad & PULL_DOWN ? 1 / PULL_OHM : 0);
+    return up + down ? Math.min(4095, Math.floor(up / (up + down) * 4096)) : 0;
   }
 
   watchFlash() {

@@ -12,6 +12,7 @@ const does = {
   run: (micros) => board.run(micros),
   suspend: () => board.host.suspend(),
   resume: () => board.host.resume(),
+  ntc: (ohm) => { board.ntcOhm = ohm; },
   power: () => board.powerOn(),
 };
 for (const [name, ...values] of actions) {
