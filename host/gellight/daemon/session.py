@@ -330,6 +330,7 @@ class SensorSession:
     def status(self) -> SensorStatus:
         """Return what is known of the sensor, ready for JSON."""
         result, camera, used = self._selfcheck_result, self._camera.status(), self._active
+        ring = self._camera.ring
         return {
             "sensor": self._camera.url,
             **used.path.status(),
@@ -343,6 +344,7 @@ class SensorSession:
                 "force": used.force,
             },
             "watch": used.watch.status() if used.watch else None,
+            "ring": ring.heat if ring else None,
             "tracking": self._objects.on,
             "recording": self.recording,
             "priority": "real time" if self._settings.service.realtime else "as other programs",

@@ -52,6 +52,9 @@ def metric_lines(status: Mapping[str, Any]) -> Iterator[str]:
     deep, force_n = touch.get("indentation_mm"), (touch.get("force") or {}).get("normal_n")
     yield from described("gellight_indentation_mm", "Largest depth of the newest frame.", "gauge", {"": deep})
     yield from described("gellight_force_newtons", "Normal force of the newest frame.", "gauge", {"": force_n})
+    heat = status.get("ring") or {}
+    warm = {f'{{part="{part}"}}': heat.get(f"{part}_c") for part in ("chip", "ring")}
+    yield from described("gellight_light_celsius", "Of the light ring and of its board's chip.", "gauge", warm)
     watch = status.get("watch") or {}
     kinds = {f'{{kind="{finding["kind"]}"}}': 1 for finding in watch.get("findings", [])}
     yield from described("gellight_finding", "What has changed since the calibration.", "gauge", kinds)

@@ -2,6 +2,8 @@
 
 from typing import Required, TypedDict
 
+from gellight.ring.heat import RingHeat
+
 
 class LightSequenceStatus(TypedDict):
     """Of a camera whose light follows a sequence: the mode, and how many frames were clean, mixed or unknown."""
@@ -171,6 +173,8 @@ class SensorStatus(PathStatus, FrameCounts):
     """None before the first frame, and without a calibration"""
     calibration: CalibrationStatus
     watch: WatchStatus | None
+    ring: RingHeat | None
+    """None without a light ring, and before it has said so"""
     tracking: bool
     recording: str | None
     """name of the file that is being written; None where nothing is recorded"""

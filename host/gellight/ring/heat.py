@@ -1,9 +1,32 @@
 """How warm chip and ring are, by what the board says, and the text for a board that dims its LEDs."""
 
+from typing import TypedDict
+
 from gellight.ring import protocol
 
 WARM_MA = protocol.HOUSING_MA * 5 // 6
 """above this mean a board that was dimmed for its housing stays so"""
+
+
+class RingHeat(TypedDict):
+    """How warm a light ring is, as its board says."""
+
+    chip_c: float | None
+    """of the board's chip, degrees Celsius, good to 10 degrees"""
+    ring_c: float | None
+    """of the ring's NTC, good to 2 degrees; None where there is none"""
+    dimmed: int
+    """how often every colour is halved because chip, ring or housing is hot"""
+    mean_ma: int
+    """what the LEDs drew in the last seven minutes"""
+
+
+def heat_of(status: protocol.StatusReply) -> RingHeat:
+    """Return what a status says of heat."""
+    return {
+        "chip_c": chip_temperature_c(status), "ring_c": ring_temperature_c(status), "dimmed": status.dimmed,
+        "mean_ma": status.mean_ma,
+    }  # fmt: skip
 
 
 def chip_temperature_c(status: protocol.StatusReply) -> float | None:

@@ -52,4 +52,7 @@ def test_findings_are_shown_and_what_is_not_known_yet_is_left_out() -> None:
     lines = list(metric_lines(status))
     assert 'gellight_finding{kind="drift"} 1' in lines
     assert "gellight_up 0" in lines
+    assert not [line for line in lines if "celsius" in line]
+    warm = metric_lines({"ring": {"chip_c": 41.4, "ring_c": None}})
+    assert [line for line in warm if line.startswith("gellight_light")] == ['gellight_light_celsius{part="chip"} 41.4']
     assert not [line for line in lines if "frame_age" in line]

@@ -104,6 +104,18 @@ def test_the_mode_is_shown_with_what_the_last_series_said(opened: Open, source: 
     expect(page.get_by_test_id("mode")).to_have_text("photometric, 4 exposures, scene moved")
 
 
+def test_the_warmth_of_the_light_is_shown_where_the_board_knows_it(opened: Open, source: FormulaSource) -> None:
+    page = opened()
+    page.get_by_test_id("diagnostics").locator("summary").click()
+    draw(page, source, 0.5)
+    expect(page.get_by_test_id("heat-row")).to_be_hidden()
+    source.figures["ring"] = {"chip_c": 41.4, "ring_c": 33.6, "dimmed": 0, "mean_ma": 120}
+    expect(page.get_by_test_id("heat")).to_have_text("34 °C, chip 41 °C")
+    source.figures["ring"] = {"chip_c": 66.0, "ring_c": None, "dimmed": 2, "mean_ma": 120}
+    expect(page.get_by_test_id("heat")).to_have_text("chip 66 °C, dimmed to 1/4")
+    expect(page.get_by_test_id("heat-row")).to_have_class("notice")
+
+
 def test_a_failed_self_check_is_shown_as_failed(opened: Open, source: FormulaSource) -> None:
     source.figures["selfcheck"] = {"verdict": "failed", "depth_error_mm": 0.02, "bounds": {"depth_error_mm": 0.01}}
     page = opened()

@@ -47,8 +47,18 @@ export function showStatus(status) {
   write("age-p95", fixed(status.frame_age_ms?.p95, 1));
   write("dropped", String(status.dropped ?? "–"));
   write("mode", modeOf(status));
+  showHeat(status.ring);
   showStages(status.stage_ms ?? {});
   showChecks(status.selfcheck);
+}
+
+/** How warm the light ring is; nothing where its board does not know. */
+function showHeat(ring) {
+  const known = [["ring_c", ""], ["chip_c", "chip "]].filter(([key]) => typeof ring?.[key] === "number");
+  element("heat-row").hidden = !known.length;
+  const dimmed = ring?.dimmed ? `, dimmed to 1/${2 ** ring.dimmed}` : "";
+  write("heat", known.map(([key, name]) => `${name}${fixed(ring[key], 0)} °C`).join(", ") + dimmed);
+  element("heat-row").classList.toggle("notice", Boolean(dimmed));
 }
 
 /** Which bundle is in service, and the error that fresh presses have shown. */
