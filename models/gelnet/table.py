@@ -30,6 +30,8 @@ class Table:
     """(W, H) px"""
     untouched: NDArray[np.float32] | None = None
     """(H, W, 3) picture of the untouched gel, grey levels; None where it is not known or the channels are others"""
+    like: "Table | None" = None
+    """presses of a unit like this one, as they would be under this one's light: what the teacher begins with"""
 
     @property
     def pixels(self) -> NDArray[np.float32]:
@@ -55,7 +57,8 @@ class Table:
 def load_table(path: Path) -> Table:
     """Read and check an npz with rows (N, C + 4), image (N,) and image_size (2,) = W, H; raises TableError.
 
-    It may have untouched (H, W, 3), the picture of the untouched gel.
+    It may have untouched (H, W, 3), the picture of the untouched gel, and with it like_rows and like_image, presses of
+    a like unit.
     """
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -74,7 +77,10 @@ def load_table(path: Path) -> Table:
             f"{path}: untouched has shape {untouched.shape} for an image of {width} x {height} px and rows of "
             f"{table.rows.shape[1]} columns: it is a picture of that size, finite, and goes with rows of three colours"
         )
-    return replace(table, untouched=untouched.astype(np.float32))
+    like = arrays.get("like_rows")
+    if like is not None:
+        like = checked(like, arrays["like_image"], arrays["image_size"], name=f"{path}, the like unit")
+    return replace(table, untouched=untouched.astype(np.float32), like=like)
 
 
 def checked(rows: NDArray[Any], image: NDArray[Any], image_size: NDArray[Any], *, name: str = "the table") -> Table:

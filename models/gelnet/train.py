@@ -15,7 +15,7 @@ import numpy as np
 from gelnet.export import ExportError
 from gelnet.recipes import DEFAULT_WIDTH, RECIPES, Recipe
 from gelnet.table import Table, TableError, load_table
-from gelnet.teacher import with_taught
+from gelnet.teacher import UNLIKE, unlikeness, with_taught
 from gelnet.trainers import NAMES, make_trainer
 from gelnet.training import print_progress, record_of, train, write
 
@@ -27,9 +27,11 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     if options.epochs:
         recipe = replace(recipe, epochs=options.epochs, least_visits=0)
     trainer = make_trainer(options.trainer, seed=options.seed, threads=options.threads)
+    unlike = _unlikeness(table, recipe, options.recipe)
     rows, how = _taught(table, recipe, options.seed)
     trained = train(rows, how, trainer, width=options.width, progress=print_progress)
     record = record_of(options.recipe, recipe, options.width, options.seed, trained, table)
+    record |= {} if unlike is None else {"unlikeness": round(unlike, 3)}
     write(trained.network, record, table, options.out)
     return record
 
@@ -40,6 +42,21 @@ def _taught(table: Table, recipe: Recipe, seed: int) -> tuple[Table, Recipe]:
         return table, recipe
     taught = with_taught(table, table.untouched, np.random.default_rng(seed))
     return taught, replace(recipe, place_jitter=0.0)
+
+
+def _unlikeness(table: Table, recipe: Recipe, name: str) -> float | None:
+    """Return how unlike the like unit is, None without one; TableError where it is of no use."""
+    if table.like is None or table.untouched is None:
+        return None
+    if not recipe.place_jitter:
+        raise TableError(f"recipe {name} learns from the pixels of its own presses alone: learn without a like unit")
+    unlike = unlikeness(table, table.untouched)
+    if unlike > UNLIKE:
+        raise TableError(
+            f"what the like unit's presses teach is off by {unlike:.2f} of the slopes of these presses, {UNLIKE} at "
+            "most would help: it is no like unit, so learn without it"
+        )
+    return unlike
 
 
 def add_training_options(parser: argparse.ArgumentParser) -> None:

@@ -2,13 +2,15 @@
 
 Mean angle between felt and true normal inside the circles of presses held out, in the folds of `real_presses`, pixel by
 pixel: a cubic in the colours (19 terms), what teaches GelNet of few presses (`gelnet.teacher`: the same with terms of
-the place, shrunk), GelNet as it is trained on both, and the mean angle of these two. Then what another unit's presses
-alone teach, without one of this unit.
+the place, shrunk), GelNet as it is trained on both, and the mean angle of these two; then GelNet with the presses of
+each other unit as a like one's (`--like`), and how unlike it is (refused beyond `teacher.UNLIKE`). At last what another
+unit's presses alone teach, without one of this unit.
 """
 
 import argparse
 import tempfile
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -61,17 +63,20 @@ def cubic(table: Table) -> Answer:
 def ways(table: Table) -> dict[str, Answer]:
     """Return each way, learnt from a table."""
     assert table.untouched is not None
-    taught = teacher.with_taught(table, table.untouched, np.random.default_rng(0))
-    network = train(taught, RECIPES["thorough"], make_trainer("numpy", seed=0), width=32).network
-    closed = teacher.fit_teacher(table, table.untouched).answer
-
-    def gelnet(pixels: Floats) -> NDArray[np.floating]:
-        return network.answer(pixels) - network.answer(unchanged(pixels))
+    closed, gelnet = teacher.fit_teacher(table, table.untouched).answer, trained(table)
 
     def mean(pixels: Floats) -> NDArray[np.floating]:
         return np.tan((np.arctan(gelnet(pixels)) + np.arctan(closed(pixels))) / 2)
 
     return {"cubic": cubic(table), "teacher": closed, "GelNet": gelnet, "mean of both": mean}
+
+
+def trained(table: Table) -> Answer:
+    """Return GelNet as `fit` trains it on a table."""
+    assert table.untouched is not None
+    taught = teacher.with_taught(table, table.untouched, np.random.default_rng(0))
+    network = train(taught, RECIPES["thorough"], make_trainer("numpy", seed=0), width=32).network
+    return lambda pixels: network.answer(pixels) - network.answer(unchanged(pixels))
 
 
 def error_deg(answer: Answer, table: Table) -> float:
@@ -94,8 +99,15 @@ def main() -> None:
             found: dict[str, list[float]] = {}
             for fold in folds_of(images, count):
                 judging = rows_of(fold.held_out, images, TableOptions(inset_px=0))
-                for way, answer in ways(rows_of(fold.training, images)).items():
+                own = rows_of(fold.training, images)
+                for way, answer in ways(own).items():
                     found.setdefault(way, []).append(error_deg(answer, judging))
+                for other, table in every.items():
+                    if other != name and table.image_size == own.image_size and own.untouched is not None:
+                        with_like = replace(own, like=as_bright(table, own.untouched))
+                        found.setdefault(f"like {other}", []).append(error_deg(trained(with_like), judging))
+                        unlike = teacher.unlikeness(with_like, own.untouched)
+                        found.setdefault(f"unlike {other}", []).append(unlike)
             print(f"{name}, {count}:", {way: round(float(np.mean(deg)), 2) for way, deg in found.items()}, flush=True)
         for other, table in every.items():
             same = judges.image_size == table.image_size and other != name
@@ -103,15 +115,19 @@ def main() -> None:
                 print(f"{name}, {other}'s alone: {error_deg(alike(table, judges.untouched), judges):.2f}", flush=True)
 
 
-def alike(other: Table, untouched: Floats) -> Answer:
-    """Return what another unit's presses teach, its colours as bright as under this unit's light."""
+def as_bright(other: Table, untouched: Floats) -> Table:
+    """Return another unit's presses, their colours as bright as under this unit's light."""
     assert other.untouched is not None
     x, y = other.rows[:, 3:5].astype(np.intp).T
     dark = teacher.DARKEST_GREY
     rows = other.rows.copy()
     rows[:, :3] *= np.maximum(untouched[y, x], dark) / np.maximum(other.untouched[y, x], dark)
-    there = Table(rows=rows, image=other.image, image_size=other.image_size, untouched=untouched)
-    return teacher.fit_teacher(there, untouched).answer
+    return Table(rows=rows, image=other.image, image_size=other.image_size, untouched=untouched)
+
+
+def alike(other: Table, untouched: Floats) -> Answer:
+    """Return what another unit's presses teach under this unit's light."""
+    return teacher.fit_teacher(as_bright(other, untouched), untouched).answer
 
 
 if __name__ == "__main__":

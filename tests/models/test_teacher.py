@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gelnet import train as train_main
 from gelnet.recipes import RECIPES
 from gelnet.table import Table, TableError, load_table
-from gelnet.teacher import fit_teacher, with_taught
+from gelnet.teacher import fit_teacher, unlikeness, with_taught
 from gelnet.trainers import make_trainer
 from gelnet.training import normal_error_deg, train
 
@@ -17,14 +18,18 @@ UNTOUCHED = np.full((HEIGHT, WIDTH, 3), 100, np.float32)
 LIGHTS = np.array([[1.0, 0.0], [-0.5, 0.87], [-0.5, -0.87]])
 
 
-def presses(count: int, *, bright: np.ndarray | None = None, seed: int = 3) -> Table:
-    """Presses of 15 px on a sensor whose colours are linear in the angle of the slope, and as bright as it is lit."""
+def presses(count: int, *, bright: np.ndarray | None = None, seed: int = 3, turned_deg: float = 0.0) -> Table:
+    """Presses of 15 px on a sensor whose colours are linear in the angle of the slope, and as bright as it is lit.
+
+    turned_deg: by which its lights are turned.
+    """
     random, light = np.random.default_rng(seed), UNTOUCHED if bright is None else bright
-    parts = []
+    cos, sin = np.cos(np.radians(turned_deg)), np.sin(np.radians(turned_deg))
+    turn, parts = np.array([[cos, -sin], [sin, cos]]), []
     for centre in random.uniform([20, 20], [WIDTH - 20, HEIGHT - 20], (count, 2)):
         places = np.rint(centre + random.uniform(-15, 15, (500, 2))).clip(0, [WIDTH - 1, HEIGHT - 1])
         angles = (centre - places) / 30
-        colours = 80 * angles @ LIGHTS.T * light[places[:, 1].astype(int), places[:, 0].astype(int)] / 100
+        colours = 80 * angles @ (LIGHTS @ turn).T * light[places[:, 1].astype(int), places[:, 0].astype(int)] / 100
         parts.append(np.concatenate([colours, places, np.tan(angles)], axis=1))
     rows = np.concatenate(parts).astype(np.float32)
     image = np.repeat(np.arange(count, dtype=np.int32), 500)
@@ -51,6 +56,29 @@ def test_the_untouched_picture_tells_where_the_light_is_bright() -> None:
     known, judged = presses(2, bright=ramp), presses(20, bright=ramp, seed=4)
     assert error(known, judged) < 0.01
     assert error(replace(known, untouched=UNTOUCHED), judged) > 0.015
+
+
+def test_a_like_unit_helps_one_press_and_no_longer_many() -> None:
+    like, judged = presses(30, seed=9, turned_deg=4), presses(20, seed=4)
+    alone, helped = (error(table, judged) for table in (presses(1), replace(presses(1), like=like)))
+    assert helped < 0.5 * alone
+    assert helped < 0.5 * error(like, judged)
+    assert error(replace(presses(30), like=like), judged) < 0.001
+
+
+def test_a_unit_that_is_not_alike_shows_itself(tmp_path: Path) -> None:
+    told = {turn: unlikeness(replace(presses(2), like=presses(30, turned_deg=turn)), UNTOUCHED) for turn in (0, 10, 60)}
+    assert told[0] < 0.01
+    assert told[10] == pytest.approx(np.radians(10), rel=0.1)  # slopes turn with the lights
+    assert told[60] == pytest.approx(1, rel=0.1)
+    other, own = presses(30, turned_deg=60), presses(2)
+    arrays = {"rows": own.rows, "image": own.image, "image_size": own.image_size, "untouched": UNTOUCHED}
+    np.savez(tmp_path / "t.npz", **arrays, like_rows=other.rows, like_image=other.image)
+    table = load_table(tmp_path / "t.npz")
+    assert table.like is not None
+    assert (table.like.rows == other.rows).all()
+    with pytest.raises(TableError, match=r"off by (0\.9|1\.0)\d of the slopes of these presses"):
+        train_main.run(train_main._arguments(["--table", str(tmp_path / "t.npz"), "--out", "x", "--trainer", "numpy"]))
 
 
 def test_no_change_of_colour_is_no_slope_and_none_is_too_steep() -> None:

@@ -26,6 +26,7 @@ from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.command_line import invoke
 from tests.helpers.places import real
+from tests.helpers.pressed_unit import pressed_unit
 
 GEOMETRY = SensorGeometry(image_width_px=160, image_height_px=120, pixel_size_mm=0.2352)
 BALL = ["--ball-radius-mm", "4", "--pixel-size-mm", "0.2352"]
@@ -243,6 +244,33 @@ def test_one_press_is_enough_to_feel_and_not_to_know_how_well(pressed: Path, tmp
     assert result.exit_code == 0, result.output
     assert "one press is all learnt from: how large the errors are, nobody knows" in result.output
     assert "held_out" not in load_bundle(tmp_path / "out").metrics
+
+
+def test_one_press_begins_with_those_of_a_like_unit(bundle: Path, pressed: Path, tmp_path: Path) -> None:
+    lines = (pressed / "presses.csv").read_text().splitlines()[:2]
+    (pressed / "first.csv").write_text("\n".join(lines))
+    given = ["--presses", pressed / "first.csv", "--reference", pressed / "untouched", *BALL, "--width", "16"]
+    errors = []
+    for more in ([], ["--like", bundle]):
+        result = run("fit", *given, *more, "--out", tmp_path / f"{len(more)}", "--recipe", "fast")
+        assert result.exit_code == 0, result.output
+        judged = run(
+            "evaluate", "--presses", pressed / "others.csv", "--calibration", tmp_path / f"{len(more)}", "--json"
+        )
+        errors.append(json.loads(judged.stdout)["normal_error_deg"]["mean"])
+    assert errors[1] < 0.7 * errors[0]
+    assert re.search(r"begun with the presses of S1, which alone are off by \d\d?% of the slopes", result.output)
+    assert load_bundle(tmp_path / "2").metrics["like"] == "S1"
+
+
+def test_a_unit_of_another_kind_is_refused(pressed: Path, tmp_path: Path) -> None:
+    pressed_unit(tmp_path / "other")
+    result = run("fit", *sources(pressed), "--like", tmp_path / "other", "--out", tmp_path / "out")
+    assert isinstance(result.exception, InputError)
+    assert "learnt from 3 channels of 80 x 60 px, this unit has 3 of 160 x 120 px: it is no like unit" in str(
+        result.exception
+    )
+    assert not (tmp_path / "out").exists()
 
 
 def test_an_unknown_recipe_is_refused(pressed: Path, tmp_path: Path) -> None:

@@ -25,8 +25,7 @@ from gellight.bundle.manifest import METRICS
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.lab.training.child import Progress, silent
 from gellight.lab.training.light_change import LightChange, light_change
-from gellight.lab.training.starter import COLOURS
-from gellight.lab.training.table import PressTable
+from gellight.lab.training.table import COLOURS, PressTable
 from gellight.lab.training.training import Reference, TrainingOptions, train
 from gellight.photometric.lights_file import has_lights, lights_file, read_lights
 from gellight.reconstruction.image_noise import measure_noise

@@ -12,10 +12,8 @@ import numpy as np
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import OTHER_UNITS, Bundle, write_bundle
 from gellight.lab.training.child import Progress, silent
-from gellight.lab.training.table import PressTable
+from gellight.lab.training.table import COLOURS, PressTable
 from gellight.lab.training.training import Reference, TrainingOptions, train
-
-COLOURS = 3
 
 
 def pooled(bundles: Sequence[Bundle], image_shape: tuple[int, int]) -> PressTable:

@@ -1,7 +1,7 @@
 """The table that GelNet is trained on: labelled pixels of presses, their colours and the slopes that the ball gives."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -12,6 +12,9 @@ from gellight.bundle.bundle import Bundle
 from gellight.lab.training.presses import Ball, Floats, Press, distance_px, sphere_gradient
 from gellight.reconstruction.light_drift import difference_of, light_drift
 
+COLOURS = 3
+DARKEST_GREY = 20.0
+"""below which a ratio of two units' light says nothing"""
 RIM = 0.9
 """of the contact radius: beyond it, within a circle that was drawn by hand, the gel has left the ball already"""
 
@@ -125,3 +128,21 @@ def drift_of_presses(presses: Sequence[Press], reference: Floats) -> float:
     """Return how far the light of the presses is from the reference's: root mean square over images and channels."""
     drifts = [light_drift(press.picture().astype(np.float32) - reference) for press in presses]
     return float(np.sqrt(np.mean(np.square(drifts))))
+
+
+def under_light_of(bundle: Bundle, untouched: Floats) -> PressTable:
+    """Return the presses that a bundle was trained on, each pixel as bright as another unit's untouched gel has it.
+
+    untouched: (H, W, 3) of that unit. Raises BundleError for a bundle that keeps no presses, InputError for pictures of
+    another size and for channels that are not red, green and blue.
+    """
+    table, size = PressTable.of(bundle), untouched.shape[1::-1]
+    if table.image_size != size or table.rows.shape[1] != COLOURS + 4:
+        raise InputError(
+            f"{bundle.source} learnt from {table.rows.shape[1] - 4} channels of {table.image_size[0]} x "
+            f"{table.image_size[1]} px, this unit has {COLOURS} of {size[0]} x {size[1]} px: it is no like unit"
+        )
+    x, y = table.rows[:, COLOURS : COLOURS + 2].astype(np.intp).T
+    rows = table.rows.copy()
+    rows[:, :COLOURS] *= np.maximum(untouched[y, x], DARKEST_GREY) / np.maximum(bundle.reference[y, x], DARKEST_GREY)
+    return replace(table, rows=rows)

@@ -22,7 +22,7 @@ from gellight.lab.training.gel_at_rest import rest_of_presses
 from gellight.lab.training.labelling.refinement import refine as refinement_of
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.prisms import PrismPress, with_prisms
-from gellight.lab.training.table import PressTable, TableOptions, build_table, drift_of_presses
+from gellight.lab.training.table import PressTable, TableOptions, build_table, drift_of_presses, under_light_of
 from gellight.lab.training.trainer import TrainerName, checked_trainer
 from gellight.opening import open_camera
 from gellight.reconstruction.fine_pattern import pattern_match
@@ -58,9 +58,13 @@ class Learning:
     """that are trained on too"""
     refine: bool = False
     """refit the circles together with the light first"""
+    like: Bundle | None = None
+    """of a unit like this one, whose presses are what few own ones begin with"""
 
 
 AS_A_RULE = Learning()
+LIKE = "like"
+"""in the metrics: the sensor whose presses helped"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,13 +110,15 @@ def train(
     options: TrainingOptions,
     *,
     untouched: Floats | None = None,
+    like: PressTable | None = None,
     progress: Progress = silent,
     check: Check = go_on,
 ) -> tuple[bytes, Mapping[str, object]]:
-    """Train GelNet in a child process; TrainingError and interrupts as `run_module`.
+    """Train GelNet in a child process; TrainingError and interrupts as `run_module`, and for a unit that is not alike.
 
     untouched: (H, W, 3) picture of the untouched gel, grey levels, where the channels are its colours: GelNet then also
-    learns what `gelnet.teacher` makes of the presses for places where nothing was pressed.
+    learns what `gelnet.teacher` makes of the presses for places where nothing was pressed. like: presses of a like unit
+    under this one's light, which the teacher begins with.
     Returns the ONNX file, and the record of the training as it goes into the metrics of a bundle: recipe, what
     trained, losses.
     """
@@ -120,8 +126,9 @@ def train(
     chosen = [f"--{name}={value}" for name, value in how.items() if value is not None]
     with tempfile.TemporaryDirectory(prefix="gellight-training-") as folder:
         place = Path(folder)
-        picture = {} if untouched is None else {"untouched": untouched}
-        np.savez(place / "table.npz", **table.arrays(), **picture)  # type: ignore[arg-type]
+        more: dict[str, NDArray[np.generic]] = {} if untouched is None else {"untouched": untouched}
+        more |= {"like_rows": like.rows, "like_image": like.image} if like else {}
+        np.savez(place / "table.npz", **table.arrays(), **more)  # type: ignore[arg-type]
         run_module(
             "gelnet.train",
             ["--table", str(place / "table.npz"), "--out", folder, *chosen],
@@ -168,7 +175,11 @@ def fit(
     follow = drift > reference.noise_grey
     balls = build_table(presses, reference.image, ball, how.table_options, follow_light=follow)
     table = with_prisms(balls, how.prisms, reference.image, how.table_options, follow_light=follow)
-    network, record = train(table, how.options, untouched=reference.image, progress=progress, check=check)
+    network, record = train(
+        table, how.options, untouched=reference.image, progress=progress, check=check,
+        like=under_light_of(how.like, reference.image) if how.like else None,
+    )  # fmt: skip
+    metrics |= {LIKE: how.like.manifest.sensor} if how.like else {}
     rest_grey = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
     return write_bundle(
         out, sensor=sensor, overwrite=overwrite,
