@@ -1,8 +1,8 @@
 """Faults drawn at random over everything that writes: `python -m tests.soak.kills FAULTS [SEED]`.
 
-A process is killed or stopped at a random moment of its act, its disk is full after a random number of bytes, or its
-home is read-only. Afterwards what is there has to be old or new, the same act has to work at once, and a refusal has to
-name the place. Ends with 1 where something did not hold. writers.py has the acts.
+A process is killed or stopped at a random moment of its act, its disk is full after a random number of bytes, its
+memory runs out after as many, or its home is read-only. Afterwards what is there has to be old or new, the same act has
+to work at once, and a refusal has to name the place. Ends with 1 where something did not hold. writers.py has the acts.
 """
 
 import ctypes
@@ -41,6 +41,7 @@ class Blow(StrEnum):
     NO_LARGER_FILE = "a file may not grow"
     FULL_DISK = "the disk is full"
     READ_ONLY = "the home is read-only"
+    NO_MEMORY = "memory runs out"
 
 
 class BrokenError(Exception):
@@ -69,7 +70,11 @@ class Child:
         self._said = os.memfd_create("said")
         self.pid = os.fork()
         if self.pid == 0:
-            os._exit(self._do(act))
+            status = FAULT
+            try:
+                status = self._do(act)
+            finally:  # memory may run out for the words too, and what is above is the parent's
+                os._exit(status)
 
     def _do(self, act: Callable[[], object]) -> int:
         nothing = os.open(os.devnull, os.O_RDWR)
@@ -143,7 +148,7 @@ class Faults:
     def one(self) -> None:
         """Draw a fault, and judge it."""
         (writer,) = self._random.choices(self.writers, [writer.weight for writer in self.writers])
-        (blow,) = self._random.choices(tuple(Blow), (6, 1, 2, 2, 1))
+        (blow,) = self._random.choices(tuple(Blow), (6, 1, 2, 2, 1, 2))
         tally = self.tallies.setdefault((writer.name, blow), Tally())
         tally.tried += 1
         try:
@@ -160,6 +165,10 @@ class Faults:
         if blow is Blow.NO_LARGER_FILE:
             most = int(10 ** self._random.uniform(0, 5))
             tally.refused += self._refusal(*did(lambda: without_growth(writer, home, most)), home)
+        elif blow is Blow.NO_MEMORY:
+            more = int(10 ** self._random.uniform(2, 7.5))
+            status, _ = did(lambda: without_memory(writer, home, more))  # libraries in C end the process as they like
+            tally.refused += status != DONE
         elif blow is Blow.READ_ONLY:
             _set_modes(home, 0o555, 0o444)
             ended = did(lambda: _without_rights(writer, home))
@@ -228,6 +237,14 @@ class Faults:
 
 def without_growth(writer: Writer, home: Path, most: int) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, resource.RLIM_INFINITY))
+    writer.act(home)
+
+
+def without_memory(writer: Writer, home: Path, more: int) -> None:
+    """Do the act with so many bytes of memory more than there are."""
+    _libc.malloc_trim(0)
+    (used,) = (line.split()[1] for line in Path("/proc/self/status").read_text().splitlines() if "VmData" in line)
+    resource.setrlimit(resource.RLIMIT_DATA, (1024 * int(used) + more, resource.RLIM_INFINITY))
     writer.act(home)
 
 
