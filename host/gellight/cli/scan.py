@@ -4,7 +4,6 @@ import queue
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +11,6 @@ import typer
 
 from gellight.base import logs
 from gellight.base.errors import InputError
-from gellight.base.locking import lock
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.ending import Ending, until_interrupted
@@ -26,9 +24,8 @@ from gellight.frames.frames import TactileFrame
 from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.presses import PressWatcher
 from gellight.lab.scanning.scan import MAP, PICTURE, Scan
+from gellight.lab.scanning.scan_files import alone
 from gellight.recording.recording_file import Recording
-
-LOCK = "scan.lock"
 
 
 @with_options
@@ -57,8 +54,8 @@ def command(
     if recording is not None and sensor is not None:
         raise InputError("give --recording or --sensor, one of the two")
     found = Recording(recording) if recording is not None else None
-    scan = Scan(folder, curved=curved)
-    with _alone(folder):
+    with alone(folder):
+        scan = Scan(folder, curved=curved)
         if found is not None:
             _scan_recording(scan, found, options.calibration, presses)
         else:
@@ -69,15 +66,6 @@ def command(
                     _add(scan, view, "the sensor")
             scan = Scan(folder, curved=curved)  # Ctrl-C may have come in the middle of a press
     _end(scan, as_json)
-
-
-@contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Refuse a folder that another program scans into."""
-    with (folder / LOCK).open("w") as handle:
-        if not lock(handle):
-            raise InputError(f"another program scans into {folder}: end it, or give another folder")
-        yield
 
 
 def _scan_recording(scan: Scan, found: Recording, calibration: str | None, most: int) -> None:

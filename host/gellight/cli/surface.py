@@ -15,7 +15,7 @@ from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_option
 from gellight.cli.showing import show
 from gellight.frames.frames import TactileFrame
 from gellight.lab.scanning.height_map import HeightMap, load_height_map
-from gellight.lab.scanning.map_files import CONTENTS, write_map
+from gellight.lab.scanning.map_files import CONTENTS, write_maps
 from gellight.lab.scanning.press_map import map_of_press
 from gellight.lab.scanning.roughness import (
     COATING_BLUR_MM,
@@ -132,8 +132,7 @@ def command(
         recorded.refuse_useless()
         surface = load_height_map(file)
     if out:
-        for path in out:
-            write_map(surface, path)
+        write_maps(surface, out)
         show({"written": [str(path) for path in out]}, as_json, f"written: {', '.join(map(str, out))}")
         return
     found = _measure(surface, measured.line, measured.evaluation())

@@ -1,7 +1,7 @@
 """A map of heights as a file for other programs; the ending of its name says which."""
 
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,20 +19,29 @@ FOOT_MM = 2.0
 """of solid below the lowest height of an STL"""
 
 
-def write_map(surface: HeightMap, path: Path) -> None:
-    """Write a map as PNG, X3P, PLY, STL or npz, whole or not at all.
+def write_maps(surface: HeightMap, paths: Sequence[Path]) -> None:
+    """Write a map as PNG, X3P, PLY, STL or npz, each file whole, and none where one of them cannot be made.
 
     Raises InputError for another ending, for a map without heights, where the package for X3P is not installed, and
-    where the file cannot be written.
+    where a file cannot be written.
     """
+    contents = [content_of(surface, path) for path in paths]
+    for path, content in zip(paths, contents, strict=True):
+        try:
+            write_file(path, content)
+        except OSError as error:
+            raise InputError(
+                f"{path} was not written ({error.strerror}): choose another folder, or free space"
+            ) from error
+
+
+def content_of(surface: HeightMap, path: Path) -> bytes:
+    """Return what a file of this name holds of a map; raises InputError as `write_maps` does."""
     if path.suffix.lower() not in CONTENTS:
         raise InputError(f"{path}: no file of this kind is written; end its name with one of {', '.join(CONTENTS)}")
     if not surface.reached.any():
         raise InputError("the map holds no heights: the gel reached nothing; press or scan the surface again")
-    try:
-        write_file(path, CONTENTS[path.suffix.lower()](surface))
-    except OSError as error:
-        raise InputError(f"{path} was not written ({error.strerror}): choose another folder, or free space") from error
+    return CONTENTS[path.suffix.lower()](surface)
 
 
 def _png(surface: HeightMap) -> bytes:

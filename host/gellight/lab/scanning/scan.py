@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.base.writing import make_folder
 from gellight.lab.report.pictures import height_picture, write_png
 from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.fusion import Fused, fuse
 from gellight.lab.scanning.pairs import Joint, joined
 from gellight.lab.scanning.pose_graph import LEFT_OUT, Solved, solve
-from gellight.lab.scanning.scan_files import path_of, read_presses, write_press
+from gellight.lab.scanning.scan_files import make_scan_folder, path_of, read_presses, write_press
 from gellight.tracking.rigid import carried, inverse
 
 Array = NDArray[np.float64]
@@ -73,10 +72,7 @@ class Scan:
         curved: the part is not flat as a whole; see `fusion`.
         """
         self.folder, self._curved = folder, curved
-        try:
-            make_folder(folder)
-        except OSError as error:
-            raise InputError(f"{folder} cannot be made ({error.strerror}): choose another folder") from error
+        make_scan_folder(folder)
         self.views, self.joints = read_presses(folder)
         self.solved = Solved({}, ())
         self.fused: Fused | None = None

@@ -2,7 +2,8 @@
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -11,13 +12,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.base.writing import write_file
+from gellight.base.locking import lock
+from gellight.base.writing import make_folder, write_file
 from gellight.bundle.contents import UNZIPPING, arrays_of, read_file
 from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.pairs import Joint
 
+LOCK = "scan.lock"
 NAME = re.compile(r"press-(\d{3,6})\.npz")
 _JOINT = [field.name for field in fields(Joint)]
+
+
+def make_scan_folder(folder: Path) -> None:
+    """Make a folder where it is missing; InputError where it cannot be made."""
+    try:
+        make_folder(folder)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be made ({error.strerror}): choose another folder") from error
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Keep other programs out of a folder; one that was made for this and got nothing is removed at the end.
+
+    Raises InputError where another program scans into it, and where it cannot be made.
+    """
+    fresh = not folder.exists()
+    make_scan_folder(folder)
+    try:
+        with (folder / LOCK).open("w") as handle:
+            if not lock(handle):
+                raise InputError(f"another program scans into {folder}: end it, or give another folder")
+            yield
+    finally:
+        if fresh and [path.name for path in folder.iterdir()] == [LOCK]:
+            (folder / LOCK).unlink()
+            folder.rmdir()
 
 
 def path_of(folder: Path, number: int) -> Path:

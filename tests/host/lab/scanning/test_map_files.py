@@ -13,7 +13,7 @@ import trimesh
 from gellight.base.errors import InputError
 from gellight.lab.scanning import map_files
 from gellight.lab.scanning.height_map import HeightMap, load_height_map
-from gellight.lab.scanning.map_files import write_map
+from gellight.lab.scanning.map_files import write_maps
 from tests.helpers.ply import read_ply
 
 PIXEL_MM = 0.25
@@ -27,7 +27,7 @@ MAP = HeightMap(HEIGHT, np.where(np.isfinite(HEIGHT), np.float32(0.001), HEIGHT)
 def test_x3p_is_read_back_by_another_program(tmp_path: Path) -> None:
     surfalize = pytest.importorskip("surfalize", reason="the judge from outside is not installed")
     pytest.importorskip("x3pio")
-    write_map(MAP, tmp_path / "map.x3p")
+    write_maps(MAP, [tmp_path / "map.x3p"])
     other = surfalize.Surface.load(tmp_path / "map.x3p")
     np.testing.assert_allclose(other.data[::-1], HEIGHT * 1e3, rtol=1e-6, err_msg="y points up in the file")
     assert (other.step_x, other.step_y) == pytest.approx((250.0, 250.0))
@@ -35,7 +35,7 @@ def test_x3p_is_read_back_by_another_program(tmp_path: Path) -> None:
 
 def test_x3p_holds_the_checksums_of_the_standard(tmp_path: Path) -> None:
     pytest.importorskip("x3pio")
-    write_map(MAP, tmp_path / "map.x3p")
+    write_maps(MAP, [tmp_path / "map.x3p"])
     with zipfile.ZipFile(tmp_path / "map.x3p") as archive:
         head = archive.read("main.xml")
         assert archive.read("md5checksum.hex").decode().split()[0].lower() == hashlib.md5(head).hexdigest()
@@ -46,12 +46,12 @@ def test_x3p_holds_the_checksums_of_the_standard(tmp_path: Path) -> None:
 def test_without_the_package_x3p_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "x3pio", None)
     with pytest.raises(InputError, match=r"pip install 'gellight\[metrology\]'"):
-        write_map(MAP, tmp_path / "map.x3p")
-    assert list(tmp_path.iterdir()) == []
+        write_maps(MAP, [tmp_path / "map.png", tmp_path / "map.x3p"])
+    assert list(tmp_path.iterdir()) == [], "no file is written where one of them cannot be made"
 
 
 def test_an_stl_is_a_closed_solid_with_the_surface_on_top(tmp_path: Path) -> None:
-    write_map(MAP, tmp_path / "map.stl")
+    write_maps(MAP, [tmp_path / "map.stl"])
     solid = trimesh.load(tmp_path / "map.stl")
     assert solid.is_watertight
     assert solid.is_winding_consistent
@@ -64,7 +64,7 @@ def test_an_stl_is_a_closed_solid_with_the_surface_on_top(tmp_path: Path) -> Non
 
 
 def test_a_ply_has_the_known_heights_and_faces_up(tmp_path: Path) -> None:
-    write_map(MAP, tmp_path / "map.ply")
+    write_maps(MAP, [tmp_path / "map.ply"])
     vertices, _, _ = read_ply(tmp_path / "map.ply")
     assert np.array_equal(vertices["z"], HEIGHT[np.isfinite(HEIGHT)])
     assert len({tuple(each) for each in zip(vertices["red"], vertices["green"], vertices["blue"], strict=True)}) > 20
@@ -72,7 +72,7 @@ def test_a_ply_has_the_known_heights_and_faces_up(tmp_path: Path) -> None:
 
 
 def test_a_picture_shows_heights_in_colour_the_unknown_hatched_and_a_scale(tmp_path: Path) -> None:
-    write_map(MAP, tmp_path / "map.PNG")
+    write_maps(MAP, [tmp_path / "map.PNG"])
     picture = cv2.imread(str(tmp_path / "map.PNG")).astype(int)
     unknown, step = (
         picture[20 + 25 * 11 - 40 : 20 + 25 * 11 + 40, 20 + 47 * 11 - 40 : 20 + 47 * 11 + 40],
@@ -88,7 +88,7 @@ def test_a_picture_shows_heights_in_colour_the_unknown_hatched_and_a_scale(tmp_p
 
 
 def test_an_npz_is_the_same_map_again(tmp_path: Path) -> None:
-    write_map(MAP, tmp_path / "map.npz")
+    write_maps(MAP, [tmp_path / "map.npz"])
     again = load_height_map(tmp_path / "map.npz")
     np.testing.assert_array_equal(again.height_mm, HEIGHT)
     assert again.pixel_mm == PIXEL_MM
@@ -98,23 +98,23 @@ def test_an_npz_is_the_same_map_again(tmp_path: Path) -> None:
 def test_a_map_without_heights_is_no_file(tmp_path: Path, ending: str) -> None:
     nothing = np.full((5, 5), np.nan, np.float32)
     with pytest.raises(InputError, match="the map holds no heights"):
-        write_map(HeightMap(nothing, nothing, 0.1), tmp_path / f"map{ending}")
+        write_maps(HeightMap(nothing, nothing, 0.1), [tmp_path / f"map{ending}"])
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_cannot_be_written_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match=r"end its name with one of \.png, \.x3p, \.ply, \.stl, \.npz"):
-        write_map(MAP, tmp_path / "map.xyz")
+        write_maps(MAP, [tmp_path / "map.xyz"])
     with pytest.raises(InputError, match="was not written"):
-        write_map(MAP, tmp_path / "nowhere" / "map.npz")
+        write_maps(MAP, [tmp_path / "nowhere" / "map.npz"])
     monkeypatch.setattr(map_files, "MOST_TRIANGLED", 100)
     for name in ("map.stl", "map.ply"):
         with pytest.raises(InputError, match="2245 pixels would become a huge mesh"):
-            write_map(MAP, tmp_path / name)
+            write_maps(MAP, [tmp_path / name])
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_plain_map_is_a_picture_too(tmp_path: Path) -> None:
     flat = np.zeros((3, 4000), np.float32)
-    write_map(HeightMap(flat, flat, 0.1), tmp_path / "flat.png")
+    write_maps(HeightMap(flat, flat, 0.1), [tmp_path / "flat.png"])
     assert cv2.imread(str(tmp_path / "flat.png")).shape[1] < 3200

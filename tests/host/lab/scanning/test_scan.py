@@ -195,3 +195,4 @@ def test_a_recording_without_a_press_is_refused(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "has no press that was held still" in done.stderr
+    assert not (tmp_path / "part").exists()
