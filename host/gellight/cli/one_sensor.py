@@ -29,6 +29,7 @@ from gellight.daemon.session import SensorSession
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
 from gellight.frames.status import SensorStatus
+from gellight.lab.scanning.beside import ScanBeside
 from gellight.opening import REAL
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.stream.foxglove import FoxgloveServer
@@ -203,7 +204,8 @@ def served(daemon: SensorSession, settings: Settings, wanted: bool = True) -> It
             led_colours=settings.geometry.led_colours,
             gel_thickness_mm=settings.geometry.gel_thickness_mm,
         ) as service,
-        DashboardServer(daemon, calibration=service, **settings.dashboard.model_dump()) as server,
+        ScanBeside(daemon, busy=lambda: service.calibrating) as scan,
+        DashboardServer(daemon, calibration=service, scan=scan, **settings.dashboard.model_dump()) as server,
     ):
         logs.say(f"dashboard: {server.url}   (Ctrl-C stops)")
         yield server.url

@@ -1,8 +1,6 @@
 """`gellight scan`: presses side by side become one map of a surface larger than the view."""
 
-import queue
 import sys
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
@@ -22,7 +20,7 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
 from gellight.lab.scanning.contact_view import ContactView
-from gellight.lab.scanning.presses import PressWatcher
+from gellight.lab.scanning.presses import Phase, ahead, presses_in
 from gellight.lab.scanning.scan import MAP, PICTURE, Scan
 from gellight.lab.scanning.scan_files import alone
 from gellight.recording.recording_file import Recording
@@ -62,7 +60,7 @@ def command(
             settings = load_settings({"sensor.url": sensor, **options.flags()})
             with opened(settings, dashboard=dashboard) as (daemon, _), until_interrupted():
                 logs.say("press the part into the gel, hold it still, lift it; press again, over half of that place")
-                for view in _ahead(_presses(_live(daemon, options.frames), presses, tell=True)):
+                for view in ahead(presses_in(_live(daemon, options.frames), presses, _tell)):
                     _add(scan, view, "the sensor")
             scan = Scan(folder, curved=curved)  # Ctrl-C may have come in the middle of a press
     _end(scan, as_json)
@@ -71,7 +69,7 @@ def command(
 def _scan_recording(scan: Scan, found: Recording, calibration: str | None, most: int) -> None:
     frames = felt_frames(found, load_bundle(calibration) if calibration else None)
     view = None
-    for view in _presses(frames, most):
+    for view in presses_in(frames, most):
         if not scan.has(view):
             _add(scan, view, str(found.path))
     if view is None:
@@ -92,40 +90,9 @@ def _live(daemon: SensorSession, frames: int) -> Iterator[TactileFrame]:
         yield frame
 
 
-def _ahead(views: Iterator[ContactView]) -> Iterator[ContactView]:
-    """Yield the presses that a thread looks for: none is missed while another one is joined."""
-    found: queue.SimpleQueue[ContactView | BaseException | None] = queue.SimpleQueue()
-
-    def look() -> None:
-        try:
-            for view in views:
-                found.put(view)
-            found.put(None)
-        except BaseException as error:
-            found.put(error)
-
-    threading.Thread(target=look, name="presses", daemon=True).start()
-    while (view := found.get()) is not None:
-        if isinstance(view, BaseException):
-            raise view
-        yield view
-
-
-def _presses(frames: Iterator[TactileFrame], most: int, *, tell: bool = False) -> Iterator[ContactView]:
-    """Yield up to `most` presses, 0: all; `tell` says when one may be lifted."""
-    watcher, count, told = PressWatcher(), 0, False
-    for frame in frames:
-        view = watcher.feed(frame)
-        if view is not None:
-            count += 1
-            yield view
-            if count == most:
-                return
-        if tell and watcher.settled and not told:
-            logs.say("held: lift it")
-        told = watcher.settled
-    if (last := watcher.end()) is not None:
-        yield last
+def _tell(phase: Phase) -> None:
+    if phase == "lift":
+        logs.say("held: lift it")
 
 
 def _add(scan: Scan, view: ContactView, source: str) -> None:
@@ -143,20 +110,20 @@ def _end(scan: Scan, as_json: bool) -> None:
             "that each lies over half of another one, 0.1 mm deep or more"
         )
     scan.write_map()
-    height, width = (size * fused.height_map.pixel_mm for size in fused.height_map.height_mm.shape)
-    reached = float(fused.height_map.reached.sum() / max(fused.seen.sum(), 1))
+    width, height = fused.size_mm
     result = {
         "map": str(scan.folder / MAP),
         "picture": str(scan.folder / PICTURE),
         "presses": len(scan.views),
         "not_joined": lost,
         "size_mm": [round(width, 2), round(height, 2)],
-        "reached": round(reached, 4),
+        "reached": round(fused.reached, 4),
         "seam_um": round(fused.seam_mm * 1e3, 2),
     }
     text = (
         f"{result['map']}: {len(scan.placed)} of {len(scan.views)} presses, {width:.1f} x {height:.1f} mm, of which "
-        f"the gel reached {reached:.0%}; presses differ by {fused.seam_mm * 1e3:.1f} um where two reached the part\n"
+        f"the gel reached {fused.reached:.0%}; presses differ by {fused.seam_mm * 1e3:.1f} um "
+        "where two reached the part\n"
         f"{result['picture']}: a picture of it"
     )
     show(result, as_json, text)

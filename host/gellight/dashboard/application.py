@@ -27,6 +27,7 @@ from gellight.dashboard.messages import encode, without_nan
 from gellight.dashboard.metrics import Metrics
 from gellight.dashboard.page_files import FOR_EVER, PageFiles
 from gellight.dashboard.reference_views import ReferenceViews
+from gellight.dashboard.scanning import ScanDesk, ScanRoutes
 from gellight.dashboard.wizard import Wizard
 
 logger = logging.getLogger(__name__)
@@ -65,10 +66,11 @@ class Client:
 class Dashboard:
     """The application: one frame pump for all clients, and one sender for each."""
 
-    def __init__(self, source: SensorSession, calibration: CalibrationService | None = None) -> None:
-        """Serve `source`, and the wizard where there is a `calibration`; nothing runs before the application starts."""
-        self._source = source
-        self._calibration = calibration
+    def __init__(
+        self, source: SensorSession, calibration: CalibrationService | None = None, scan: ScanDesk | None = None
+    ) -> None:
+        """Serve `source`, with the wizard and the scan where they are; nothing runs before the application starts."""
+        self._source, self._calibration, self._scan = source, calibration, scan
         self._wizard = Wizard(calibration)
         self._clients: set[Client] = set()
         self._references, self._once = ReferenceViews(), MadeOnce()
@@ -96,6 +98,7 @@ class Dashboard:
         app.router.add_get("/status", self._show_status)
         Metrics(self._status_text).add_routes(app)
         self._wizard.add_routes(app)
+        ScanRoutes(self._scan).add_routes(app)
         app.router.add_get("/reference/{name}", self._show_reference)
         PageFiles(PAGE).add_routes(app)
         app.cleanup_ctx.append(self._run_pump)
@@ -216,6 +219,7 @@ class Dashboard:
         status["error"] = status.get("error") or self._error
         status |= {"type": "status", "now_s": time.monotonic(), "clients": len(self._clients)}
         status["calibrating"] = self._calibrating
+        status |= {"can_scan": self._scan is not None, "scan": self._scan and self._scan.state()}
         stage = self._source.stage
         pressed = stage and {"objects": list(stage.objects), "max_depth_mm": stage.max_depth_mm, **stage.status()}
         return {**status, "stage": pressed}

@@ -18,6 +18,7 @@ from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import is_loopback
 from gellight.dashboard.application import Dashboard
+from gellight.dashboard.scanning import ScanDesk
 
 logger = logging.getLogger(__name__)
 
@@ -114,13 +115,14 @@ class DashboardServer(PageServer):
         *,
         port: int = DEFAULT_PORT,
         calibration: CalibrationService | None = None,
+        scan: ScanDesk | None = None,
         host: str = HOST,
         token: str = "",
         tls_cert: str = "",
         tls_key: str = "",
     ) -> None:
-        """Serve `source`, with the wizard where there is a `calibration`; the rest: see `PageServer`."""
-        application = Dashboard(source, calibration).application
+        """Serve `source`, with the wizard and the scan where they are given; the rest: see `PageServer`."""
+        application = Dashboard(source, calibration, scan).application
         super().__init__(application, port=port, host=host, token=token, tls_cert=tls_cert, tls_key=tls_key)
 
 

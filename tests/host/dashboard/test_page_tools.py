@@ -120,7 +120,7 @@ def test_keys_do_what_the_help_says(opened: Open, source: FormulaSource) -> None
     page.keyboard.press("?")
     expect(page.get_by_test_id("keys")).to_be_visible()
     keys = page.get_by_test_id("keys").locator("kbd").all_text_contents()
-    assert keys[:10] == ["Space", "M", "T", "S", "N", "P", "R", "F", "?", "D"]
+    assert keys[:10] == ["Space", "M", "T", "C", "S", "N", "P", "R", "F", "?"]
 
 
 def test_choices_are_kept_over_a_reload_and_in_the_address(opened: Open, source: FormulaSource) -> None:

@@ -17,6 +17,7 @@ import { PressPanel } from "./press.js";
 import { Recent } from "./recent.js";
 import { Relief } from "./relief.js";
 import { Ring } from "./ring.js";
+import { ScanPanel } from "./scan.js";
 import { saveNpz, savePly, savePng } from "./saving.js";
 import { arrowsOf, showShear } from "./shear.js";
 import { judge, tellBanners } from "./state.js";
@@ -79,6 +80,7 @@ const connection = new Connection({
 });
 const press = new PressPanel((command) => connection.send(command));
 const tracking = new Tracking(element("track"), (command) => connection.send(command));
+const scan = new ScanPanel(press);
 const tool = () => (measuring() ? measure : press);
 const pictures = new Pictures([...planes.canvases, element("truth")], {
   point: (place) => measure.pointAt(place),
@@ -221,6 +223,7 @@ function takeStatus(said) {
   showStatus(said);
   press.show(said.stage);
   tracking.show(said);
+  scan.show(said);
   watch.show(said.watch);
 }
 

@@ -40,6 +40,26 @@ export class PressPanel {
     write("stage-now", stage.depth_mm > 0 ? `${who}: ${stage.object} ${stage.depth_mm.toFixed(2)} mm` : `${who}: nothing pressed`);
   }
 
+  /** Whether there is something to press objects into. */
+  get offered() {
+    return !element("press").hidden;
+  }
+
+  /** Where the last press was, mm from the middle of the picture. */
+  get place() {
+    return this.#place;
+  }
+
+  /** Choose an object where it is offered. */
+  offer(name) {
+    if (element("objects").querySelector(`[data-testid="object-${name}"]`)) this.#choose(name);
+  }
+
+  /** Press what is chosen, until it is released. */
+  pressAt(place) {
+    this.#press(place);
+  }
+
   /** Whether objects can be pressed now. */
   get ready() {
     return !element("press").hidden && !element("press-controls").disabled;

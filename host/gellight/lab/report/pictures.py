@@ -88,17 +88,7 @@ def height_picture(
     Where (H, W) `unseen` is true nothing is drawn. The lowest and the highest thousandth share the end of the scale.
     Raises ValueError where all is NaN.
     """
-    thinned = max(1, -(-max(height_mm.shape) // _LARGEST_SIDE))
-    height, pixel_mm = np.asarray(height_mm[::thinned, ::thinned]), pixel_mm * thinned
-    low, high = np.percentile(height[np.isfinite(height)], (0.1, 99.9)).tolist()
-    scale_um = max((high - low) * 1e3, _LEAST_SCALE_UM)
-    rows, columns = np.indices(height.shape)
-    hatched = np.where((rows + columns) % 8 < 2, 105, 75).astype(np.uint8)[..., None].repeat(3, axis=2)
-    known = np.isfinite(height)[..., None]
-    coloured = depth_picture(np.nan_to_num(height) - low, scale_um=scale_um)
-    drawn = np.where(known, coloured, hatched)
-    if unseen is not None:
-        drawn[unseen[::thinned, ::thinned]] = _PAPER
+    drawn, scale_um = coloured_heights(height_mm, unseen=unseen)
     panel = _enlarged(drawn)
     rows_px, columns_px = max(panel.shape[0], _LEAST_SIDE), panel.shape[1]
     sheet = _paper(rows_px + 2 * _MARGIN + _TITLE, max(columns_px, _LEAST_SIDE) + 2 * _MARGIN + _GUTTER)
@@ -106,8 +96,25 @@ def height_picture(
     left = sheet.shape[1] - _GUTTER
     sheet[_MARGIN : _MARGIN + rows_px, left:] = depth_bar(rows_px, _GUTTER, scale_um=scale_um)
     _write(sheet, "um", (left, sheet.shape[0] - _MARGIN), _FAINT, 0.48)
-    _draw_scale(sheet, pixel_mm * height.shape[1] / columns_px, columns_px)
+    _draw_scale(sheet, pixel_mm * height_mm.shape[1] / columns_px, columns_px)
     return sheet
+
+
+def coloured_heights(
+    height_mm: NDArray[np.floating], *, unseen: NDArray[np.bool_] | None = None, largest_px: int = _LARGEST_SIDE
+) -> tuple[Picture, float]:
+    """Colour a (H, W) map of heights as `height_picture` does; return it thinned, and the span of the scale, um."""
+    thinned = max(1, -(-max(height_mm.shape) // largest_px))
+    height = np.asarray(height_mm[::thinned, ::thinned])
+    low, high = np.percentile(height[np.isfinite(height)], (0.1, 99.9)).tolist()
+    scale_um = max((high - low) * 1e3, _LEAST_SCALE_UM)
+    rows, columns = np.indices(height.shape)
+    hatched = np.where((rows + columns) % 8 < 2, 105, 75).astype(np.uint8)[..., None].repeat(3, axis=2)
+    coloured = depth_picture(np.nan_to_num(height) - low, scale_um=scale_um)
+    drawn = np.where(np.isfinite(height)[..., None], coloured, hatched)
+    if unseen is not None:
+        drawn[unseen[::thinned, ::thinned]] = _PAPER
+    return drawn, scale_um
 
 
 def encode_png(picture: Picture) -> bytes:

@@ -8,6 +8,7 @@ pose_graph.py    places of all presses at once
 fusion.py        presses in their places, as one map
 scan.py          a scan that grows press by press
 scan_files.py    its folder
+beside.py        a scan beside the stream of a running sensor, for the page
 height_map.py    `HeightMap`: heights on a grid, with their errors, and where nothing is known
 press_map.py     one press as a map, without the valleys that the gel spans
 filtering.py     form and waviness, by the Gaussian filter of ISO 16610

@@ -61,6 +61,17 @@ class Fused:
     origin_mm: tuple[float, float]
     """x and y of the first pixel, in the axes of the first press"""
 
+    @property
+    def size_mm(self) -> tuple[float, float]:
+        """Width and height of the map."""
+        height, width = self.seen.shape
+        return width * self.height_map.pixel_mm, height * self.height_map.pixel_mm
+
+    @property
+    def reached(self) -> float:
+        """Share of what was seen that the gel reached."""
+        return float(self.height_map.reached.sum() / max(self.seen.sum(), 1))
+
 
 @dataclass(frozen=True, eq=False)
 class Grid:
@@ -72,7 +83,7 @@ class Grid:
     @classmethod
     def around(cls, views: Mapping[int, ContactView], poses: Mapping[int, Array], pixel_mm: float) -> "Grid":
         """Return the grid that holds every press."""
-        corners = np.concatenate([carried(poses[number], _corners(view)) for number, view in views.items()])
+        corners = np.concatenate([carried(poses[number], corners_mm(view)) for number, view in views.items()])
         (x, y), (far_x, far_y) = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
         return cls(np.arange(x, far_x, pixel_mm), np.arange(y, far_y, pixel_mm))
 
@@ -85,9 +96,10 @@ class Grid:
         return slice(*map(int, ends[0])), slice(*map(int, ends[1]))
 
 
-def _corners(view: ContactView) -> Array:
+def corners_mm(view: ContactView) -> Array:
+    """Return the (4, 3) corners of a press, around its view."""
     width, height = view.size_mm
-    return np.array([[x * width / 2, y * height / 2, 0] for x in (-1, 1) for y in (-1, 1)])
+    return np.array([[x * width / 2, y * height / 2, 0] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
 
 
 def fuse(views: Mapping[int, ContactView], poses: Mapping[int, Array], *, curved: bool = False) -> Fused:
@@ -125,7 +137,7 @@ def fuse(views: Mapping[int, ContactView], poses: Mapping[int, Array], *, curved
 
 def _lay(view: ContactView, pose: Array, grid: Grid) -> Laid:
     """Lay a press on the grid: above each point of the grid, the height at which the carried surface has it."""
-    rows, columns = grid.window(carried(pose, _corners(view)))
+    rows, columns = grid.window(carried(pose, corners_mm(view)))
     x, y = np.meshgrid(grid.x_mm[columns], grid.y_mm[rows])
     z, back = np.zeros_like(x), inverse(pose)
     middle = [(size - 1) / 2 for size in view.depth_mm.shape]

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import spsolve
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from gellight.lab.scanning.pairs import Joint
 from gellight.tracking.rigid import inverse, moved_twists, pose_of, twist_of, upheld
 
 Array = NDArray[np.float64]
-LIMIT = float(chi2.ppf(0.999, 6))
+LIMIT = float(chdtri(6, 0.001))
 """of the squared error of a joint, by its covariance: beyond it hardly any right one lies"""
 STRICTER = 1.4
 """by so much in each round"""

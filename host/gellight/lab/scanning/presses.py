@@ -1,7 +1,11 @@
 """The presses in a stream of frames: of each the gel while it stood still, when it was pressed deepest."""
 
+import queue
+import threading
 from collections import deque
+from collections.abc import Callable, Iterator
 from math import isnan
+from typing import Literal
 
 import numpy as np
 
@@ -18,6 +22,8 @@ MOST_FRAMES = 8
 """whose mean is taken"""
 STEP_PX = 4
 """between the pixels that are compared"""
+Phase = Literal["press", "hold", "lift"]
+"""what a hand has to do next"""
 
 
 class PressWatcher:
@@ -33,6 +39,11 @@ class PressWatcher:
     def settled(self) -> bool:
         """Whether the press under way has been still for long enough: it may be lifted."""
         return self._best is not None
+
+    @property
+    def phase(self) -> Phase:
+        """What the hand has to do next: press, hold what touches still, or lift it."""
+        return "lift" if self.settled else "hold" if self._still else "press"
 
     def feed(self, frame: TactileFrame) -> ContactView | None:
         """Take a frame; return the press that ended with it. InputError for a frame without depth."""
@@ -64,6 +75,44 @@ class PressWatcher:
         self._still.clear()
         self._best, self._best_mm = None, 0.0
         return best
+
+
+def presses_in(
+    frames: Iterator[TactileFrame], most: int = 0, tell: Callable[[Phase], None] = lambda phase: None
+) -> Iterator[ContactView]:
+    """Yield up to `most` presses, 0: all; `tell` hears whenever the hand has something else to do."""
+    watcher, count, told = PressWatcher(), 0, "press"
+    for frame in frames:
+        view = watcher.feed(frame)
+        if view is not None:
+            count += 1
+            yield view
+            if count == most:
+                return
+        if watcher.phase != told:
+            tell(watcher.phase)
+        told = watcher.phase
+    if (last := watcher.end()) is not None:
+        yield last
+
+
+def ahead(views: Iterator[ContactView]) -> Iterator[ContactView]:
+    """Yield the presses that a thread looks for: none is missed while another one is joined."""
+    found: queue.SimpleQueue[ContactView | BaseException | None] = queue.SimpleQueue()
+
+    def look() -> None:
+        try:
+            for view in views:
+                found.put(view)
+            found.put(None)
+        except BaseException as error:
+            found.put(error)
+
+    threading.Thread(target=look, name="presses", daemon=True).start()
+    while (view := found.get()) is not None:
+        if isinstance(view, BaseException):
+            raise view
+        yield view
 
 
 def _change_mm(one: Floats, other: Floats) -> float:

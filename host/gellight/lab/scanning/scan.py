@@ -107,6 +107,23 @@ class Scan:
         self.write_map()
         return self._report(number)
 
+    def take_back(self) -> int:
+        """Take the last press back, and say which one it was; InputError where there is none."""
+        if not self.views:
+            raise InputError("there is no press to take back")
+        number = max(self.views)
+        self._write(path_of(self.folder, number).unlink)
+        del self.views[number]
+        self.joints = [joint for joint in self.joints if number not in (joint.one, joint.other)]
+        if self.views:
+            self._solve()
+            self.write_map()
+        else:
+            self.solved, self.fused = Solved({}, ()), None
+            for name in (MAP, PICTURE):
+                (self.folder / name).unlink(missing_ok=True)
+        return number
+
     def write_map(self) -> None:
         """Write the map of what is placed, and its picture."""
         if self.fused is not None:
@@ -185,24 +202,27 @@ class Scan:
             joined_to=tuple(sorted(other for other, _ in others)) if placed else (),
             contradicted=tuple(sorted(other for other, weight in others if weight < LEFT_OUT)),
             reached=float(self.views[number].reached.mean()),
-            missing=tuple(self._missing(number)) if placed else (),
+            missing=tuple(self.missing(number)) if placed else (),
         )
 
-    def _missing(self, number: int) -> Iterator[str]:
-        """Yield the sides of a press where no press has been."""
+    def missing(self, number: int) -> dict[str, Array]:
+        """Return the sides of a press where no press has been, and the middle (2,) mm of one there, in the map."""
+        return dict(self._missing(number))
+
+    def _missing(self, number: int) -> Iterator[tuple[str, Array]]:
         assert self.fused is not None
         pixel, (width, height) = self.fused.height_map.pixel_mm, self.views[number].size_mm
         middle = carried(self.solved.poses[number], np.zeros(3))[:2]
         rows, columns = self.fused.seen.shape
         for side, (across, down) in SIDES.items():
-            corner = middle + BESIDE * np.array([across * width, down * height]) - np.array([width, height]) / 2
-            left, top = np.rint((corner - self.fused.origin_mm) / pixel).astype(int)
+            beside = middle + BESIDE * np.array([across * width, down * height])
+            left, top = np.rint((beside - np.array([width, height]) / 2 - self.fused.origin_mm) / pixel).astype(int)
             part = self.fused.seen[
                 max(top, 0) : max(min(top + round(height / pixel), rows), 0),
                 max(left, 0) : max(min(left + round(width / pixel), columns), 0),
             ]
             if 1 - part.sum() / (width * height / pixel**2) > UNSEEN:
-                yield side
+                yield side, beside
 
 
 def map_picture(fused: Fused) -> NDArray[np.uint8]:

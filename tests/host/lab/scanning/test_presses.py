@@ -6,24 +6,8 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.frames.frames import CameraFrame, Contact, Provenance, TactileFrame
 from gellight.lab.scanning.presses import STILL_FRAMES, PressWatcher
-
-SHAPE = (48, 64)
-HILL = np.exp(-(((np.indices(SHAPE) - [[[24]], [[32]]]) / 10.0) ** 2).sum(axis=0))
-
-
-def frame(deep_mm: float, noise: float = 0.0, seed: int = 0) -> TactileFrame:
-    depth = deep_mm * HILL + noise * np.random.default_rng(seed).standard_normal(SHAPE)
-    none = np.zeros((*SHAPE, 3), np.float32)
-    return TactileFrame(
-        camera_frame=CameraFrame(image=none.astype(np.uint8), time_s=0.0, sequence=seed),
-        difference=none,
-        gradient_map=none[..., :2],
-        depth_mm=depth.astype(np.float32),
-        contact=Contact(mask=depth > 0.1, area_mm2=1.0, indentation_mm=deep_mm, centroid_mm=None),
-        provenance=Provenance(calibration="a", zero="b", pixel_size_mm=(0.06, 0.06), unix_s=0.0, ages_s={}),
-    )
+from tests.helpers.hill_frames import HILL, frame
 
 
 def deepest(depths: list[float]) -> list[float]:
