@@ -5,6 +5,7 @@ presses.py       settled presses in a stream of frames
 search.py        where two presses may lie beside each other
 pairs.py         two presses joined, or not
 pose_graph.py    places of all presses at once
+levelling.py     height, tilt and common bend of the presses
 fusion.py        presses in their places, as one map
 scan.py          a scan that grows press by press
 scan_files.py    its folder

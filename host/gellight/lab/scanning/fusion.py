@@ -1,17 +1,15 @@
 """All presses as one map of heights.
 
-Each press is laid on the grid of the part where its gel reached it. How high a press lies and how it is tilted is found
-once more from all that overlaps, exactly: the map has a step nowhere that a shift or a tilt could take away. Then
-heights are averaged, by their stated errors and less towards the border of a press.
+Each press is laid on the grid of the part where its gel reached it, and levelled (see levelling.py). Then heights are
+averaged, by their stated errors and less towards the border of a press.
 
-A press is bent by a little, and all presses of a sensor alike; laid beside each other they bend the map by as much
-everywhere, and nothing in them tells that from a bent part. So a flat part is taken to be flat as a whole: the
-plane and the paraboloid that most of it lies on are taken off.
+A press is bent by a little, and all presses of a sensor alike; laid beside each other, those that are bent to a
+paraboloid bend the map by as much everywhere, and nothing in them tells that from a bent part. So a flat part is taken
+to be flat as a whole: the plane and the paraboloid that most of it lies on are taken off.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +17,7 @@ from scipy.ndimage import map_coordinates
 
 from gellight.lab.scanning.contact_view import BASE_MM, ContactView
 from gellight.lab.scanning.height_map import HeightMap
+from gellight.lab.scanning.levelling import OUTLIER, Laid, levelled, overlaps
 from gellight.tracking.rigid import carried, inverse
 
 Array = NDArray[np.float64]
@@ -27,26 +26,8 @@ FADES_MM = 2.0
 """towards the border of a press its weight goes down to nothing"""
 LOOKS = 4
 """steps in which the height above a point of the grid is found"""
-FEWEST_PX = 200
-"""in common, for two presses to be levelled by"""
-OUTLIER = 3.0
-"""times the usual difference"""
-ROUNDS = 3
 FORM_PX, FORM_ROUNDS = 50_000, 20
 """pixels that the form of a map is found by, and rounds in which letters on a plate lose their weight"""
-
-
-@dataclass(frozen=True, eq=False)
-class Laid:
-    """A press on the grid of the part."""
-
-    rows: slice
-    columns: slice
-    height_mm: Array
-    """(h, w) of this window; NaN where the gel did not reach"""
-    error_mm: Array
-    fade: Array
-    """(h, w) from 1 down to 0 at the border of the view, also where the gel did not reach; 0 beyond"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +90,7 @@ def fuse(views: Mapping[int, ContactView], poses: Mapping[int, Array], *, curved
     """
     pixel_mm = next(iter(views.values())).pixel_size_mm[0]
     grid = Grid.around(views, poses, pixel_mm)
-    laid = _levelled(grid, [_lay(view, poses[number], grid) for number, view in views.items()])
+    laid = levelled(grid.x_mm, grid.y_mm, [_lay(view, poses[number], grid) for number, view in views.items()])
     total, weight, error, spread, count = (np.zeros((len(grid.y_mm), len(grid.x_mm))) for _ in range(5))
     seen = np.zeros(total.shape, np.bool_)
     for one in laid:
@@ -149,7 +130,7 @@ def _lay(view: ContactView, pose: Array, grid: Grid) -> Laid:
     nearest = {"order": 0, "mode": "constant"}
     reached = map_coordinates(view.reached.astype(np.uint8), at, **nearest) > 0
     error = map_coordinates(view.error_mm, at, order=1, mode="nearest", output=np.float64)
-    return Laid(rows, columns, np.where(reached, z, np.nan), error, _fade(view, at))
+    return Laid(rows, columns, np.where(reached, z, np.nan), error, _fade(view, at), there[..., :2])
 
 
 def _fade(view: ContactView, at: tuple[Array, Array]) -> Array:
@@ -161,67 +142,7 @@ def _fade(view: ContactView, at: tuple[Array, Array]) -> Array:
     return np.asarray(np.clip(np.minimum(*sides) / FADES_MM, 0, 1))
 
 
-# ---- height and tilt of each press ----
-
-
-def _overlaps(laid: list[Laid]) -> Iterator[tuple[int, int, tuple[slice, slice], Array, Array]]:
-    """Yield two presses, the window that they share, the difference of their heights in it and its variance."""
-    for i, j in combinations(range(len(laid)), 2):
-        window = tuple(
-            slice(max(a.start, b.start), min(a.stop, b.stop))
-            for a, b in ((laid[i].rows, laid[j].rows), (laid[i].columns, laid[j].columns))
-        )
-        if all(side.start < side.stop for side in window):
-            one, other = (
-                [plane[_within(each, (window[0], window[1]))] for plane in (each.height_mm, each.error_mm)]
-                for each in (laid[i], laid[j])
-            )
-            yield i, j, (window[0], window[1]), one[0] - other[0], one[1] ** 2 + other[1] ** 2
-
-
-def _within(one: Laid, window: tuple[slice, slice]) -> tuple[slice, slice]:
-    """Return a window of the grid as a window of a press."""
-    rows, columns = (
-        slice(side.start - own.start, side.stop - own.start)
-        for side, own in zip(window, (one.rows, one.columns), strict=True)
-    )
-    return rows, columns
-
-
-def _levelled(grid: Grid, laid: list[Laid]) -> list[Laid]:
-    """Return the presses with the shifts and tilts by which they agree best; as a whole they are not tilted."""
-    count = 3 * len(laid)
-    matrix, right = np.zeros((count, count)), np.zeros(count)
-    for i, j, (rows, columns), difference, variance in _overlaps(laid):
-        known = np.isfinite(difference)
-        if np.count_nonzero(known) < FEWEST_PX:
-            continue
-        x, y = np.meshgrid(grid.x_mm[columns], grid.y_mm[rows])
-        basis = np.stack([np.ones(np.count_nonzero(known)), x[known], y[known]], axis=1)
-        weighted, pull = _plane_between(basis, difference[known], variance[known])
-        a, b = slice(3 * i, 3 * i + 3), slice(3 * j, 3 * j + 3)
-        for one, other, sign in ((a, a, 1), (b, b, 1), (a, b, -1), (b, a, -1)):
-            matrix[one, other] += sign * weighted
-        right[a] -= pull
-        right[b] += pull
-    planes = np.asarray(np.linalg.lstsq(matrix, right, rcond=1e-12)[0], np.float64).reshape(-1, 3)
-    return [_tilted(one, plane, grid) for one, plane in zip(laid, planes, strict=True)]
-
-
-def _plane_between(basis: Array, difference: Array, variance: Array) -> tuple[Array, Array]:
-    """Return what (N,) differences say of a plane over a basis (N, 3): its weight (3, 3) and pull (3,), robustly."""
-    weight = 1 / variance
-    for _ in range(ROUNDS):
-        weighted = basis.T @ (basis * weight[:, None])
-        pull = basis.T @ (weight * difference)
-        off = np.abs(difference - basis @ np.linalg.lstsq(weighted, pull, rcond=None)[0])
-        weight = 1 / variance / np.maximum(off / (OUTLIER * 1.48 * np.median(off) + 1e-9), 1)
-    return basis.T @ (basis * weight[:, None]), basis.T @ (weight * difference)
-
-
-def _tilted(one: Laid, plane: Array, grid: Grid) -> Laid:
-    x, y = grid.x_mm[one.columns][None, :], grid.y_mm[one.rows][:, None]
-    return Laid(one.rows, one.columns, one.height_mm + plane[0] + plane[1] * x + plane[2] * y, one.error_mm, one.fade)
+# ---- what is said of the map ----
 
 
 def _form(height: Array, grid: Grid, *, curved: bool) -> Array:
@@ -246,7 +167,7 @@ def _form(height: Array, grid: Grid, *, curved: bool) -> Array:
 def _seam_mm(laid: list[Laid]) -> float:
     """Return the rms difference of two presses over all that both reached."""
     squares, count = 0.0, 0
-    for *_, difference, _variance in _overlaps(laid):
+    for *_, difference, _variance in overlaps(laid):
         known = difference[np.isfinite(difference)]
         squares, count = squares + float((known**2).sum()), count + len(known)
     return float(np.sqrt(squares / count)) if count else float("nan")
