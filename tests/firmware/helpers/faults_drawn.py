@@ -41,7 +41,7 @@ BY_LINE = (
     Mutation("the header of the image in another order", f"{SHARED}/board.h", "    uint32_t count;\n    uint32_t crc;\n", "    uint32_t crc;\n    uint32_t count;\n", "configuration"),
     Mutation("the ring of bytes is read as one shorter", f"{SHARED}/byte_ring.h", "ring->bytes[ring->tail % RING_BYTES]", "ring->bytes[ring->tail % (RING_BYTES - 1u)]", "flood"),
     Mutation("bits are set by the alias that toggles", f"{SHARED}/common_registers.h", "#define SET_BITS(address) REGISTER((address) + 0x2000u)", "#define SET_BITS(address) REGISTER((address) + 0x1000u)"),
-    Mutation("each record is read from the first page", f"{SHARED}/flash.c", "(FLASH_BASE + CONFIG_OFFSET) + offset, count", "(FLASH_BASE + CONFIG_OFFSET), count", "configuration"),
+    Mutation("each record is read from the first page", f"{SHARED}/flash.c", "(FLASH_BASE + CONFIG_OFFSET) + offset, count", "(FLASH_BASE + CONFIG_OFFSET) + 0u * offset, count", "configuration"),
     Mutation("an alarm that fires as it is cancelled stays in the timer", LIGHT, "    REGISTER(TIMER_INTR) = 1u << 0;\n    REGISTER(NVIC_ICPR)", "    REGISTER(NVIC_ICPR)", "sequence"),
     Mutation("the fault handler leaves the last LED", LIGHT, "    for (uint32_t i = 0; i < leds; i++) {\n        while", "    for (uint32_t i = 1; i < leds; i++) {\n        while", "fault"),
     Mutation("1200 baud restarts without the boot loader", f"{SHARED}/main.c", "watches_restart(&controller, true);", "watches_restart(&controller, false);", "reflash"),
