@@ -4,11 +4,9 @@ Its power can fail, its chip be warmed, its trigger pin be driven, and its USB b
 """
 
 from collections.abc import Callable
-from math import inf
 from typing import Any
 
 from gellight.base.errors import BoardError
-from gellight.lab.emulator.analog import Divider, thermistor_ohm
 from gellight.lab.emulator.chip import (
     ROOM_C,
     TEMPERATURE_CHANNEL,
@@ -21,7 +19,6 @@ from gellight.lab.emulator.registers import TIMER, UsbGuard
 from gellight.lab.emulator.waveform import Light, LightTimeline, Strip, WaveformDecoder
 
 USB_INTERRUPT = 5
-THERMISTOR_PIN = 26
 SIE_STATUS, INTS = 0x50, 0x98
 SUSPENDED, RESUMED, SUSPEND_INTERRUPT = 1 << 4, 1 << 11, 1 << 14
 
@@ -112,11 +109,6 @@ class BenchBoard(EmulatedBoard):
         """Warm the chip; it stays so warm when it starts anew."""
         self.temperature_c = temperature_c
         self.chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(temperature_c)
-
-    def set_ring_temperature(self, temperature_c: float | None) -> None:
-        """Warm the NTC of the ring, as the carrier wires it; None: its wire is broken."""
-        ohm = inf if temperature_c is None else thermistor_ohm(temperature_c)
-        self.dividers[THERMISTOR_PIN] = Divider(to_ground=ohm)
 
     @property
     def timer_began_us(self) -> float:

@@ -6,13 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from gellight.lab.emulator.analog import OUTPUT_OFF
+from gellight.lab.emulator.analog import OUTPUT_OFF, THERMISTOR_PIN
 from gellight.lab.emulator.waveform import Strip
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import ColourOrder, OutputAt, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from tests.firmware.helpers.examined_board import PATTERN, break_down, reopen
-from tests.helpers.bench_board import THERMISTOR_PIN, BenchBoard
+from tests.helpers.bench_board import BenchBoard
 
 STATUS_PIN, SWITCH_PIN = 16, 6
 
