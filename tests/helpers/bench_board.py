@@ -33,7 +33,14 @@ class SuspendingUsb(UsbGuard):
     def suspend(self, suspended: bool = True) -> None:
         """The host has been silent for 3 ms; or the firmware has noticed it."""
         self._suspended = suspended
-        self._chip.set_interrupt(USB_INTERRUPT, suspended)
+        self._tell()
+
+    def _tell(self) -> None:
+        """The interrupt comes where INTE asks for it."""
+        if self._suspended and self.inner._int_enable & SUSPEND_INTERRUPT:
+            self._chip.set_interrupt(USB_INTERRUPT, True)
+        else:
+            self.inner.check_interrupts()
 
     def resume(self) -> None:
         """The host drives the bus again."""
@@ -42,7 +49,8 @@ class SuspendingUsb(UsbGuard):
 
     def read_uint32(self, offset: int) -> int:
         value = super().read_uint32(offset)
-        return value | SUSPEND_INTERRUPT if offset == INTS and self._suspended else value
+        asked = self._suspended and self.inner._int_enable & SUSPEND_INTERRUPT
+        return value | SUSPEND_INTERRUPT if offset == INTS and asked else value
 
     def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
         if offset == SIE_STATUS and value & SUSPENDED and self._suspended:

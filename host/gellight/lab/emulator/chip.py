@@ -150,7 +150,8 @@ class EmulatedBoard:
         )
         blocks[0x40000] = registers.RegisterBlock({0: self.revision << 28 | CHIP_ID})
         blocks[0x40028], blocks[0x4002C] = self.clocks.pll_sys, self.clocks.pll_usb
-        blocks[0x18000] = bus = FlashBus(chip, self.flash_chip, self.clocks.set_flash_divider, self.fault)
+        blocks[0x18000] = bus = FlashBus(chip, self.flash_chip, self.clocks.set_flash_divider,
+                                         lambda by: 8 * by * self._cycle_ns, self.fault)  # fmt: skip
         self._rom_flash = RomFlash(bus, blocks[IO_QSPI], lambda: self._cycle_ns, self.fault)
         for window, bit in registers.RESET_BITS.items():
             blocks[window] = registers.Guard(blocks[window], partial(self._held, bit), self.fault)
