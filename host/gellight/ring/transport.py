@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 USB_TIMEOUT_MS = 1000
-SIMULATED = r"(?:\?(?:leds=(\d{1,2}))?&?(?:ring_c=(-?\d{1,3}(?:\.\d+)?))?)?"
-"""what may follow `sim://`"""
+SIMULATED = r"(leds=\d{1,2}|ring_c=-?\d{1,3}(\.\d+)?)"
+"""what a simulated board is told"""
 
 
 class Transport(Protocol):
@@ -44,10 +44,12 @@ class Transport(Protocol):
 def open_transport(url: str) -> Transport:
     """Open the way that a URL names; BoardError if there is no board."""
     scheme, _, rest = url.partition("://")
-    if scheme == "sim" and (told := re.fullmatch(SIMULATED, rest)):
+    if scheme == "sim" and re.fullmatch(rf"(\?{SIMULATED}(&{SIMULATED})*)?", rest):
         from gellight.lab.emulator.child import SimulatedBoard
 
-        return SimulatedBoard(leds=int(told[1] or LED_COUNT), ring_c=float(told[2]) if told[2] else None)
+        told = dict(pair.split("=") for pair in rest[1:].split("&") if pair)
+        ring_c = float(told["ring_c"]) if "ring_c" in told else None
+        return SimulatedBoard(leds=int(told.get("leds", LED_COUNT)), ring_c=ring_c)
     if scheme == "serial" and rest != url:
         return SerialTransport(find_port(rest), url=url)
     if scheme == "usb" and rest != url:

@@ -26,6 +26,8 @@ MOST_LAG_US = 50_000.0
 IDLE_S = 0.001
 PROGRESS_US = 4_000.0
 """of virtual time, after which the parent is told of it"""
+HEAT_KNOWN_US = 300_000.0
+"""after which a board surely has measured its ring"""
 STROBE_US = 500.0
 """as long a strobe is high"""
 
@@ -156,6 +158,8 @@ def main(arguments: list[str] | None = None) -> None:
         board.set_ring_temperature(chosen.ring_c)
     if not board.run_until(lambda: board.host.configured, 200_000):
         sys.exit(f"the firmware did not enumerate: {board.faults}")
+    if chosen.ring_c is not None:
+        board.run(HEAT_KNOWN_US)
     stream = PseudoTerminal() if chosen.pty or chosen.socket is None else Bytes(chosen.socket)
     path = stream.path if isinstance(stream, PseudoTerminal) else ""
     now_s = time.monotonic()
