@@ -15,12 +15,17 @@ from pathlib import Path
 
 from gellight.base.errors import InputError
 from gellight.ring.firmware.build import build
-from tests.firmware.helpers import faults_apart, mutations
+from tests.firmware.helpers import faults_apart, faults_drawn, mutations
 from tests.firmware.helpers.examination import CHECKS, examine
 from tests.firmware.helpers.mutations import Mutation, planted
 from tests.helpers.places import CHECKOUT
 
-LISTS = {"enables": mutations.ENABLES, "apart": faults_apart.APART, "further": faults_apart.FURTHER}
+LISTS = {
+    "enables": mutations.ENABLES,
+    "apart": faults_apart.APART,
+    "further": faults_apart.FURTHER,
+    "drawn": faults_drawn.DRAWN,
+}
 
 
 def noticed_by(mutation: Mutation, checkout: Path) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gellight.lab.emulator.analog import Divider
+from gellight.lab.emulator.analog import THERMISTOR_PIN, Divider
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Status
 from gellight.ring.light_ring import LightRing
@@ -16,7 +16,7 @@ from gellight.ring.wire import Packet, decode, encode
 from tests.firmware.helpers.fuzzing import CORPUS, Fuzzer, compile_fuzzer, fuzz
 from tests.firmware.helpers.mutations import CORE, LOGIC, Mutation, planted
 from tests.firmware.helpers.virtual_board import compile_library, run_core_tests
-from tests.helpers.bench_board import THERMISTOR_PIN, BenchBoard, VirtualTransport
+from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 CHECKOUT = Path(__file__).parents[2]
 SECONDS = 4

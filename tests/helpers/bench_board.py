@@ -4,11 +4,9 @@ Its power can fail, its chip be warmed, its trigger pin be driven, and its USB b
 """
 
 from collections.abc import Callable
-from math import inf
 from typing import Any
 
 from gellight.base.errors import BoardError
-from gellight.lab.emulator.analog import Divider, thermistor_ohm
 from gellight.lab.emulator.chip import (
     ROOM_C,
     TEMPERATURE_CHANNEL,
@@ -21,7 +19,6 @@ from gellight.lab.emulator.registers import TIMER, UsbGuard
 from gellight.lab.emulator.waveform import Light, LightTimeline, Strip, WaveformDecoder
 
 USB_INTERRUPT = 5
-THERMISTOR_PIN = 26
 SIE_STATUS, INTS = 0x50, 0x98
 SUSPENDED, RESUMED, SUSPEND_INTERRUPT = 1 << 4, 1 << 11, 1 << 14
 
@@ -36,7 +33,14 @@ class SuspendingUsb(UsbGuard):
     def suspend(self, suspended: bool = True) -> None:
         """The host has been silent for 3 ms; or the firmware has noticed it."""
         self._suspended = suspended
-        self._chip.set_interrupt(USB_INTERRUPT, suspended)
+        self._tell()
+
+    def _tell(self) -> None:
+        """The interrupt comes where INTE asks for it."""
+        if self._suspended and self.inner._int_enable & SUSPEND_INTERRUPT:
+            self._chip.set_interrupt(USB_INTERRUPT, True)
+        else:
+            self.inner.check_interrupts()
 
     def resume(self) -> None:
         """The host drives the bus again."""
@@ -45,7 +49,8 @@ class SuspendingUsb(UsbGuard):
 
     def read_uint32(self, offset: int) -> int:
         value = super().read_uint32(offset)
-        return value | SUSPEND_INTERRUPT if offset == INTS and self._suspended else value
+        asked = self._suspended and self.inner._int_enable & SUSPEND_INTERRUPT
+        return value | SUSPEND_INTERRUPT if offset == INTS and asked else value
 
     def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
         if offset == SIE_STATUS and value & SUSPENDED and self._suspended:
@@ -112,11 +117,6 @@ class BenchBoard(EmulatedBoard):
         """Warm the chip; it stays so warm when it starts anew."""
         self.temperature_c = temperature_c
         self.chip.adc.channel_values[TEMPERATURE_CHANNEL] = temperature_reading(temperature_c)
-
-    def set_ring_temperature(self, temperature_c: float | None) -> None:
-        """Warm the NTC of the ring, as the carrier wires it; None: its wire is broken."""
-        ohm = inf if temperature_c is None else thermistor_ohm(temperature_c)
-        self.dividers[THERMISTOR_PIN] = Divider(to_ground=ohm)
 
     @property
     def timer_began_us(self) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from gellight.base.errors import BoardError
 from gellight.ring import protocol
 from gellight.ring.enumerations import Dark, State
+from gellight.ring.heat import HeardHeat
 from gellight.ring.light_ring import LATCH_TIMEOUT_S, LightRing
 
 BOARD = "E660C06213842F2A"
@@ -39,7 +40,7 @@ class ScriptedRing(LightRing):
     def __init__(
         self, still: np.ndarray | None = None, *, unique_id: str = BOARD, failures: Failures | None = None
     ) -> None:
-        self._lock, self._lighting = threading.RLock(), threading.RLock()
+        self._lock, self._lighting, self.heat = threading.RLock(), threading.RLock(), HeardHeat()
         self._dark, self._heard_s, self.lit_s = None, inf, -inf
         self.events, self.event_listeners, self.ping_listeners = deque(), [], []
         self.hello: Any = SimpleNamespace(

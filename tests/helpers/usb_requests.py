@@ -28,10 +28,10 @@ def status_of(endpoint: int) -> Request:
     return (0x82, 0, 0, endpoint, 2)
 
 
-def ask(board: BenchBoard, request: Request, timeout_us: float = 100_000) -> bytes | None:
-    """What came back; None where the board stalled."""
+def ask(board: BenchBoard, request: Request, data: bytes = b"", timeout_us: float = 100_000) -> bytes | None:
+    """What came back, where the host sends `data` or nothing; None where the board stalled."""
     answers: list[bytes | None] = []
-    board.host.control(*request, answers.append)
+    board.host.control(*request, answers.append, data)
     assert board.run_until(lambda: answers, timeout_us), f"no answer to {request}"
     return answers[0]
 

@@ -310,6 +310,8 @@ def _markdown_row(setting: Setting) -> str:
 def _file_layer(path: Path) -> Layer:
     try:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise ConfigError(f"there is no file {path}: correct its name") from error
     except OSError as error:
         raise ConfigError(f"{path} cannot be read ({error.strerror}): make it readable or move it away") from error
     except (ValueError, RecursionError) as error:

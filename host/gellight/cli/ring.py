@@ -14,7 +14,7 @@ from gellight.cli.options import LONGEST_S, AsJson, Seconds, between
 from gellight.cli.showing import show
 from gellight.ring.boards import BOARDS, LEDS, channel_ua_of, check_wiring, find_board, wired_as
 from gellight.ring.enumerations import ColourOrder, Dark, OutputAt, ResetReason, SyncMode
-from gellight.ring.heat import chip_temperature_c, ring_temperature_c
+from gellight.ring.heat import chip_temperature_c, dimmed_text, ring_temperature_c, warm_text
 from gellight.ring.light_ring import LightRing, Step, connect
 from gellight.ring.protocol import ACTIVE_LOW, CURRENT_CAP_MA, NO_PIN, Configuration
 from gellight.ring.wire import MOST_LEDS
@@ -86,14 +86,13 @@ def _board(ring: LightRing) -> Board:
 
 def _text(b: Board) -> str:
     wrong = {k: v for k, v in b.counters.items() if v and k not in ("packets", "lights", "triggers")}
-    warm = "" if b.temperature_c is None else f", chip at {b.temperature_c:.0f} °C (±10)"
-    warm += "" if b.ring_temperature_c is None else f", ring at {b.ring_temperature_c:.1f} °C"
-    dimmed = f", dimmed to 1/{1 << b.dimmed} because it is hot" if b.dimmed else ""
+    started = [f"by {b.reset_reason}, {b.uptime_s:.1f} s ago", warm_text(b.temperature_c, b.ring_temperature_c)]
+    light = [f"{b.current_ma} of {b.limit_ma} mA, {b.dark}", dimmed_text(b.dimmed)]
     return (
         f"board     {b.board}, firmware {b.firmware}, image {b.image_crc}\n"
         f"protocol  {b.protocol}, schema {b.schema_crc}\n"
-        f"started   by {b.reset_reason}, {b.uptime_s:.1f} s ago{warm}\n"
-        f"light     {b.current_ma} of {b.limit_ma} mA, {b.dark}{dimmed}\n"
+        f"started   {', '.join(filter(None, started))}\n"
+        f"light     {', '.join(filter(None, light))}\n"
         f"mode      {b.mode}, {'running' if b.running else 'still'}\n"
         f"counters  {b.counters['packets']} packets, {b.counters['lights']} lights, {wrong or 'nothing wrong'}"
     )

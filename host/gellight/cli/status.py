@@ -8,6 +8,7 @@ from gellight.base.errors import StreamError
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson
 from gellight.cli.showing import show
+from gellight.ring.heat import RingHeat, dimmed_text, warm_text
 from gellight.stream.running import RunningDaemon, running
 from gellight.stream.subscription import subscribe
 
@@ -46,8 +47,16 @@ def line(daemon: RunningDaemon, status: dict[str, Any]) -> str:
     age = status["frame_age_ms"].get("median", "?")
     return (
         f"{daemon.name} (process {daemon.process}, {daemon.sensor}): {status['fps']} frames/s, age {age} ms, "
-        f"{status['frames']} frames, {status['lost']} lost{touch(status['touch'])}"
+        f"{status['frames']} frames, {status['lost']} lost{touch(status['touch'])}{heat(status.get('ring'))}"
     )
+
+
+def heat(ring: RingHeat | None) -> str:
+    """Return for people how warm the light ring is, as the end of a line."""
+    if ring is None:
+        return ""
+    told = warm_text(ring["chip_c"], ring["ring_c"]), dimmed_text(ring["dimmed"])
+    return "".join(f"; {part}" for part in told if part)
 
 
 def touch(felt: dict[str, Any] | None) -> str:

@@ -344,7 +344,7 @@ class SensorSession:
                 "force": used.force,
             },
             "watch": used.watch.status() if used.watch else None,
-            "ring": ring.heat if ring else None,
+            "ring": ring.heat.known() if ring else None,
             "tracking": self._objects.on,
             "recording": self.recording,
             "priority": "real time" if self._settings.service.realtime else "as other programs",

@@ -21,7 +21,7 @@ from gellight.base.errors import BoardError
 from gellight.ring import protocol
 from gellight.ring.board_link import BoardLink
 from gellight.ring.enumerations import Dark, Edge, Policy, State, SyncMode
-from gellight.ring.heat import RingHeat, heat_of, hot_text
+from gellight.ring.heat import HeardHeat, hot_text
 from gellight.ring.transport import Transport, open_transport
 from gellight.ring.wire import Record
 
@@ -31,7 +31,6 @@ SILENCE_S = 0.5
 """a board that was heard of within this time has not made its LEDs dark for silence: it waits 1 s for the host"""
 BY_ITSELF = {Dark.BOOT, Dark.HOST_SILENT, Dark.PORT_CLOSED, Dark.SUSPENDED, Dark.FAULT}
 """why a board ends a light or a sequence that nobody has told it to end"""
-HEAT_EVERY = 20
 LATCH_TIMEOUT_S = 5.0
 """a board latches a light within milliseconds; an emulated one on a busy machine takes longer"""
 
@@ -77,8 +76,8 @@ class LightRing(BoardLink):
         """`time.monotonic` when `light` last knew that its light is on; inf: the board has made that light dark"""
         self.dimmed = 0
         """how often the board halves every colour because it is hot, as it said last"""
-        self.heat: RingHeat | None = None
-        """as the last `status` told; the thread that keeps the light on asks every `HEAT_EVERY` turns"""
+        self.heat = HeardHeat()
+        """the thread that keeps the light on asks for it now and then"""
         self._dark: Dark | None = None
         """why the board has made its LEDs dark by itself; None: it has not, or they are lit again"""
         self._running = False
@@ -125,13 +124,9 @@ class LightRing(BoardLink):
     def _keep_alive(self, period_s: float) -> None:
         """Ask on after a failure: a machine that was busy for a second comes back, a board that is gone does not."""
         silent = False
-        for turn in itertools.count():
-            if self._stop.wait(period_s):
-                return
+        while not self._stop.wait(period_s):
             try:
-                self.clock()
-                if turn % HEAT_EVERY == 0:
-                    self.status()
+                self.status() if self.heat.due() else self.clock()
                 self._settle_doubts()
                 self._light_again()
                 silent = False
@@ -204,6 +199,7 @@ class LightRing(BoardLink):
     def _note_dimmed(self, event: protocol.DimmedEvent) -> None:
         """Frames show another light than was asked for until the board is cool and `light` has shown it again."""
         self.dimmed = event.dimmed
+        self.heat.note(event)
         if self.still is not None:
             self.lit_s = inf
             self._dark = self._dark if event.dimmed or self._dark else Dark.NOT_DARK
@@ -329,7 +325,7 @@ class LightRing(BoardLink):
         """Return what the board is doing."""
         sent_s = time.monotonic()
         reply = self._request("STATUS", protocol.StatusReply)
-        self.heat = heat_of(reply)
+        self.heat.note(reply)
         self._tell_ping(sent_s, reply.time_us, reply.time_us)
         return reply
 

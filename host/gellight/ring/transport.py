@@ -3,7 +3,7 @@
 ``/dev/ttyACM0`` or ``COM3``: that serial port. ``serial://WHICH``: the port of the board with this serial number or
 product string, or ``serial://`` of the only one there is. ``usb://`` or ``usb://WHICH``: the same endpoints through
 pyusb, without a serial port. ``sim://``: a simulated board, which runs the real firmware in a process of its own;
-``sim://?leds=8``: one that is configured for 8 LEDs.
+``sim://?leds=8``: one that is configured for 8 LEDs; ``sim://?ring_c=70``: one whose ring has an NTC of 70 degrees.
 """
 
 import errno
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 USB_TIMEOUT_MS = 1000
+SIMULATED = r"(leds=\d{1,2}|ring_c=-?\d{1,3}(\.\d+)?)"
+"""what a simulated board is told"""
 
 
 class Transport(Protocol):
@@ -42,10 +44,12 @@ class Transport(Protocol):
 def open_transport(url: str) -> Transport:
     """Open the way that a URL names; BoardError if there is no board."""
     scheme, _, rest = url.partition("://")
-    if scheme == "sim" and re.fullmatch(r"(\?leds=\d{1,2})?", rest):
+    if scheme == "sim" and re.fullmatch(rf"(\?{SIMULATED}(&{SIMULATED})*)?", rest):
         from gellight.lab.emulator.child import SimulatedBoard
 
-        return SimulatedBoard(leds=int(rest.removeprefix("?leds=") or LED_COUNT))
+        told = dict(pair.split("=") for pair in rest[1:].split("&") if pair)
+        ring_c = float(told["ring_c"]) if "ring_c" in told else None
+        return SimulatedBoard(leds=int(told.get("leds", LED_COUNT)), ring_c=ring_c)
     if scheme == "serial" and rest != url:
         return SerialTransport(find_port(rest), url=url)
     if scheme == "usb" and rest != url:
@@ -53,7 +57,8 @@ def open_transport(url: str) -> Transport:
     if "://" not in url and url:
         return SerialTransport(url, url=url)
     raise BoardError(
-        f"{url!r} names no board: give /dev/ttyACM0, serial://, serial://NUMBER, usb://, sim:// or sim://?leds=8"
+        f"{url!r} names no board: give /dev/ttyACM0, serial://, serial://NUMBER, usb://, sim://, sim://?leds=8 or "
+        "sim://?ring_c=70"
     )
 
 

@@ -132,8 +132,8 @@ class Connection:
             # How late a camera stamps its frames is often not known: a frame counts once it was lit in any case.
             if self.camera.timing.span_s(frame.time_s)[0] > self._lit_since_s():
                 return frame
-        if self._lit_since_s() == inf:
-            raise BoardError(f"the board of sensor {self.sensor.name} keeps its LEDs dark: see `gellight ring info`")
+        if self.ring is not None and self._lit_since_s() == inf:
+            raise BoardError(self.ring.heat.why_dark(f"sensor {self.sensor.name}"))
         raise StalledError(f"{self.sensor.camera.stable}: its time stamps stand still; it is started anew")
 
     def _lit_since_s(self) -> float:

@@ -10,12 +10,12 @@ import subprocess
 from dataclasses import dataclass, field
 from typing import Any
 
-from gellight.lab.emulator.analog import Divider
+from gellight.lab.emulator.analog import THERMISTOR_PIN, Divider
 from gellight.lab.emulator.busy_bus import B1
 from gellight.lab.emulator.chip import UNIQUE_ID
 from gellight.ring import protocol as p
 from gellight.ring.wire import Packet, Record, decode, encode
-from tests.helpers.bench_board import THERMISTOR_PIN, BenchBoard, NotingDecoder
+from tests.helpers.bench_board import BenchBoard, NotingDecoder
 from tests.helpers.places import CHECKOUT
 
 FOLDER = CHECKOUT / "tests/firmware/second_emulator"

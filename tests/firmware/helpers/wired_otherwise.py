@@ -6,13 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from gellight.lab.emulator.analog import OUTPUT_OFF
+from gellight.lab.emulator.analog import OUTPUT_OFF, THERMISTOR_PIN
 from gellight.lab.emulator.waveform import Strip
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import ColourOrder, OutputAt, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from tests.firmware.helpers.examined_board import PATTERN, break_down, reopen
-from tests.helpers.bench_board import THERMISTOR_PIN, BenchBoard
+from tests.helpers.bench_board import BenchBoard
 
 STATUS_PIN, SWITCH_PIN = 16, 6
 
@@ -30,7 +30,7 @@ def wiring(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     ring = reopen(board)
     ring.blank()
     board.run(3_000)
-    wired = replace(ring.configuration(), data_pin=9, trigger_pin=17, output_pin=THERMISTOR_PIN,
+    wired = replace(ring.configuration(), data_pin=9, trigger_pin=THERMISTOR_PIN, output_pin=17,
                     output_at=OutputAt.MIDDLE, status_pin=STATUS_PIN + p.ACTIVE_LOW,
                     switch_pin=SWITCH_PIN + p.ACTIVE_LOW, led_count=24, colour_order=ColourOrder.RGBW)  # fmt: skip
     ring.configure(wired, save=True)
@@ -64,11 +64,11 @@ def _examine_wired(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     ring.load_sequence([pattern], [Step(group=0, dwell_us=20_000, blank_us=20_000)], loops=2)
     ring.set_sync(SyncMode.EXT)
     changes: list[float] = []
-    board.chip.gpio[THERMISTOR_PIN].add_listener(lambda _new, _old: changes.append(board.now_us))
+    board.chip.gpio[17].add_listener(lambda _new, _old: changes.append(board.now_us))
     ring.start()
     board.run(p.SUPPLY_US + 12_000)  # the load switch has closed, and the main loop has looked
     begun = len(board.waveform.frame_starts_us)
-    board.chip.gpio[17].set_input_value(True)
+    board.chip.gpio[THERMISTOR_PIN].set_input_value(True)
     board.run(5_000)
     if not np.array_equal(board.timeline.at(board.now_us), pattern):
         yield "colours of a ring that is wired in another way"
@@ -76,5 +76,18 @@ def _examine_wired(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     begun_us = board.waveform.frame_starts_us[begun]
     if len(changes) != 2 or abs(changes[0] - begun_us - 10_000) > 10 or abs(changes[1] - changes[0] - 100) > 5:
         yield "the trigger output"
-    if board.chip.gpio[THERMISTOR_PIN].pad_value & OUTPUT_OFF:
+    if board.chip.gpio[17].pad_value & OUTPUT_OFF:
         yield "the pad of the trigger output does not drive it"
+    ring.blank()
+    board.run(3_000)
+    changes.clear()
+    ring.set_sync(SyncMode.HOLD)
+    ring.load_sequence([pattern], [Step(group=0, dwell_us=60_000)])
+    ring.start()
+    ring.step()
+    board.run(25_000)  # the load switch has closed, and the middle is still to come
+    lit = board.timeline.at(board.now_us).any()
+    ring.blank()
+    board.run(60_000)
+    if changes or not lit:
+        yield "a pulse comes whose light was called off"

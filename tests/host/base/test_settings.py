@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from gellight.base.errors import ConfigError
-from gellight.base.settings import GeometrySettings, Settings, reference, reference_markdown
+from gellight.base.settings import GeometrySettings, Settings, read_settings, reference, reference_markdown
 from gellight.bundle.bundle import Bundle, pack_bundle
 from gellight.daemon.assembly import open_session
 from gellight.sensor.sensor_camera import SensorCamera
@@ -144,6 +144,11 @@ def test_a_file_that_is_not_utf8_is_refused(folders: dict[str, Path]) -> None:
     (folders["folder"] / "gellight.toml").write_bytes(b"# \xff\n")
     with pytest.raises(ConfigError, match="not TOML in UTF-8"):
         loaded(environment={}, **folders)
+
+
+def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"there is no file .*lost\.toml: correct its name"):
+        read_settings(tmp_path / "lost.toml")
 
 
 def test_settings_cannot_be_changed() -> None:

@@ -11,6 +11,7 @@ from gellight.base.errors import BoardError, CameraError, GellightError
 from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
 from gellight.bundle.manifest import CAPTURE_OPTIONS
 from gellight.frames.camera import ReconnectingError
+from gellight.ring.protocol import DimmedEvent
 from gellight.sensor.v4l2 import controls as c
 from gellight.sensor.v4l2.errors import BusyError, DeniedError
 from gellight.sensor.v4l2.options import CaptureOptions
@@ -308,12 +309,18 @@ def test_no_dark_frame_is_delivered_while_the_ring_lights_its_leds_again(bench: 
         assert camera.status()["reconnections"] == 0
 
 
-def test_a_board_that_keeps_its_leds_dark_is_named_and_the_sensor_is_opened_anew(bench: Bench, bundle: Bundle) -> None:
+@pytest.mark.parametrize(
+    ("dimmed", "why"), [(0, "keeps its LEDs dark: see `gellight ring info`"), (2, "the ring 61 °C .* LEDs to 1/4")]
+)
+def test_a_board_that_keeps_its_leds_dark_or_dim_is_named_and_the_sensor_is_opened_anew(
+    bench: Bench, bundle: Bundle, dimmed: int, why: str
+) -> None:
     bench.plug("1-2", "GL0001")
     with bench.open("auto", bundle) as camera:
         camera.read()
+        bench.rings[0].heat.note(DimmedEvent(0, 350, 0, dimmed, 0, 610))
         bench.rings[0].lit_s = inf
-        with pytest.raises(ReconnectingError, match="keeps its LEDs dark: see `gellight ring info`"):
+        with pytest.raises(ReconnectingError, match=why):
             camera.read()
         camera.read()
         assert bench.rings[1].lit.any()

@@ -13,6 +13,10 @@ PULL_OHM = 60e3
 PULL_DOWN, PULL_UP, INPUT_ON, OUTPUT_OFF = 1 << 2, 1 << 3, 1 << 6, 1 << 7
 """of a pad"""
 FULL = 4096
+THERMISTOR_PIN = 26
+"""of the carrier"""
+COLDEST_C, HOTTEST_C = -40.0, 125.0
+"""the NTC of the strip is made for these"""
 SEED = 1
 
 

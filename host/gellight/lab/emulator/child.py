@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from gellight.base.errors import BoardError
+from gellight.lab.emulator.analog import COLDEST_C, HOTTEST_C
 from gellight.lab.emulator.waveform import Light, LightTimeline
 from gellight.ring.wire import LED_COUNT, MOST_LEDS
 
@@ -63,14 +64,18 @@ class SimulatedBoard:
 
     url = "sim://"
 
-    def __init__(self, *, pty: bool = False, unique_id: bytes | None = None, leds: int = LED_COUNT) -> None:
+    def __init__(self, *, pty: bool = False, unique_id: bytes | None = None, leds: int = LED_COUNT,
+                 ring_c: float | None = None) -> None:  # fmt: skip
         """Start the board; with `pty` its bytes go through the terminal `path` instead of `read` and `write`.
 
         `unique_id` are the 8 bytes from which it makes its serial number; None: those of every simulated board.
-        `leds` is the number that it is configured for. Raises BoardError where it does not start.
+        `leds` is the number that it is configured for; `ring_c`: its ring has an NTC of so many degrees Celsius, None:
+        it has none. Raises BoardError where it does not start.
         """
         if not 1 <= leds <= MOST_LEDS:
             raise BoardError(f"{leds} LEDs: a board drives 1 to {MOST_LEDS}")
+        if ring_c is not None and not COLDEST_C <= ring_c <= HOTTEST_C:
+            raise BoardError(f"a ring of {ring_c:g} °C: its NTC is made for {COLDEST_C:g} to {HOTTEST_C:g} °C")
         self.timeline = LightTimeline(leds)
         self.faults: list[str] = []
         self.path = ""
@@ -88,6 +93,7 @@ class SimulatedBoard:
         self._ours, theirs = socket.socketpair()
         how = ["--pty"] if pty else ["--socket", str(theirs.fileno())]
         how += ["--leds", str(leds)]
+        how += [] if ring_c is None else [f"--ring-c={ring_c}"]
         how += ["--unique-id", unique_id.hex()] if unique_id else []
         self._process = subprocess.Popen(
             [sys.executable, "-m", "gellight.lab.emulator.process", *how],

@@ -16,7 +16,7 @@ from rp2040py.rp2040 import RP2040
 from rp2040py.simulator import Simulator
 
 from gellight.lab.emulator import clocks, registers, ticks
-from gellight.lab.emulator.analog import OUTPUT_OFF, AnalogInputs, Divider
+from gellight.lab.emulator.analog import OUTPUT_OFF, THERMISTOR_PIN, AnalogInputs, Divider, thermistor_ohm
 from gellight.lab.emulator.bootrom import BOOT2_RAM, Function, rom_words
 from gellight.lab.emulator.busy_bus import B2, CHIP_ID, BusyBus
 from gellight.lab.emulator.flash_bus import RAN_ASTRAY, FlashBus, RomFlash
@@ -150,7 +150,8 @@ class EmulatedBoard:
         )
         blocks[0x40000] = registers.RegisterBlock({0: self.revision << 28 | CHIP_ID})
         blocks[0x40028], blocks[0x4002C] = self.clocks.pll_sys, self.clocks.pll_usb
-        blocks[0x18000] = bus = FlashBus(chip, self.flash_chip, self.clocks.set_flash_divider, self.fault)
+        blocks[0x18000] = bus = FlashBus(chip, self.flash_chip, self.clocks.set_flash_divider,
+                                         lambda by: 8 * by * self._cycle_ns, self.fault)  # fmt: skip
         self._rom_flash = RomFlash(bus, blocks[IO_QSPI], lambda: self._cycle_ns, self.fault)
         for window, bit in registers.RESET_BITS.items():
             blocks[window] = registers.Guard(blocks[window], partial(self._held, bit), self.fault)
@@ -260,6 +261,11 @@ class EmulatedBoard:
         """Drive the trigger pin, to which a camera's strobe is wired."""
         self._wake_pio()
         self.chip.gpio[Configuration.trigger_pin].set_input_value(high)
+
+    def set_ring_temperature(self, temperature_c: float | None) -> None:
+        """Warm the NTC of the ring, as the carrier wires it; None: its wire is broken."""
+        ohm = inf if temperature_c is None else thermistor_ohm(temperature_c)
+        self.dividers[THERMISTOR_PIN] = Divider(to_ground=ohm)
 
     def run_until(self, reached: Callable[[], object], timeout_us: float) -> bool:
         """Run until the condition holds, looked at after every few instructions; False if time is up first."""

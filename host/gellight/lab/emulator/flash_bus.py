@@ -44,12 +44,17 @@ FORCED_LOW, FORCED_HIGH = 2, 3
 class FlashBus(RegisterBlock):
     """The SSI with its chip select, and the flash as the processor sees it."""
 
-    def __init__(self, chip: Any, flash: FlashChip, divided: Callable[[int], None],
+    def __init__(self, chip: Any, flash: FlashChip, divided: Callable[[int], None], byte_ns: Callable[[int], float],
                  report: Callable[[str], None]) -> None:  # fmt: skip
-        """Stand as the boot ROM leaves it for boot2; `divided` hears by what the clock of the flash is divided."""
+        """Stand as the boot ROM leaves it for boot2.
+
+        `divided` hears by what the clock of the flash is divided; `byte_ns` tells how long a byte takes then.
+        """
         super().__init__({SSIENR: 1, CTRLR0: BYTES_BOTH_WAYS, BAUDR: SERIAL_DIVIDER, SER: 1})
         self.flash, self._view, self._select = flash, chip.flash, chip.qspi[1]
-        self._divided, self._report = divided, report
+        self._divided, self._byte_ns, self._report = divided, byte_ns, report
+        self._clock, self._arrived_ns = chip.clock, 0.0
+        """when the last byte has passed: as many clocks of the flash as it has bits after it was sent (4.10.5)"""
         self._received: list[int] = []
         self._cached: list[tuple[int, bytes]] = []
         self._seen: bool | None = None
@@ -93,12 +98,18 @@ class FlashBus(RegisterBlock):
     def read_uint32(self, offset: int) -> int:
         """DR0 gives what came back; SR whether there is any."""
         if offset == SR:
-            return 0x6 | (0x8 if self._received else 0)
+            return 0x6 | (0x8 if self._came() else 0)
         if offset != DR0:
             return super().read_uint32(offset)
-        if not self._received:
+        if not self._came():
             self._report("SSI: nothing has come that could be read")
-        return self._received.pop(0) if self._received else 0
+            return 0
+        return self._received.pop(0)
+
+    def _came(self) -> bool:
+        """Whether the oldest byte that was not read yet has passed."""
+        passing = max(len(self._received) - 1, 0) * self._byte_ns(self.values[BAUDR])
+        return bool(self._received) and self._clock.nanos >= self._arrived_ns - passing
 
     def write_uint32(self, offset: int, value: int) -> None:
         """DR0 sends a byte, and one comes back."""
@@ -107,6 +118,7 @@ class FlashBus(RegisterBlock):
             return
         if offset == DR0:
             self._send(value & 0xFF)
+            self._arrived_ns = max(self._arrived_ns, self._clock.nanos) + self._byte_ns(self.values[BAUDR])
             return
         super().write_uint32(offset, value)
         if offset == SSIENR and not value:

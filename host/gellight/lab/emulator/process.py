@@ -26,6 +26,8 @@ MOST_LAG_US = 50_000.0
 IDLE_S = 0.001
 PROGRESS_US = 4_000.0
 """of virtual time, after which the parent is told of it"""
+HEAT_KNOWN_US = 300_000.0
+"""after which a board surely has measured its ring"""
 STROBE_US = 500.0
 """as long a strobe is high"""
 
@@ -145,14 +147,19 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--pty", action="store_true", help="make a pseudo-terminal and print its name")
     parser.add_argument("--unique-id", type=bytes.fromhex, default=UNIQUE_ID, help="16 hexadecimal digits")
     parser.add_argument("--leds", type=int, default=LED_COUNT, help="number of LEDs that it is configured for")
+    parser.add_argument("--ring-c", type=float, help="temperature of the ring's NTC; without it the ring has none")
     chosen = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal: the parent still has to make the LEDs dark
     board = EmulatedBoard(
         flash_of(committed_image(), chosen.leds), unique_id=chosen.unique_id, strip=Strip(chosen.leds)
     )
+    if chosen.ring_c is not None:
+        board.set_ring_temperature(chosen.ring_c)
     if not board.run_until(lambda: board.host.configured, 200_000):
         sys.exit(f"the firmware did not enumerate: {board.faults}")
+    if chosen.ring_c is not None:
+        board.run(HEAT_KNOWN_US)
     stream = PseudoTerminal() if chosen.pty or chosen.socket is None else Bytes(chosen.socket)
     path = stream.path if isinstance(stream, PseudoTerminal) else ""
     now_s = time.monotonic()

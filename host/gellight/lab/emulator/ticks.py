@@ -11,6 +11,7 @@ from rp2040py.peripherals.timer import ALARM0, ALARM_REGS, RPTimer
 
 from gellight.lab.emulator.registers import Guard, aliased
 
+LOAD, LONGEST = 0x04, 0xFFFFFF
 TICK, ENABLED, RUNNING, CYCLES = 0x2C, 1 << 9, 1 << 10, 0x1FF
 """of the watchdog"""
 COUNTS_A_TICK = 2
@@ -84,6 +85,8 @@ class Ticks(Guard):
     def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
         """Write through; TICK sets the divider."""
         super().write_uint32_atomic(offset, value, alias)
+        if offset == LOAD and not value & LONGEST and self.inner.timer.enable:
+            self.inner.alarm.callback()  # it has reached zero (4.7.1)
         if offset == TICK:
             self._control = aliased(self._control, value, alias) & (ENABLED | CYCLES)
             self.look()

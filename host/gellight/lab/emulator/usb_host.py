@@ -17,7 +17,10 @@ BULK_BYTES, READ_BYTES = 64, 128
 FRAME_NS, HANGS_NS = 1e6, (800e3, 998e3)
 """after the start of a frame no bulk IN may be armed in this time (erratum RP2040-E15)"""
 SIE_CTRL, PULL_UP = 0x4C, 1 << 16
-ADDRESS = 7
+ADDRESS = 127
+"""the highest (USB 2.0, 9.4.6)"""
+RECOVERY_NS, SETTLING_NS = 10e6, 2e6
+"""which a device has after a reset (USB 2.0, 7.1.7.5), and after SET_ADDRESS (9.2.6.3)"""
 
 
 @dataclass
@@ -59,6 +62,11 @@ class UsbHost:
         self._out_toggle, self._out_data1 = 0, False
         """of the bulk OUT endpoint: what the host sends next, and what the device expects"""
         self._fetches = [controller.rp2040.clock.create_alarm(partial(self._fetch, k)) for k in range(ENDPOINTS)]
+        self._recovery = controller.rp2040.clock.create_alarm(self.enumerate)
+        self._address = 0
+        """at which the host speaks to the device"""
+        self._settling = controller.rp2040.clock.create_alarm(self._settled)
+        self._settles = False
         self._status_armed = False
         self._out_room = 0
         self.stalled: set[int] = set()
@@ -78,7 +86,7 @@ class UsbHost:
         self._take = usb.dpram_updated
         usb.dpram_updated = self._buffer_control
         usb.on_usb_enabled = None
-        usb.on_reset_received = self.enumerate
+        usb.on_reset_received = lambda: self._recovery.schedule(RECOVERY_NS)
         usb.on_endpoint_write = self._device_sent
         usb.on_endpoint_read = self._device_ready
         usb.on_reset = None
@@ -125,6 +133,7 @@ class UsbHost:
         self.hangs = self.configured = self.opened = False
         self._queue.clear()
         self._current = None
+        self._recovery.cancel()
         self.unsent.clear()
         self._read.clear()
         self._usb.reset()
@@ -140,9 +149,10 @@ class UsbHost:
         """Ask what Linux asks of a device after its reset."""
         if not self._clocked():
             self._report("USB: clk_usb is off, a real controller would not answer")
-        self.configured = self.opened = False
+        self.configured = self.opened = self._settles = False
         self._queue.clear()
         self._current = None
+        self._address = 0
         self._toggles = {2: 0}
         self._out_toggle, self._out_room = 0, 0
         self._descriptor("first", numbers.DEVICE, 0, 64)
@@ -201,7 +211,8 @@ class UsbHost:
             if endpoint == self.out_endpoint and not device_sends:
                 self._out_data1 = bool(value & DATA1)
             self._take(offset, value)
-        if offset == 0x80 and self._current and self._rules.stalls(offset, value):
+        asked = 0x84 if self._current and self._current.stage == "out" else 0x80
+        if offset == asked and self._current and self._rules.stalls(offset, value):
             self._finish(None)
 
     def _note_stall(self, address: int, value: int) -> None:
@@ -231,13 +242,13 @@ class UsbHost:
         self._take(offset, value)
 
     def _next(self) -> None:
-        self._current = self._queue.popleft() if self._queue else None
+        self._current = self._queue.popleft() if self._queue and not self._settles else None
         if self._current is None:
             return
         self._toggles[0] = 1
         self._status_armed = False
         self._current.stage = "in" if self._current.reads else ("out" if self._current.data else "status in")
-        if self.hangs:
+        if self.hangs or not self._rules.listens(self._address):
             return
         self._follow_toggles(self._current.setup)
         self._rules.setup()
@@ -246,7 +257,18 @@ class UsbHost:
     def _finish(self, result: bytes | None) -> None:
         transfer, self._current = self._current, None
         if transfer:
+            self._follow_address(transfer.setup, result)
             transfer.done(result)
+        if self._current is None:
+            self._next()
+
+    def _follow_address(self, setup: bytes, result: bytes | None) -> None:
+        if result is not None and setup[:2] == bytes((0, numbers.SET_ADDRESS)):
+            self._address, self._settles = setup[2], True
+            self._settling.schedule(SETTLING_NS)
+
+    def _settled(self) -> None:
+        self._settles = False
         if self._current is None:
             self._next()
 

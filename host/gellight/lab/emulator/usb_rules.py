@@ -62,6 +62,13 @@ class BufferRules:
             self._report("USB: endpoint 0 is to stall, but EP_STALL_ARM does not say so")
         return armed
 
+    def listens(self, address: int) -> bool:
+        """Whether the controller answers at an address: ADDR_ENDP says it, also after a reset of the bus (4.1)."""
+        own = self._usb._addr_endp & 0x7F
+        if own != address:
+            self._report(f"USB: the host speaks to address {address}, the device listens at {own}")
+        return bool(own == address)
+
     def setup(self) -> None:
         """A SETUP packet ends what EP_STALL_ARM allows."""
         self._usb._ep_stall_arm = 0

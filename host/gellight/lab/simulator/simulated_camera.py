@@ -8,7 +8,8 @@ time at which it was ready, so their age is true.
 
 Parameters of the URL, all optional: `fps`, `seed`, `noise` (grey levels), `object`, `depth`, `x`, `y` (mm; a press held
 from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board), `strobe=1` (each frame
-begins with a strobe on the trigger pin of the board, for `--light-mode ext`); and what makes one sensor differ from
+begins with a strobe on the trigger pin of the board, for `--light-mode ext`), `ring_c` (the ring has an NTC of so many
+degrees Celsius; by default it has none); and what makes one sensor differ from
 another: `crosstalk` (share of the other colours in a channel), `led_spread` (standard deviation of
 the LEDs' brightness, as a share), `dim` (all LEDs darker by this share). `gel=fem` computes the gel by finite elements
 with `resolution` mm between vertices: a minute a press, kept on the disk. `dots=9x7` prints columns and rows of marker
@@ -53,7 +54,6 @@ from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.lab.simulator.stage import Stage
 from gellight.lab.simulator.unit import CalibratedControls, Unit
 from gellight.ring.light_ring import LightRing
-from gellight.ring.transport import open_transport
 from gellight.ring.wire import MOST_LEDS
 from sim_reference.camera import WHITE
 from sim_reference.geometry import SensorGeometry
@@ -212,7 +212,8 @@ class SimulatedCamera(Camera):
             lit_s = self.ring.lit_since_s() + self._shutter.pulse_period_us * 1e-6 if self.ring else 0.0
             if begun_s >= max(self._set_s, lit_s):
                 return begun_s, *seen
-        raise BoardError(f"the board of {self.url} keeps its LEDs dark: see `gellight ring info`")
+        assert self.ring is not None  # without one no frame waits for its light
+        raise BoardError(self.ring.heat.why_dark(self.url))
 
     def _wait_until_due(self) -> None:
         """Wait for the next frame. The schedule stays: `waiting` frames wait for who reads late, no others."""
@@ -289,9 +290,12 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
     scene = _scene(wanted, sensor, unit)
     if wanted.strobe and not wanted.board:
         raise InputError(f"{url}: a strobe needs the board whose light it moves on: leave out board=0, or strobe=1")
+    if wanted.ring_c is not None and not wanted.board:
+        raise InputError(f"{url}: it is the board that reads the ring's temperature: leave out board=0, or ring_c")
     if wanted.board and unit is None:
         check_drivable(len(scene.light))
-    ring = lit_ring(np.round(scene.light * 255).astype(np.uint8)) if wanted.board and unit is None else None
+    colours = np.round(scene.light * 255).astype(np.uint8)
+    ring = lit_ring(colours, wanted.ring_c) if wanted.board and unit is None else None
     return SimulatedCamera(scene, stage, ring=ring, url=url, fps=wanted.fps, seed=wanted.seed,
                            strobe=wanted.strobe, bundle=unit.bundle if unit else None)  # fmt: skip
 
@@ -315,10 +319,10 @@ def check_drivable(leds: int) -> None:
         )
 
 
-def lit_ring(colours: NDArray[np.uint8]) -> LightRing:
-    """Start a simulated board with as many LEDs as (n, 3) `colours`, and light them."""
+def lit_ring(colours: NDArray[np.uint8], ring_c: float | None = None) -> LightRing:
+    """Start a simulated board with as many LEDs as (n, 3) `colours`, and an NTC so warm, and light them."""
     # A busy computer may keep the emulator from the processor for a while; a real board always answers.
-    ring = LightRing(open_transport(f"sim://?leds={len(colours)}"), timeout_s=1.0)
+    ring = LightRing(SimulatedBoard(leds=len(colours), ring_c=ring_c), timeout_s=1.0)
     try:
         ring.light(colours)
     except BaseException:

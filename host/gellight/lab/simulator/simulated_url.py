@@ -7,13 +7,14 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
+from gellight.lab.emulator.analog import COLDEST_C, HOTTEST_C
 from gellight.lab.simulator.gel_models import GelKind
 from gellight.lab.simulator.printed_dots import PrintedDots
 from gellight.lab.simulator.scene import Array, Printed
 from gellight.lab.simulator.unit import Unit
 from sim_reference.camera import CameraResponse
 
-OF_A_RING = "board", "strobe", "crosstalk", "led_spread", "dim"
+OF_A_RING = "board", "strobe", "ring_c", "crosstalk", "led_spread", "dim"
 """parameters of simulated light, which a real unit's measured light is not"""
 
 
@@ -32,6 +33,7 @@ class SimulatedUrl(BaseModel):
     programme: bool = True
     board: bool = True
     strobe: bool = False
+    ring_c: float | None = Field(None, ge=COLDEST_C, le=HOTTEST_C)
     crosstalk: float = Field(0.1, ge=0, le=0.5)
     led_spread: float = Field(0.0, ge=0, le=0.5)
     dim: float = Field(0.0, ge=0, le=0.9)

@@ -34,9 +34,10 @@ def test_a_simulated_board_drives_as_many_leds_as_its_url_says(leds: int) -> Non
         ring.light(None)
 
 
-@pytest.mark.parametrize("url", ["sim://?leds=0", "sim://?leds=25", "sim://?leds=many", "sim://?lamps=8"])
+@pytest.mark.parametrize("url", ["sim://?leds=0", "sim://?leds=25", "sim://?leds=many", "sim://?lamps=8",
+                                 "sim://?ring_c=126"])  # fmt: skip
 def test_a_board_that_cannot_be_is_refused(url: str) -> None:
-    with pytest.raises(BoardError, match=r"1 to 24|names no board"):
+    with pytest.raises(BoardError, match=r"1 to 24|names no board|made for -40 to 125"):
         connect(url)
 
 

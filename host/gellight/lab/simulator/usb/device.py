@@ -20,6 +20,7 @@ from gellight.lab.simulator.usb.serial_port import SerialFunction
 from gellight.lab.simulator.usb.usbip import Urb
 from gellight.lab.simulator.usb.video import VideoFunction, modes_of
 from gellight.ring import usb_numbers as numbers
+from gellight.ring.heat import HeardHeat
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import LED_COUNT
 
@@ -34,7 +35,7 @@ class UncommandedRing(LightRing):
 
     def __init__(self, board: SimulatedBoard) -> None:
         """Hold the board without speaking to it."""
-        self.transport = board
+        self.transport, self.heat = board, HeardHeat()
 
     def lit_since_s(self) -> float:
         """Return -inf: whatever the other program lights is the light of every frame."""
