@@ -51,6 +51,8 @@ class Dragged:
     """(S,)"""
     sticks: NDArray[np.bool_]
     """(S,) where friction is less than what it can be; nowhere without friction"""
+    barrier: Barrier
+    """between the object, where it is, and the surface of the mesh"""
     checkpoint: Checkpoint
     """what it takes to go on from here"""
 
@@ -88,7 +90,7 @@ class Dragging(Pressing):
         touches = self.barrier.gap(surface) < self.barrier.distance_mm
         slipped = np.linalg.norm(_slipped(self.barrier, surface, self._now.anchor), axis=1)
         sticks = touches & (slipped < STICK_MM) & (self._friction > 0)
-        return Dragged(pose, force.sum(axis=0), torque, surface, moved, touches, sticks, self._now)
+        return Dragged(pose, force.sum(axis=0), torque, surface, moved, touches, sticks, self.barrier, self._now)
 
     def force_on(self) -> Array:
         """Return the force (S, 3) of the object on each vertex, shear moduli times mm2: the gel's own, at rest."""
