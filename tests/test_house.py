@@ -47,7 +47,8 @@ FORBIDDEN_HOST = {"torch", "gelnet"}
 DOORS = {
     "sim_reference": (
         "lab/simulator/gel_models.py", "lab/simulator/known_force.py", "lab/simulator/memory.py",
-        "lab/simulator/one_press.py", "lab/simulator/read_noise.py", "lab/simulator/scene.py",
+        "lab/simulator/one_drag.py", "lab/simulator/one_press.py", "lab/simulator/read_noise.py",
+        "lab/simulator/scene.py",
         "lab/simulator/selfcheck.py", "lab/simulator/selfcheck_bounds.py", "lab/simulator/sequence.py",
         "lab/simulator/simulated_camera.py", "lab/simulator/simulated_url.py", "lab/simulator/unit.py",
         "lab/simulator/stage.py", "lab/simulator/dataset.py", "lab/simulator/demo_presses.py",

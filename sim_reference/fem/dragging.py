@@ -16,7 +16,7 @@ from sim_reference import gel
 from sim_reference.deformation import NotConverged
 from sim_reference.fem.barrier import Barrier
 from sim_reference.fem.gel import ABOVE_MM, INCREMENT_MM, FemGel, check_depth, field_of, solver_of
-from sim_reference.fem.leaning import Lean, check_tilt
+from sim_reference.fem.leaning import MOST_TILT_RAD, Lean, check_tilt
 from sim_reference.fem.newton import Contact, State
 from sim_reference.fem.pressing import STICK_MM, Checkpoint, OnStep, Pressing, cleared
 from sim_reference.geometry import SensorGeometry
@@ -47,6 +47,12 @@ class Dragged:
     """(S, 3) the vertices of the surface"""
     moved_mm: Array
     """(S, 3) how far they have moved from rest"""
+    touches: NDArray[np.bool_]
+    """(S,)"""
+    sticks: NDArray[np.bool_]
+    """(S,) where friction is less than what it can be; nowhere without friction"""
+    barrier: Barrier
+    """between the object, where it is, and the surface of the mesh"""
     checkpoint: Checkpoint
     """what it takes to go on from here"""
 
@@ -72,6 +78,7 @@ class Dragging(Pressing):
             self._rub()
         else:
             self._solve(Contact(self.barrier))
+            self._now = replace(self._now, anchor=self.state.at[surface])
 
     def found(self, pose: Pose, modulus_mpa: float) -> Dragged:
         """Return the gel as it rests now."""
@@ -80,7 +87,10 @@ class Dragging(Pressing):
         arm = surface - self.barrier.world(np.zeros((1, 3)))
         torque = float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum())
         moved = surface - self._mesh.vertices[self._mesh.surface]
-        return Dragged(pose, force.sum(axis=0), torque, surface, moved, self._now)
+        touches = self.barrier.gap(surface) < self.barrier.distance_mm
+        slipped = np.linalg.norm(_slipped(self.barrier, surface, self._now.anchor), axis=1)
+        sticks = touches & (slipped < STICK_MM) & (self._friction > 0)
+        return Dragged(pose, force.sum(axis=0), torque, surface, moved, touches, sticks, self.barrier, self._now)
 
     def force_on(self) -> Array:
         """Return the force (S, 3) of the object on each vertex, shear moduli times mm2: the gel's own, at rest."""
@@ -127,7 +137,8 @@ def drag(
     """
     check_depth(press_depth_mm, geometry)
     solver = solver_of(model, geometry)
-    field = field_of(object_height_mm, spacing_mm, -press_depth_mm - ABOVE_MM, solver.mesh.spacing_mm)
+    lowest = -press_depth_mm - ABOVE_MM - float(np.tan(MOST_TILT_RAD)) * geometry.gel_diameter_mm / 2
+    field = field_of(object_height_mm, spacing_mm, lowest, solver.mesh.spacing_mm)
     start, bare = Lean(press_depth_mm), replace(geometry, coating_smoothing_mm=0.0)
     dragging = Dragging(solver, field, model.friction, on_step, resume, start)
     if resume is None:
@@ -143,12 +154,17 @@ def drag(
     return found
 
 
-def _anchored(barrier: Barrier, at: Array, anchor: Array) -> Array:
-    """Return the anchors (S, 3): within the distance of full friction of `at`, at `at` where nothing touches."""
+def _slipped(barrier: Barrier, at: Array, anchor: Array) -> Array:
+    """Return how far (S, 3) mm vertices `at` have moved from their anchors along the object's surface."""
     normal = barrier.gap_gradient(at)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     slip = at - anchor
-    slip -= (slip * normal).sum(axis=1, keepdims=True) * normal
+    return np.asarray(slip - (slip * normal).sum(axis=1, keepdims=True) * normal)
+
+
+def _anchored(barrier: Barrier, at: Array, anchor: Array) -> Array:
+    """Return the anchors (S, 3): within the distance of full friction of `at`, at `at` where nothing touches."""
+    slip = _slipped(barrier, at, anchor)
     length = np.linalg.norm(slip, axis=1, keepdims=True)
     touching = barrier.gap(at)[:, None] < barrier.distance_mm
     return np.asarray(at - np.where(touching, slip * np.minimum(1, STICK_MM / np.maximum(length, 1e-12)), 0))

@@ -5,6 +5,10 @@ Sci. Comput. 16, 1995): three halvings make eight tetrahedra of half the size an
 halved together with all that share its edge, so the mesh stays conforming. Every new vertex is the middle of an edge,
 so each coarser mesh lies inside the finer one: that is what the multigrid solver needs.
 
+Sizes are powers of two, so that nearly every patch is whole, and the square of the size grows with the depth, by the
+size at the surface a mm. Too few layers in the depth, or patches cut in part, make the gel too stiff however fine its
+surface is (`tests.benchmarks.gel_force`).
+
 The free surface is z = 0, the support z = thickness, as everywhere in GelLight (z from the gel to the camera). The rim
 follows the edges of the tetrahedra: the disc's volume is right to one per cent.
 """
@@ -23,8 +27,8 @@ from sim_reference.geometry import SensorGeometry
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
-GROWTH_BELOW, GROWTH_BESIDE = 1 / 3, 1 / 2
-"""how much larger tetrahedra become, in mm a mm below the surface and beside the dense region"""
+GROWTH_BESIDE = 1 / 2
+"""how much larger tetrahedra become, in mm a mm beside the dense region"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +120,10 @@ def gel_mesh(geometry: SensorGeometry, resolution_mm: float, dense_radius_mm: fl
 
 
 def vertices_needed(geometry: SensorGeometry, resolution_mm: float, dense_radius_mm: float = 17.5) -> int:
-    """Return about how many vertices `gel_mesh` makes, without making them: to a fifth, as measured."""
+    """Return about how many vertices `gel_mesh` makes, without making them: to a fifth from 0.6 mm down."""
     layers, halvings = divisions(geometry.gel_thickness_mm / resolution_mm)
     spacing = geometry.gel_thickness_mm / layers / 2**halvings
-    return int(4.4 * np.pi * (dense_radius_mm / spacing) ** 2) + 2000
+    return int(6 * np.pi * (dense_radius_mm / spacing) ** 2) + 1000
 
 
 def divisions(wanted: float) -> tuple[int, int]:
@@ -166,9 +170,9 @@ class _Refinement:
 
     def _too_large(self, size_mm: float, dense_radius_mm: float) -> NDArray[np.bool_]:
         centre = self.vertices[self.tets].mean(axis=1)
-        below = np.maximum(centre[:, 2] - size_mm, 0)
         beside = np.maximum(np.hypot(centre[:, 0], centre[:, 1]) - dense_radius_mm, 0)
-        wanted = size_mm + np.hypot(GROWTH_BELOW * below, GROWTH_BESIDE * beside)
+        wanted = np.sqrt(size_mm**2 + size_mm * centre[:, 2]) + GROWTH_BESIDE * beside
+        wanted = size_mm * 2 ** np.floor(np.log2(wanted / size_mm))
         first, last = self._ends()
         length = np.linalg.norm(self.vertices[first] - self.vertices[last], axis=1)
         # A tetrahedron of a cube's size is cut first along the cube's diagonal.

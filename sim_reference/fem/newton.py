@@ -26,6 +26,8 @@ from sim_reference.fem.neo_hookean import NeoHookean
 Array = NDArray[np.float64]
 TOLERANCE_MM = 2e-5
 """Newton's method ends after a whole step that moves nothing by more"""
+ROUNDING_MM = 1e-3 * TOLERANCE_MM
+"""a step as short as this ends it even where it was cut: the energy's rounding hides whether it falls"""
 MOST_STEPS = 300
 """of a stage: under relief that fills the view, the gel slips outwards from one wave to the next for a hundred steps"""
 NEAR_MM = 0.03
@@ -143,6 +145,8 @@ class Solver:
                         iterations, not exact)  # fmt: skip
             if on_step:
                 on_step(step, state)
+            if longest < ROUNDING_MM:
+                return state
             if share >= 1 and (longest < TOLERANCE_MM or -change.slope / 2 < energy_share * energy):
                 return state
             exact = share >= 1 and longest < NEAR_MM

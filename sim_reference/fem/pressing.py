@@ -166,6 +166,9 @@ class Pressing:
         if self._friction:
             self._rub()
         surface = self.state.at[self._mesh.surface]
+        if not self._friction:
+            # Friction that begins after this finds nothing that pulls.
+            self._now = replace(self._now, anchor=surface)
         force = self.barrier.area * self.barrier.pressure(surface)
         if force.any():
             gap = float(force @ self.barrier.gap(surface) / force.sum())

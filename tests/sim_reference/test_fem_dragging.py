@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from sim_reference import gel
 from sim_reference.deformation import grid
 from sim_reference.fem.dragging import Dragged, Pose, drag
 from sim_reference.fem.gel import FemGel, solver_of
@@ -45,3 +46,28 @@ def test_the_support_holds_what_drags() -> None:
     bonded = np.setdiff1d(np.arange(len(solver.mesh.vertices)), solver.mesh.free)
     held = -solver.elastic.gradient(one.checkpoint.state.at)[bonded].sum(axis=0)
     np.testing.assert_allclose(held * SMOOTH.shear_modulus_mpa(GEOMETRY), one.force_n, atol=5e-3 * one.force_n[2])
+
+
+FLAT = np.sqrt(30.0**2 - AT[None, :] ** 2 - AT[:, None] ** 2) - 30.0
+"""a ball that slopes by no more than 0.06 where it touches: friction along it is friction along the gel"""
+FLAT_DEPTH = 0.1
+
+
+def slid(pose: Pose) -> Dragged:
+    start = drag(SMOOTH, FLAT, SPACING, FLAT_DEPTH, [Pose()], GEOMETRY)[0].checkpoint
+    return drag(replace(SMOOTH, friction=0.4), FLAT, SPACING, FLAT_DEPTH, [pose], GEOMETRY, resume=start)[0]
+
+
+def test_what_slides_pulls_with_all_of_the_friction() -> None:
+    one = slid(Pose((0.3, 0.0, 0.0)))
+    assert not one.sticks.any()
+    assert one.force_n[0] == pytest.approx(0.4 * one.force_n[2], rel=0.02)
+
+
+def test_what_turns_in_place_turns_against_all_of_the_friction() -> None:
+    # The layer's pressure, at full slip everywhere but in the middle.
+    one = slid(Pose(turn_rad=(0.0, 0.0, 0.4)))
+    pressure = gel.press(FLAT, SPACING, FLAT_DEPTH, GEOMETRY).pressure
+    arm = (pressure * np.hypot(AT[None, :], AT[:, None])).sum() / pressure.sum()
+    assert np.abs(one.force_n[:2]).max() < 5e-3 * one.force_n[2]
+    assert one.torque_nmm == pytest.approx(0.4 * one.force_n[2] * arm, rel=0.05)

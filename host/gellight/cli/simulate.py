@@ -14,6 +14,7 @@ from gellight.lab.design.geometry import read_geometry
 from gellight.lab.simulator.dataset import DatasetRequest, LightKind, make_dataset, store_in
 from gellight.lab.simulator.demo_presses import press_ahead
 from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind
+from gellight.lab.simulator.one_drag import drag_once, read_path
 from gellight.lab.simulator.one_press import PressRequest, press_once
 from gellight.lab.simulator.sequence import read_sequence, write_sequence
 from gellight.lab.simulator.sweep import ResultStore, default_folder
@@ -51,13 +52,18 @@ def press(
     friction: Annotated[
         float, typer.Option("--friction", min=0, max=2, help="Coefficient; in finite elements, to a depth.")
     ] = 0.0,
+    path: Annotated[
+        Path | None,
+        typer.Option("--path", metavar="FILE", help="Then drag it: CSV with x_mm,y_mm,z_mm,turn_deg from the press."),
+    ] = None,
     geometry: GeometryFile = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
     """Press one object into the gel, to a depth or with a force; with --free it tilts as the gel lets it.
 
-    A press by finite elements that was interrupted goes on from its last step with the same command.
+    What was interrupted goes on with the same command, a press by finite elements from its last step, a drag with the
+    pose that was under way.
     """
     if (depth is None) == (force is None):
         raise InputError("give --depth-mm or --force-n, one of the two")
@@ -65,12 +71,19 @@ def press(
         raise InputError("an object with --free tilts under a load: give --force-n, not --depth-mm")
     if load_at is not None and not free:
         raise InputError("--load-at is of an object that may tilt: give --free too")
-    refuse_existing(out / "press.npz", overwrite)
+    refuse_existing(out / ("report.json" if path else "press.npz"), overwrite)
     request = PressRequest(object_name=object_name, depth_mm=depth, force_n=force, gel=gel, resolution_mm=resolution,
                      friction=friction, free_at_mm=(load_at or (0.0, 0.0)) if free else None)  # fmt: skip
     with progress(object_name, TAKES if gel == "fem" else "") as tell:
-        report = press_once(request, out, read_geometry(geometry), lambda step: tell(None, None, in_words(step)))
-    show(report, as_json)
+
+        def on_step(step: Step) -> None:
+            tell(None, None, in_words(step))
+
+        if path:
+            dragged = drag_once(request, read_path(path), out, read_geometry(geometry), on_step)
+            show(dragged, as_json)
+        else:
+            show(press_once(request, out, read_geometry(geometry), on_step), as_json)
 
 
 @app.command()

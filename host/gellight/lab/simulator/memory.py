@@ -7,8 +7,8 @@ from gellight.base.errors import InputError
 from sim_reference.fem.mesh import vertices_needed
 from sim_reference.geometry import SensorGeometry
 
-PROCESS_BYTES, VERTEX_BYTES = 200_000_000, 20_000
-"""of a process that presses: 13 to 18 kB a vertex were measured, from 6600 to 370 000 vertices"""
+PROCESS_BYTES, VERTEX_BYTES = 200_000_000, 18_000
+"""of a process that presses: 10 to 15 kB a vertex were measured, from 13 000 to 131 000 vertices"""
 MEMINFO = Path("/proc/meminfo")
 
 

@@ -16,7 +16,7 @@ GEOMETRY = SensorGeometry()
 def test_a_mesh_is_refused_that_the_memory_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory, "free_memory", lambda: 10 * 10**9)
     check_memory(0.3, GEOMETRY)
-    check_memory(0.1, GEOMETRY)  # 5.2 GB were measured
+    check_memory(0.1, GEOMETRY)
     with pytest.raises(InputError, match=r"0\.1 mm in each of 2 --workers needs about .* GB .*: 0\.1\d mm fits"):
         check_memory(0.1, GEOMETRY, 2)
     with pytest.raises(InputError, match="use fewer --workers"):

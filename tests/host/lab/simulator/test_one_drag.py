@@ -1,0 +1,85 @@
+"""`gellight simulate press --path`: a press, then a drag; resumed, and refused with what works."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.lab.simulator.one_drag import drag_once, read_path
+from gellight.lab.simulator.one_press import PressRequest
+from sim_reference.fem.dragging import Pose
+from sim_reference.fem.newton import Step
+from sim_reference.geometry import SensorGeometry
+from tests.helpers.command_line import invoke
+
+GEOMETRY = SensorGeometry()
+BALL = PressRequest(object_name="ball", depth_mm=0.4, force_n=None, gel="fem", resolution_mm=1.25, friction=0.8)
+
+
+class Interrupted(Exception):  # noqa: N818 - what Ctrl-C does
+    pass
+
+
+def test_the_verb_writes_each_pose_and_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
+    path, folder = tmp_path / "path.csv", tmp_path / "p"
+    path.write_text("x_mm,y_mm,z_mm,turn_deg\n-0.05,0,0,0\n")
+
+    def interrupt(_: Step) -> None:
+        if (folder / "pose-000.npz").exists():
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        drag_once(BALL, read_path(path), folder, GEOMETRY, interrupt)
+    with pytest.raises(InputError, match="another drag"):
+        drag_once(replace(BALL, friction=0.5), read_path(path), folder, GEOMETRY, interrupt)
+    command = ["simulate", "press", "--object", "ball", "--depth-mm", "0.4", "--resolution-mm", "1.25", "--json"]
+    command += ["--friction", "0.8", "--path", str(path), "--out", str(folder)]
+    result = invoke(*command)
+    assert result.exit_code == 0, result.output
+    report = json.loads(result.stdout)
+    assert json.loads((folder / "report.json").read_text()) == report
+    pressed, dragged = (np.array(pose["force_n"]) for pose in report["poses"])
+    assert np.abs(pressed[:2]).max() < 0.02 * pressed[2]
+    assert dragged[0] < -0.1 * pressed[2]
+    with np.load(folder / "pose-001.npz") as written:
+        # Friction along the slopes of the ball holds some of the force.
+        assert written["pressure_mpa"].sum() * written["spacing_mm"] ** 2 == pytest.approx(dragged[2], rel=0.05)
+        assert written["tangential_mm"][256, 256] == pytest.approx([-0.05, 0.0], abs=0.01)
+    assert not (folder / "state.npz").exists()
+    assert "exists" in invoke(*command).output
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "give a first line x_mm,y_mm,z_mm,turn_deg"),
+        ("x_mm,y_mm,z_mm\n1,2,3\n", "give a first line"),
+        ("x_mm,y_mm,z_mm,turn_deg\n0,0,0,0\n1,2,a,0\n", "line 3: .* are not four numbers"),
+        ("x_mm,y_mm,z_mm,turn_deg\n0,0,0\n", "line 2: .* are not four numbers"),
+        ("x_mm,y_mm,z_mm,turn_deg\n0,0,nan,0\n", "line 2: .* are not all finite"),
+        ("\xff", "no CSV file"),
+    ],
+)
+def test_a_path_that_is_none_is_refused_with_its_line(text: str, reason: str, tmp_path: Path) -> None:
+    path = tmp_path / "path.csv"
+    path.write_bytes(text.encode("latin-1"))
+    with pytest.raises(InputError, match=reason):
+        read_path(path)
+
+
+@pytest.mark.parametrize(
+    ("request_", "z_mm", "reason"),
+    [
+        (replace(BALL, gel="layer"), 0.0, "give --depth-mm and --gel fem"),
+        (replace(BALL, depth_mm=None, force_n=1.0), 0.0, "give --depth-mm"),
+        (BALL, -0.4, "pose 1 is 0 mm deep"),
+        (BALL, 3.0, "above 0 to 3 mm"),
+    ],
+)
+def test_what_cannot_be_dragged_is_refused(request_: PressRequest, z_mm: float, reason: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=reason):
+        drag_once(request_, [Pose((0.0, 0.0, z_mm))], tmp_path / "p", GEOMETRY, lambda _: None)
+    assert not (tmp_path / "p").exists()
