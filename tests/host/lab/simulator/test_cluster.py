@@ -1,7 +1,9 @@
 """A Dask cluster computes what the processes of this machine compute."""
 
+import time
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,7 @@ from distributed import LocalCluster
 
 from gellight.base.errors import InputError
 from gellight.lab.design import studies
-from gellight.lab.simulator.sweep import ResultStore, SweepOptions, run, run_study
+from gellight.lab.simulator.sweep import ResultStore, SweepOptions, Task, executor, run, run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer.exposing import LightGroups
 from tests.helpers.command_line import invoke
@@ -51,3 +53,41 @@ def test_a_cluster_that_is_not_there_is_named(tmp_path: Path) -> None:
     assert isinstance(result.exception, InputError)
     assert "no Dask scheduler at tcp://127.0.0.1:1" in str(result.exception)
     assert run([], options) == []
+
+
+class Foreign:
+    """An argument that only a program with another module can read."""
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return import_module, ("gellight_of_tomorrow",)
+
+
+def test_a_cluster_with_another_gellight_is_told(cluster: LocalCluster, tmp_path: Path) -> None:
+    options = SweepOptions(store=ResultStore(tmp_path), scheduler=cluster.scheduler_address)
+    with pytest.raises(InputError, match="need the GelLight that this program has"):
+        run([Task("0", repr, (Foreign(),))], options)
+
+
+def test_a_cluster_that_goes_away_loses_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address=None) as leaving:
+
+        def tell(done: int, of: int, label: str) -> None:
+            if label:
+                leaving.close()
+
+        store = ResultStore(tmp_path)
+        options = SweepOptions(store=store, scheduler=leaving.scheduler_address, progress=tell)
+        with executor(options):
+            assert "waiting for workers: start some with `dask worker" in caplog.text
+        leaving.scale(1)
+        tasks = [Task(str(at), _slowly, (at,)) for at in range(4)]
+        with pytest.raises(InputError, match=r"is gone. What is done is kept in"):
+            run(tasks, options)
+    kept = [store.get(task.key) for task in tasks]
+    assert 0 < kept.count(None) < 4
+    assert run(tasks, SweepOptions(store=store)) == [0, 1, 2, 3]
+
+
+def _slowly(number: int) -> int:
+    time.sleep(0.5)
+    return number
