@@ -1,5 +1,7 @@
 """A Dask cluster computes what the processes of this machine compute."""
 
+import shutil
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,7 +17,9 @@ from gellight.lab.design import studies
 from gellight.lab.simulator.sweep import ResultStore, SweepOptions, Task, executor, run, run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer.exposing import LightGroups
+from tests.helpers.children import run as run_program
 from tests.helpers.command_line import invoke
+from tests.helpers.places import CHECKOUT
 
 GROUPS = LightGroups(numbers=(3, 12), angles_rad=tuple(np.radians([21.0, 29.0, 37.0])))
 
@@ -45,6 +49,20 @@ def test_what_a_cluster_computed_is_kept(cluster: LocalCluster, tmp_path: Path) 
     )
     again = run_study(studies.coarse_study(setup(), GROUPS), SweepOptions(store=store, scheduler="tcp://127.0.0.1:1"))
     np.testing.assert_array_equal(again.errors_rad, first.errors_rad, "nothing was missing, so no cluster was asked")
+
+
+def test_episodes_of_the_page_have_the_same_bytes_from_a_cluster(cluster: LocalCluster, tmp_path: Path) -> None:
+    program = CHECKOUT / "docs/examples/simulators/episodes.py"
+
+    def make(folder: str, *asked: str) -> list[str]:
+        done = run_program([sys.executable, program, tmp_path / folder, *asked], check=True, timeout_s=100)
+        return [line.split(":")[0] for line in done.stdout.splitlines()]
+
+    assert make("near", "2") == ["000000", "000001"]
+    shutil.copytree(tmp_path / "near/000000", tmp_path / "far/000000")
+    assert make("far", "2", cluster.scheduler_address) == ["000001"], "it goes on"
+    near, far = ((tmp_path / name / "000001/000000.tar").read_bytes() for name in ("near", "far"))
+    assert near == far
 
 
 def test_a_cluster_that_is_not_there_is_named(tmp_path: Path) -> None:
