@@ -13,7 +13,7 @@ from gellight.lab.simulator.printed_dots import PrintedDots, paint
 from gellight.lab.simulator.read_noise import ReadNoise
 from gellight.lab.simulator.unit import GEL, Unit
 from gellight.lab.touch.dots import dots_px
-from gellight.lab.touch.layer import Floats, Layer
+from gellight.lab.touch.layer import NOTHING, Floats, Layer
 from gellight.lab.touch.picture import Pictures, UnitPictures
 from gellight.lab.touch.traction import Sheared, Traction
 from sim_reference.camera import CameraResponse
@@ -128,7 +128,7 @@ class TouchSensor:
     ) -> Sheared:
         """Return the traction when what lies on each point has gone by `moved_mm` (n, n, 2) since `before`.
 
-        For a path, and for objects that move otherwise than each other; raises NotConverged.
+        For a path, and for objects that move otherwise than each other; raises as `drag`.
         """
         return self._traction.go_on(felt.pressure_mpa, moved_mm, friction, before)
 
@@ -146,14 +146,17 @@ class TouchSensor:
         """Return the gel under objects that were moved along its normal until it carries `force_n` N.
 
         The force of a contact with a flat gel is monotonous in depth, so a secant within bounds finds it. Raises
-        ValueError where the force is negative or beyond what the gel carries at its deepest, and as `feel`.
+        ValueError where the force is negative or beyond what the gel carries at its deepest, where nothing lies before
+        the gel, and as `feel`.
         """
         if not force_n >= 0:
             raise ValueError(f"a force of {force_n:g} N: give 0 or more")
-        gap = np.asarray(gap_mm, np.float32)
+        gap = self.layer.before(gap_mm)
         nearest = float(gap.min())
         if force_n == 0:
             return self.feel(gap - min(nearest, 0))
+        if nearest == NOTHING:
+            raise ValueError(f"nothing lies before the gel that could press it with {force_n:.3g} N")
         low, high, at_low, at_high = 0.0, self.geometry.deepest_press_mm, -force_n, None
         depth = min(max(-nearest, 0.05), high)
         for _ in range(MOST_SINKING):

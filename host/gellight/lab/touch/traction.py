@@ -74,8 +74,9 @@ class Traction:
         friction: float, before: Sheared | None,
     ) -> Sheared:  # fmt: skip
         """Return the gel after a motion (x mm, y mm, turn rad about the gel's centre); raises as `TouchSensor.drag`."""
-        if not friction >= 0 or not np.isfinite([friction, *motion]).all():
-            raise InputError(f"a motion of {motion} with friction {friction:g}: give finite mm and rad, and 0 or more")
+        check_friction(friction)
+        if np.shape(motion) != (3,) or not np.isfinite(motion).all():
+            raise InputError(f"a motion of {motion}: give x and y in mm and the turn in rad, finite")
         pressure = np.asarray(pressure_mpa, np.float64) / self.shear_modulus_mpa
         begun = tangential.at_rest(pressure, self._layer) if before is None else before.state
         moved = tangential.rigid_motion(self.at_mm[None, :], self.at_mm[:, None], motion)
@@ -84,7 +85,13 @@ class Traction:
     def go_on(
         self, pressure_mpa: NDArray[np.float32], moved_mm: NDArray[np.float64], friction: float, before: Sheared | None
     ) -> Sheared:
-        """Return the gel after what lies on each point has gone by `moved_mm` (n, n, 2) since `before`."""
+        """Return the gel after what lies on each point has gone by `moved_mm` (n, n, 2) since `before`.
+
+        Raises as `TouchSensor.go_on`.
+        """
+        check_friction(friction)
+        if np.shape(moved_mm) != (*pressure_mpa.shape, 2) or not np.isfinite(moved_mm).all():
+            raise InputError(f"motions of shape {np.shape(moved_mm)}: give {(*pressure_mpa.shape, 2)} finite mm")
         pressure = np.asarray(pressure_mpa, np.float64) / self.shear_modulus_mpa
         begun = tangential.at_rest(pressure, self._layer) if before is None else before.state
         begun = replace(begun, offset_mm=begun.displacement_mm)
@@ -100,8 +107,9 @@ class Traction:
         load is convex in the motion, and its gradient is what the gel carries less the load. Motions are in N, by the
         stiffness of a small one.
         """
-        if not friction >= 0 or not np.isfinite([friction, *load]).all():
-            raise InputError(f"a load of {load} with friction {friction:g}: give finite N and N mm, and 0 or more")
+        check_friction(friction)
+        if np.shape(load) != (3,) or not np.isfinite(load).all():
+            raise InputError(f"a load of {load}: give x and y in N and the torque in N mm, finite")
         rest = self.pressed(pressure_mpa)
         if friction == 0 or not any(load) or not (pressure_mpa > 0).any():
             return rest
@@ -138,3 +146,9 @@ class Traction:
     def _sheared(self, state: tangential.Dragged) -> Sheared:
         traction = state.traction * self.shear_modulus_mpa
         return Sheared(traction, state.displacement_mm, state.sticks, self.at_mm, state)
+
+
+def check_friction(coefficient: float) -> None:
+    """Raise InputError for a coefficient that is negative or not finite."""
+    if not 0 <= coefficient < np.inf:
+        raise InputError(f"friction {coefficient:g}: give Coulomb's coefficient, 0 or more")

@@ -101,6 +101,13 @@ def test_a_force_beyond_the_gel_is_refused(touch: TouchSensor) -> None:
         touch.sink(gap_of(touch, "BALL", 0.1), -1.0)
 
 
+def test_nothing_carries_nothing(touch: TouchSensor) -> None:
+    beside = np.where(np.hypot(touch.layer.at_mm[:, None], touch.layer.at_mm) > 25, -1.0, NOTHING)
+    assert touch.sink(beside, 0.0).force_n == 0
+    with pytest.raises(ValueError, match="nothing lies before the gel that could press it with 2 N"):
+        touch.sink(beside, 2.0)
+
+
 def test_nothing_is_felt_beside_the_gel(touch: TouchSensor) -> None:
     at = touch.layer.at_mm
     beside = np.where(np.hypot(at[None, :], at[:, None]) > 25.1, -1.0, NOTHING)
