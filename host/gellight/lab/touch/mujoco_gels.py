@@ -101,6 +101,8 @@ class MujocoGels(Mapping[str, MujocoGel]):
         """
         self.model = model
         geoms = geoms_of(model, list(touching))
+        if not geoms:
+            raise InputError(f"touching={list(touching)} has no geom, so nothing would be felt: name what may touch")
         if len(set(sites)) < len(sites) or not sites:
             raise InputError(f"gels {list(sites)}: give each site once, and one at least")
         self._gels = {site: MujocoGel(model, site, geoms, sensor()) for site in sites}

@@ -66,7 +66,7 @@ class Traction:
 
     def pressed(self, pressure_mpa: NDArray[np.float32]) -> Sheared:
         """Return the gel under a pressure alone (n, n), MPa."""
-        pressure = np.asarray(pressure_mpa, np.float64) / self.shear_modulus_mpa
+        pressure = self._over_modulus(pressure_mpa)
         return self._sheared(tangential.at_rest(pressure, self._layer))
 
     def drag(
@@ -77,7 +77,7 @@ class Traction:
         check_friction(friction)
         if np.shape(motion) != (3,) or not np.isfinite(motion).all():
             raise InputError(f"a motion of {motion}: give x and y in mm and the turn in rad, finite")
-        pressure = np.asarray(pressure_mpa, np.float64) / self.shear_modulus_mpa
+        pressure = self._over_modulus(pressure_mpa)
         begun = tangential.at_rest(pressure, self._layer) if before is None else before.state
         moved = tangential.rigid_motion(self.at_mm[None, :], self.at_mm[:, None], motion)
         return self._sheared(tangential.drag(begun, pressure, moved, friction, self._layer))
@@ -92,7 +92,7 @@ class Traction:
         check_friction(friction)
         if np.shape(moved_mm) != (*pressure_mpa.shape, 2) or not np.isfinite(moved_mm).all():
             raise InputError(f"motions of shape {np.shape(moved_mm)}: give {(*pressure_mpa.shape, 2)} finite mm")
-        pressure = np.asarray(pressure_mpa, np.float64) / self.shear_modulus_mpa
+        pressure = self._over_modulus(pressure_mpa)
         begun = tangential.at_rest(pressure, self._layer) if before is None else before.state
         begun = replace(begun, offset_mm=begun.displacement_mm)
         return self._sheared(tangential.drag(begun, pressure, moved_mm, friction, self._layer))
@@ -143,6 +143,11 @@ class Traction:
         ways[2, ..., 1] = (self.at_mm[None, :] - centre_mm[0]) / rim_mm
         return ways
 
+    def _over_modulus(self, pressure_mpa: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Return a pressure (n, n) in units of the shear modulus; InputError for one that another sensor felt."""
+        check_grid(len(pressure_mpa), len(self.at_mm))
+        return np.asarray(pressure_mpa, np.float64) / self.shear_modulus_mpa
+
     def _sheared(self, state: tangential.Dragged) -> Sheared:
         traction = state.traction * self.shear_modulus_mpa
         return Sheared(traction, state.displacement_mm, state.sticks, self.at_mm, state)
@@ -152,3 +157,9 @@ def check_friction(coefficient: float) -> None:
     """Raise InputError for a coefficient that is negative or not finite."""
     if not 0 <= coefficient < np.inf:
         raise InputError(f"friction {coefficient:g}: give Coulomb's coefficient, 0 or more")
+
+
+def check_grid(felt: int, own: int) -> None:
+    """Raise InputError where a gel was felt on another number of points than this sensor has."""
+    if felt != own:
+        raise InputError(f"felt on {felt} points a side by another sensor: this one has {own}")

@@ -113,6 +113,7 @@ RING_FACES = "".join(
         (["gels"], ["ball"], r"no site 'gels': it has \['gel'\]"),
         (["gel", "gel"], ["ball"], "give each site once"),
         ([], ["ball"], "one at least"),
+        (["gel"], [], r"touching=\[\] has no geom, so nothing would be felt"),
         (["gel"], ["pad"], "gel gel: the body that holds it is among what may touch it"),
         (["gel"], ["ring"], "geom ring: its mesh fills 8[0-9]% of its hull, and MuJoCo lets the hull collide"),
     ],
