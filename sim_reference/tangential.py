@@ -78,6 +78,11 @@ class Layer:
             odd[:, -1] *= self.shape[1] % 2
         return xx, xy, yy, normal, xz, yz
 
+    @cached_property
+    def influence(self) -> Array:
+        """(3, rows, columns) xx, xy, yy: how far a unit traction on one point moves the others."""
+        return np.asarray(scipy.fft.irfft2(np.stack(self._tensor[:3]), s=self.shape))
+
     def displacement(self, traction: Array) -> Array:
         """Return (rows, columns, 3) mm of the surface under (rows, columns, 3) traction per shear modulus."""
         xx, xy, yy, zz, xz, yz = self._tensor
@@ -139,22 +144,73 @@ def drag(
     """
     limit, own = friction * pressure, layer.pressed(pressure)
     wanted = (motion_mm + before.offset_mm - own) * (limit > 0)[..., None]
-    traction = _within(before.traction, limit)
-    ahead, momentum = traction, 1.0
-    step = 1 / layer.thickness_mm
+    window = _Window(layer, limit > 0)
+    traction = np.zeros_like(wanted)
+    traction[window.cut] = _slipped(
+        _within(before.traction, limit)[window.cut], limit[window.cut], wanted[window.cut], window,
+        tolerance, max_iterations,
+    )  # fmt: skip
+    moved = layer.sheared(traction) + own
+    return Dragged(traction, moved, moved - motion_mm, _sticking(traction, limit))
+
+
+def _slipped(
+    traction: Array, limit: Array, wanted: Array, window: "_Window", tolerance: float, max_iterations: int
+) -> Array:
+    """Return the traction (rows, columns, 2) of `drag` in a window, beginning with `traction`."""
+    ahead, momentum, step = traction, 1.0, 1 / window.stiffest_mm
     for _ in range(max_iterations):
-        updated = _within(ahead - step * (layer.sheared(ahead) - wanted), limit)
+        updated = _within(ahead - step * (window.sheared(ahead) - wanted), limit)
         change = updated - traction
         downhill = float(((ahead - updated) * change).sum()) <= 0
         following = (1 + np.sqrt(1 + 4 * momentum**2)) / 2 if downhill else 1.0
         ahead = updated + ((momentum - 1) / following if downhill else 0.0) * change
         traction, momentum = updated, following
         if np.linalg.norm(change) <= tolerance * np.linalg.norm(traction):
-            break
-    else:
-        raise NotConverged(f"the traction still changes after {max_iterations} iterations: take a coarser grid")
-    moved = layer.sheared(traction) + own
-    return Dragged(traction, moved, moved - motion_mm, _sticking(traction, limit))
+            return traction
+    raise NotConverged(f"the traction still changes after {max_iterations} iterations: take a coarser grid")
+
+
+class _Window:
+    """The rows and columns around a contact: how its points move each other, without the rest of the grid."""
+
+    def __init__(self, layer: Layer, touched: NDArray[np.bool_]) -> None:
+        rows, down, height = _span(np.asarray(touched.any(axis=1)))
+        columns, along, width = _span(np.asarray(touched.any(axis=0)))
+        self.cut, self._padded = (rows, columns), (height, width)
+        influence = np.zeros((3, height, width))
+        influence[:, down[:, None], along] = layer.influence[:, down[:, None], along]
+        self._touched = touched[self.cut]
+        self._shape = self._touched.shape
+        # It is the same to both sides of a point, so its transform is real.
+        self._tensor = scipy.fft.rfft2(influence).real
+        self.stiffest_mm = min(self._most_mm(np.abs(influence)), layer.thickness_mm)
+        """no traction in the contact, however distributed, moves it by more than this times the traction"""
+
+    def sheared(self, traction: Array) -> Array:
+        """Return what `Layer.sheared` does, within the window."""
+        (xx, xy, yy), (x, y) = self._tensor, scipy.fft.rfft2(np.moveaxis(traction, 2, 0), s=self._padded)
+        moved = scipy.fft.irfft2(np.stack([xx * x + xy * y, xy * x + yy * y]), s=self._padded)
+        return np.asarray(np.moveaxis(moved[:, : self._shape[0], : self._shape[1]], 0, 2))
+
+    def _most_mm(self, influence: Array) -> float:
+        """Return the largest sum of a row of the matrix of influences, which none of its eigenvalues exceeds."""
+        transformed = scipy.fft.rfft2(influence) * scipy.fft.rfft2(self._touched, s=self._padded)
+        xx, xy, yy = scipy.fft.irfft2(transformed, s=self._padded)[:, : self._shape[0], : self._shape[1]]
+        return float(np.max(np.maximum(xx + xy, xy + yy), initial=0.0, where=self._touched)) or 1.0
+
+
+def _span(touched: NDArray[np.bool_]) -> tuple[slice, NDArray[np.intp], int]:
+    """Return where a contact lies along an axis, how far two of its points may be apart, and the size to compute on.
+
+    The size holds every distance once; where the contact is as wide as half the grid, it is the grid, with its period.
+    """
+    at, size = np.flatnonzero(touched), len(touched)
+    first, last = (int(at[0]), int(at[-1])) if len(at) else (0, 0)
+    padded = scipy.fft.next_fast_len(2 * (last - first) + 1, real=True)
+    if padded >= size:
+        return slice(0, size), np.arange(size), size
+    return slice(first, last + 1), np.arange(first - last, last - first + 1), padded
 
 
 def rigid_motion(x: Array, y: Array, motion: tuple[float, float, float]) -> Array:

@@ -3,21 +3,26 @@
 speed: gap, layer and picture, ms of processor time, and how many a second on one core. truth: depth, force and picture
 against the simulated sensor's own (512 points a side). lift: a gripper holds balls, boxes and cylinders. energy: bodies
 are thrown at a gel; by how much kinetic and potential energy grow from one flight to the next. tasks: in what share of
-50 episodes rules with touch and without do what the environments ask for. worlds: what a step of one costs among 16.
+50 episodes rules with touch and without do what the environments ask for. worlds: what a step of one costs among 16
+and 64, and on two cores.
 tactile: depth and time beside MuJoCo's own sensor.
 """
 
 import argparse
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
 
 import gymnasium
 import mujoco
 import numpy as np
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv, VectorEnv
 from scipy.interpolate import RectBivariateSpline
 
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.touch import GRIPPER, Felt, TouchSensor
+from gellight.lab.touch.environments.spread import SpreadVectorEnv
 from gellight.lab.touch.mujoco_carry import Carrying
 from gellight.lab.touch.mujoco_gels import MujocoGels
 from sim_reference.camera import CameraResponse
@@ -189,24 +194,59 @@ def tasks() -> Iterator[str]:
 
 
 def worlds() -> Iterator[str]:
-    for name, steps in (("PressAndTell", 24), ("SlideToEdge", 24), ("InsertPeg", 24), ("Lift", 5)):
-        one, sixteen = step_ms(name, 1, 3 * steps), step_ms(name, 16, steps)
-        yield f"{name:<12} a step and world {one:.2f} ms alone, {sixteen:.2f} ms among 16: {sixteen / one:.2f} times"
+    """Tell what a step and world takes on two free cores, and how many times one process that is.
+
+    The same by the clock stands in brackets; beside other programs on the same cores it says little.
+    """
+    for name, steps in (("PressAndTell", 24), ("SlideToEdge", 24), ("InsertPeg", 24), ("Lift", 3)):
+        watch = {} if name == "Lift" else {"depth_size": 64}
+        make = partial(gymnasium.make, f"gellight/{name}-v0", observe=("depth", "wrench"), **watch)
+        for count in (16, 64) if name != "Lift" else (16,):
+            several = {
+                "alone": SyncVectorEnv([make]),
+                "one process": SyncVectorEnv([make] * count),
+                "two": SpreadVectorEnv([make] * count, processes=2),
+                "one each": AsyncVectorEnv([make] * count),
+            }
+            taken = step_ms(several, max(steps * 16 // count, 3))
+            free, waited = ({how: ms[:, column].mean() for how, ms in taken.items()} for column in (0, 1))
+            gains = [{how: ms["one process"] / ms[how] for how in ms} for ms in (free, waited)]
+            yield f"{name:<12} {count} worlds: " + "; ".join(
+                f"{how} {ms:.2f} ms, {gains[0][how]:.2f} times (clock {gains[1][how]:.2f})" for how, ms in free.items()
+            )
 
 
-def step_ms(name: str, count: int, steps: int) -> float:
-    """Return the processor time of a step and world under random actions, with the episodes begun anew, ms."""
-    several = gymnasium.make_vec(f"gellight/{name}-v0", num_envs=count, vectorization_mode="sync")
-    several.reset(seed=0)
-    several.action_space.seed(0)
-    taken = []
+def step_ms(several: dict[str, VectorEnv], steps: int) -> dict[str, np.ndarray]:
+    """Return (steps, 2) for each: what a step and world takes on two free cores, and what it took, ms.
+
+    All take steps in turn, under random actions, with the episodes begun anew. On free cores a step takes the processor
+    time of this process, and that of the busier core of two.
+    """
+    taken: dict[str, list[tuple[float, float]]] = {how: [] for how in several}
+    for worlds in several.values():
+        worlds.reset(seed=0)
+        worlds.action_space.seed(0)
     for _ in range(steps):
-        action = several.action_space.sample()
-        begun = time.process_time()
-        several.step(action)
-        taken.append(time.process_time() - begun)
-    several.close()
-    return float(np.mean(taken)) / count * 1e3
+        for how, worlds in several.items():
+            action, pids = worlds.action_space.sample(), children(worlds)
+            begun, here, there = time.perf_counter(), time.process_time(), processor_s(pids)
+            worlds.step(action)
+            spent = processor_s(pids) - there
+            free = time.process_time() - here + max(spent.max(initial=0.0), spent.sum() / 2)
+            taken[how].append((free, time.perf_counter() - begun))
+    for worlds in several.values():
+        worlds.close()
+    return {how: np.array(rows) * 1e3 / several[how].num_envs for how, rows in taken.items()}
+
+
+def children(worlds: VectorEnv) -> list[int]:
+    inner = getattr(worlds, "groups", worlds)
+    return [process.pid for process in getattr(inner, "processes", [])]
+
+
+def processor_s(pids: list[int]) -> np.ndarray:
+    """Return the processor time of each process so far, s."""
+    return np.array([int(Path(f"/proc/{pid}/schedstat").read_text().split()[0]) / 1e9 for pid in pids])
 
 
 def tactile() -> Iterator[str]:

@@ -7,7 +7,7 @@ from sim_reference.deformation import grid
 from sim_reference.gel import compliance, press, wave_number
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import object_height
-from sim_reference.tangential import Layer, at_rest, compliances, drag, rigid_motion
+from sim_reference.tangential import Layer, _Window, at_rest, compliances, drag, rigid_motion
 
 THICKNESS, POISSON = 5.0, 0.49
 
@@ -126,3 +126,30 @@ def test_a_twist_has_a_torque_and_no_force() -> None:
     torque = (x * turned.traction[..., 1] - y * turned.traction[..., 0]).sum()
     assert torque > 0
     assert abs(turned.traction.sum(axis=(0, 1))).max() < 1e-6 * torque
+
+
+@pytest.mark.parametrize("shape", [(48, 40), (41, 37)])
+@pytest.mark.parametrize("rows", [slice(7, 8), slice(0, 9), slice(30, 48), slice(5, 36)])
+@pytest.mark.parametrize("columns", [slice(3, 14), slice(1, 39)])
+def test_a_window_around_a_contact_is_the_whole_grid(shape: tuple[int, int], rows: slice, columns: slice) -> None:
+    random, touched = np.random.default_rng(3), np.zeros(shape, bool)
+    touched[rows, columns] = random.random(touched[rows, columns].shape) < 0.7
+    layer = Layer(shape, 0.4, THICKNESS, POISSON)
+    window, traction = _Window(layer, touched), random.normal(size=(*shape, 2)) * touched[..., None]
+    np.testing.assert_allclose(window.sheared(traction[window.cut]), layer.sheared(traction)[window.cut], atol=1e-12)
+    for _ in range(20):  # by the power iteration towards the traction that moves the contact most
+        moved = layer.sheared(traction) * touched[..., None]
+        most, traction = np.linalg.norm(moved), moved / np.linalg.norm(moved)
+    assert 0.6 * window.stiffest_mm < most <= window.stiffest_mm * (1 + 1e-9)
+
+
+def test_a_drag_ends_where_a_longer_iteration_does_and_without_contact_at_once() -> None:
+    layer, pressure = Layer((64, 64), 0.5, THICKNESS, POISSON), hertz(64, 0.5, 3.0)
+    moved = rigid_motion(*mesh(64, 0.5), (0.02, 0.01, 0.004))
+    found, longer = (
+        drag(at_rest(pressure, layer), pressure, moved, 0.6, layer, tolerance=tolerance) for tolerance in (1e-5, 1e-12)
+    )
+    assert 0.1 < longer.sticks.sum() / np.count_nonzero(pressure) < 0.9
+    assert np.linalg.norm(found.traction - longer.traction) < 1e-4 * np.linalg.norm(longer.traction)
+    assert longer.offset_mm[longer.sticks] == pytest.approx(at_rest(pressure, layer).offset_mm[longer.sticks], abs=1e-9)
+    assert not drag(at_rest(0 * pressure, layer), 0 * pressure, moved, 0.6, layer).traction.any()

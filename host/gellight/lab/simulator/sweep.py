@@ -8,7 +8,7 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, ProcessPoolExecutor, as_completed
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -218,7 +218,7 @@ def _begin_worker() -> None:
 def executor(options: SweepOptions) -> Iterator[Executor]:
     """Yield the pool that runs the tasks: processes of this machine, or a Dask cluster.
 
-    Raises InputError if Dask is not installed or its scheduler does not answer.
+    Raises InputError if Dask is not installed, its scheduler does not answer or goes away, or has another GelLight.
     """
     if options.scheduler is None:
         # Not forked: a progress bar's thread may hold a lock at that moment.
@@ -234,15 +234,36 @@ def executor(options: SweepOptions) -> Iterator[Executor]:
                     worker.kill()
                 raise
         return
+    with _cluster(options.scheduler, options.store.folder) as pool:
+        yield pool
+
+
+@contextmanager
+def _cluster(scheduler: str, kept_in: Path) -> Iterator[Executor]:
     try:
-        from distributed import Client
+        from distributed import Client, KilledWorker
     except ImportError:
         raise InputError('--scheduler needs Dask: pip install "gellight[cluster]"') from None
     try:
-        client = Client(options.scheduler, timeout="10s")
+        client = Client(scheduler, timeout="10s")
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"no Dask scheduler at {options.scheduler} ({error}): start one with `dask scheduler`"
-        ) from error
+        raise InputError(f"no Dask scheduler at {scheduler} ({error}): start one with `dask scheduler`") from error
+    kept = f"What is done is kept in {kept_in}; the same command goes on there"
     with client:
-        yield client.get_executor()
+        if not client.scheduler_info()["workers"]:
+            logger.warning("waiting for workers: start some with `dask worker %s`", scheduler)
+        try:
+            yield client.get_executor()
+        except CancelledError:
+            raise InputError(f"the Dask scheduler at {scheduler} is gone. {kept}") from None
+        except KilledWorker as error:
+            raise InputError(
+                f"Dask's workers were killed, perhaps because memory was short ({error}). {kept}"
+            ) from None
+        except (ImportError, RuntimeError) as error:
+            if isinstance(error, ImportError) or "deserialization" in str(error):
+                raise InputError(
+                    f"the Dask scheduler at {scheduler} and its workers need the GelLight that this program has: "
+                    f"install it there ({error.__cause__ or error})"
+                ) from error
+            raise

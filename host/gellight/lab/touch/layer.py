@@ -56,18 +56,22 @@ class Layer:
 
     def check(self, gap_mm: Floats) -> Floats:
         """Return a gap as float32, `NOTHING` beside the gel; raises as `pressure_mpa`."""
-        gap = np.asarray(gap_mm, np.float32)
-        if gap.shape != self._beside.shape or not np.isfinite(gap).all():
-            raise ValueError(
-                f"a gap of shape {gap.shape}: give {self._beside.shape} finite mm, NOTHING where nothing is"
-            )
-        gap = np.where(self._beside, np.float32(NOTHING), gap)
+        gap = self.before(gap_mm)
         if gap.min() < -self.deepest_mm:
             raise ValueError(
                 f"an object lies {-gap.min():.2f} mm deep in a gel that is simulated to {self.deepest_mm:g} mm: "
                 "make the step of the simulation shorter, or press less"
             )
         return gap
+
+    def before(self, gap_mm: Floats) -> Floats:
+        """Return a gap as float32, `NOTHING` beside the gel, however deep; ValueError for a shape or number."""
+        gap = np.asarray(gap_mm, np.float32)
+        if gap.shape != self._beside.shape or not np.isfinite(gap).all():
+            raise ValueError(
+                f"a gap of shape {gap.shape}: give {self._beside.shape} finite mm, NOTHING where nothing is"
+            )
+        return np.where(self._beside, np.float32(NOTHING), gap)
 
 
 NOTHING = -NO_OBJECT

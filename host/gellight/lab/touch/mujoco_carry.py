@@ -79,9 +79,13 @@ class Carrying:
     ) -> None:
         """Take the gels; friction: Coulomb's coefficient. sliding_ratio: tangential over normal stiffness.
 
-        Raises InputError for an integrator that cannot be stepped in two halves, and where MuJoCo's own contact acts
-        between a gel and what it carries.
+        Raises InputError for an integrator that cannot be stepped in two halves, where MuJoCo's own contact acts
+        between a gel and what it carries, and for figures that are negative or not finite.
         """
+        figures = {"friction": friction, "loss_time_s": loss_time_s, "sliding_ratio": sliding_ratio or 0.0}
+        for figure, value in figures.items():
+            if not 0 <= value < np.inf:
+                raise InputError(f"{figure} {value:g}: give 0 or more")
         model = gels.model
         if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
             raise InputError('gels cannot carry under integrator="RK4": use "implicitfast"')
@@ -145,7 +149,7 @@ class Carrying:
         """(n, n) by how much the gap grows in a step if bodies and gel move on with velocities `free`."""
         at_mm, axes, grows = gel.sensor.layer.at_mm, gel.gap.rotation(data), np.zeros(bodies.shape)
         origin = data.site_xpos[gel.gap.site]
-        for body in np.unique(bodies[bodies > 0]):
+        for body in np.unique(bodies[bodies >= 0]):
             motion = self._relative(data, axes, origin, int(body), gel.body) @ free
             speed_mm = motion[2] / MM + motion[3] * at_mm[:, None] - motion[4] * at_mm[None, :]
             grows += np.where(bodies == body, self._model.opt.timestep * speed_mm, 0)

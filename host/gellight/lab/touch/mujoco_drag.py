@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from gellight.lab.touch.mujoco_gap import MM
 from gellight.lab.touch.mujoco_gels import MujocoGel
 from gellight.lab.touch.touch_sensor import Felt
-from gellight.lab.touch.traction import Sheared
+from gellight.lab.touch.traction import Sheared, check_friction
 
 Floats = NDArray[np.float64]
 
@@ -16,7 +16,8 @@ class Dragging:
     """Follows the objects from call to call; the gel remembers their path."""
 
     def __init__(self, gel: MujocoGel, *, friction: float = 0.8) -> None:
-        """Take a gel; friction: Coulomb's coefficient."""
+        """Take a gel; friction: Coulomb's coefficient. Raises InputError where it is negative or not finite."""
+        check_friction(friction)
         self._gel, self._friction = gel, friction
         self._places: dict[int, Floats] = {}
         self._before: Sheared | None = None
@@ -30,7 +31,7 @@ class Dragging:
         bodies, moved_mm = self._gel.gap.bodies(), np.zeros((*felt.depth_mm.shape, 2))
         x, y = np.meshgrid(felt.at_mm, felt.at_mm)
         points = np.stack([x, y, -felt.depth_mm.astype(np.float64)], axis=-1)
-        places = {int(body): self._place(data, int(body)) for body in np.unique(bodies[felt.contact])}
+        places = {int(body): self._place(data, int(body)) for body in np.unique(bodies[felt.contact & (bodies >= 0)])}
         for body in places.keys() & self._places.keys():
             motion = places[body] @ np.linalg.inv(self._places[body])
             carried = points @ motion[:3, :3].T + motion[:3, 3] - points

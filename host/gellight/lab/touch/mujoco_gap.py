@@ -49,9 +49,9 @@ class GelGap:
         self._distance = np.zeros(len(self._points))
 
     def bodies(self) -> NDArray[np.int32]:
-        """(n, n): the body that the last `gap_mm` found at each point; 0 where nothing is."""
+        """(n, n): the body that the last `gap_mm` found at each point, 0 for the world; -1 where nothing is."""
         body = self._model.geom_bodyid[np.maximum(self._geom, 0)]
-        return np.where(self._geom < 0, 0, body).astype(np.int32).reshape(self._shape)
+        return np.where(self._geom < 0, -1, body).astype(np.int32).reshape(self._shape)
 
     def rotation(self, data: mujoco.MjData) -> Floats:
         """(3, 3): the axes of the gel as columns, in the world."""

@@ -17,6 +17,9 @@ from gellight.lab.touch.mujoco_gap import MM, GelGap, geoms_of
 from gellight.lab.touch.touch_sensor import Felt, TouchSensor
 from gellight.lab.touch.traction import Sheared
 
+OUTWARDS = 0.1
+"""cosine between the normals of a contact and of the gel, at least"""
+
 
 class MujocoGel:
     """One gel of a model."""
@@ -52,12 +55,21 @@ class MujocoGel:
         return max(-float(self._load(data)[2]), 0.0)
 
     def _contacts(self, data: mujoco.MjData) -> Iterator[tuple[int, int]]:
-        """Yield the contacts of objects with the gel's body, and 1 where that is the first of the two, else -1."""
+        """Yield the contacts of objects with the gel's body, and 1 where that is the first of the two, else -1.
+
+        A finger may be touched beside its gel and on its back too: those are left out.
+        """
+        axes, radius_m = self.gap.rotation(data), self.sensor.geometry.gel_diameter_mm / 2 * MM
         for index in range(data.ncon):
-            pair = [int(geom) for geom in data.contact[index].geom]
+            contact = data.contact[index]
+            pair = [int(geom) for geom in contact.geom]
             ours = [self._model.geom_bodyid[geom] == self.body for geom in pair]
-            if any(ours) and pair[ours.index(True) ^ 1] in self.geoms:
-                yield index, 1 if ours[0] else -1
+            if not any(ours) or pair[ours.index(True) ^ 1] not in self.geoms:
+                continue
+            sign = 1 if ours[0] else -1
+            x, y, _ = axes.T @ (contact.pos - data.site_xpos[self.gap.site])
+            if np.hypot(x, y) <= radius_m and sign * contact.frame[:3] @ axes[:, 2] > OUTWARDS:
+                yield index, sign
 
     def _load(self, data: mujoco.MjData) -> NDArray[np.float64]:
         """(4,): MuJoCo's contact force on the gel along its axes, N, and the torque about its normal, N mm."""
@@ -89,6 +101,8 @@ class MujocoGels(Mapping[str, MujocoGel]):
         """
         self.model = model
         geoms = geoms_of(model, list(touching))
+        if not geoms:
+            raise InputError(f"touching={list(touching)} has no geom, so nothing would be felt: name what may touch")
         if len(set(sites)) < len(sites) or not sites:
             raise InputError(f"gels {list(sites)}: give each site once, and one at least")
         self._gels = {site: MujocoGel(model, site, geoms, sensor()) for site in sites}

@@ -13,9 +13,9 @@ from gellight.lab.simulator.printed_dots import PrintedDots, paint
 from gellight.lab.simulator.read_noise import ReadNoise
 from gellight.lab.simulator.unit import GEL, Unit
 from gellight.lab.touch.dots import dots_px
-from gellight.lab.touch.layer import Floats, Layer
+from gellight.lab.touch.layer import NOTHING, Floats, Layer
 from gellight.lab.touch.picture import Pictures, UnitPictures
-from gellight.lab.touch.traction import Sheared, Traction
+from gellight.lab.touch.traction import Sheared, Traction, check_grid
 from sim_reference.camera import CameraResponse
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry, pixel_grid
@@ -128,7 +128,7 @@ class TouchSensor:
     ) -> Sheared:
         """Return the traction when what lies on each point has gone by `moved_mm` (n, n, 2) since `before`.
 
-        For a path, and for objects that move otherwise than each other; raises NotConverged.
+        For a path, and for objects that move otherwise than each other; raises as `drag`.
         """
         return self._traction.go_on(felt.pressure_mpa, moved_mm, friction, before)
 
@@ -146,14 +146,17 @@ class TouchSensor:
         """Return the gel under objects that were moved along its normal until it carries `force_n` N.
 
         The force of a contact with a flat gel is monotonous in depth, so a secant within bounds finds it. Raises
-        ValueError where the force is negative or beyond what the gel carries at its deepest, and as `feel`.
+        ValueError where the force is negative or beyond what the gel carries at its deepest, where nothing lies before
+        the gel, and as `feel`.
         """
         if not force_n >= 0:
             raise ValueError(f"a force of {force_n:g} N: give 0 or more")
-        gap = np.asarray(gap_mm, np.float32)
+        gap = self.layer.before(gap_mm)
         nearest = float(gap.min())
         if force_n == 0:
             return self.feel(gap - min(nearest, 0))
+        if nearest == NOTHING:
+            raise ValueError(f"nothing lies before the gel that could press it with {force_n:.3g} N")
         low, high, at_low, at_high = 0.0, self.geometry.deepest_press_mm, -force_n, None
         depth = min(max(-nearest, 0.05), high)
         for _ in range(MOST_SINKING):
@@ -180,7 +183,7 @@ class TouchSensor:
 
     def grey(self, felt: Felt, sheared: Sheared | None = None) -> Floats:
         """Return the picture before noise, (H, W, 3) grey levels."""
-        grey = self._drawing().grey(felt.depth_mm)
+        grey = self._drawing(felt).grey(felt.depth_mm)
         if self.dots is not None:
             albedo = self.dots.albedo ** (1 / self._response.gamma)
             diameter_px = self.dots.diameter_mm / self.geometry.pixel_size_mm
@@ -203,7 +206,7 @@ class TouchSensor:
 
     def surface(self, felt: Felt) -> tuple[Floats, Floats, Floats]:
         """Return depth (mm) and its slopes along x and y on the pixels of the camera, (H, W) each."""
-        return self._drawing().surface(felt.depth_mm)
+        return self._drawing(felt).surface(felt.depth_mm)
 
     def pressure_map_mpa(self, felt: Felt) -> NDArray[np.float32]:
         """Return the pressure (H, W), MPa, on the pixels: that of the nearest point of the grid, 0 beyond it."""
@@ -213,8 +216,9 @@ class TouchSensor:
         nearest = felt.pressure_mpa[np.ix_(*(np.clip(at, 0, len(at_mm) - 1) for at in (y, x)))]
         return np.where(np.outer(*inside), nearest, 0).astype(np.float32)
 
-    def _drawing(self) -> Pictures | UnitPictures:
+    def _drawing(self, felt: Felt) -> Pictures | UnitPictures:
         """Prepare the tables of the light when the first picture is asked for."""
+        check_grid(len(felt.depth_mm), self.layer.size)
         if self._pictures is None and self.light is not None:
             self._pictures = UnitPictures(self.geometry, self.layer.at_mm, self.light)
         elif self._pictures is None:
@@ -227,6 +231,8 @@ def _built(sensor: SensorGeometry | Bundle | None, gel: Mapping[str, float]) -> 
     if not isinstance(sensor, Bundle):
         if gel:
             raise InputError(f"gel = {dict(gel)} corrects a bundle: give one, or a SensorGeometry that says so itself")
+        if sensor is not None and not isinstance(sensor, SensorGeometry):
+            raise InputError(f"TouchSensor({sensor!r}): give a SensorGeometry, or a bundle by gellight.load_bundle")
         return sensor or SensorGeometry(), None
     for name in gel:
         if name not in GEL:

@@ -66,7 +66,7 @@ class Traction:
 
     def pressed(self, pressure_mpa: NDArray[np.float32]) -> Sheared:
         """Return the gel under a pressure alone (n, n), MPa."""
-        pressure = np.asarray(pressure_mpa, np.float64) / self.shear_modulus_mpa
+        pressure = self._over_modulus(pressure_mpa)
         return self._sheared(tangential.at_rest(pressure, self._layer))
 
     def drag(
@@ -74,9 +74,10 @@ class Traction:
         friction: float, before: Sheared | None,
     ) -> Sheared:  # fmt: skip
         """Return the gel after a motion (x mm, y mm, turn rad about the gel's centre); raises as `TouchSensor.drag`."""
-        if not friction >= 0 or not np.isfinite([friction, *motion]).all():
-            raise InputError(f"a motion of {motion} with friction {friction:g}: give finite mm and rad, and 0 or more")
-        pressure = np.asarray(pressure_mpa, np.float64) / self.shear_modulus_mpa
+        check_friction(friction)
+        if np.shape(motion) != (3,) or not np.isfinite(motion).all():
+            raise InputError(f"a motion of {motion}: give x and y in mm and the turn in rad, finite")
+        pressure = self._over_modulus(pressure_mpa)
         begun = tangential.at_rest(pressure, self._layer) if before is None else before.state
         moved = tangential.rigid_motion(self.at_mm[None, :], self.at_mm[:, None], motion)
         return self._sheared(tangential.drag(begun, pressure, moved, friction, self._layer))
@@ -84,8 +85,14 @@ class Traction:
     def go_on(
         self, pressure_mpa: NDArray[np.float32], moved_mm: NDArray[np.float64], friction: float, before: Sheared | None
     ) -> Sheared:
-        """Return the gel after what lies on each point has gone by `moved_mm` (n, n, 2) since `before`."""
-        pressure = np.asarray(pressure_mpa, np.float64) / self.shear_modulus_mpa
+        """Return the gel after what lies on each point has gone by `moved_mm` (n, n, 2) since `before`.
+
+        Raises as `TouchSensor.go_on`.
+        """
+        check_friction(friction)
+        if np.shape(moved_mm) != (*pressure_mpa.shape, 2) or not np.isfinite(moved_mm).all():
+            raise InputError(f"motions of shape {np.shape(moved_mm)}: give {(*pressure_mpa.shape, 2)} finite mm")
+        pressure = self._over_modulus(pressure_mpa)
         begun = tangential.at_rest(pressure, self._layer) if before is None else before.state
         begun = replace(begun, offset_mm=begun.displacement_mm)
         return self._sheared(tangential.drag(begun, pressure, moved_mm, friction, self._layer))
@@ -100,8 +107,9 @@ class Traction:
         load is convex in the motion, and its gradient is what the gel carries less the load. Motions are in N, by the
         stiffness of a small one.
         """
-        if not friction >= 0 or not np.isfinite([friction, *load]).all():
-            raise InputError(f"a load of {load} with friction {friction:g}: give finite N and N mm, and 0 or more")
+        check_friction(friction)
+        if np.shape(load) != (3,) or not np.isfinite(load).all():
+            raise InputError(f"a load of {load}: give x and y in N and the torque in N mm, finite")
         rest = self.pressed(pressure_mpa)
         if friction == 0 or not any(load) or not (pressure_mpa > 0).any():
             return rest
@@ -135,6 +143,23 @@ class Traction:
         ways[2, ..., 1] = (self.at_mm[None, :] - centre_mm[0]) / rim_mm
         return ways
 
+    def _over_modulus(self, pressure_mpa: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Return a pressure (n, n) in units of the shear modulus; InputError for one that another sensor felt."""
+        check_grid(len(pressure_mpa), len(self.at_mm))
+        return np.asarray(pressure_mpa, np.float64) / self.shear_modulus_mpa
+
     def _sheared(self, state: tangential.Dragged) -> Sheared:
         traction = state.traction * self.shear_modulus_mpa
         return Sheared(traction, state.displacement_mm, state.sticks, self.at_mm, state)
+
+
+def check_friction(coefficient: float) -> None:
+    """Raise InputError for a coefficient that is negative or not finite."""
+    if not 0 <= coefficient < np.inf:
+        raise InputError(f"friction {coefficient:g}: give Coulomb's coefficient, 0 or more")
+
+
+def check_grid(felt: int, own: int) -> None:
+    """Raise InputError where a gel was felt on another number of points than this sensor has."""
+    if felt != own:
+        raise InputError(f"felt on {felt} points a side by another sensor: this one has {own}")

@@ -152,6 +152,9 @@ def test_a_firm_grip_lifts_and_a_soft_one_does_not() -> None:
         (lambda: PressAndTell(("BALL",)), "choose two or more of BALL"),
         (lambda: PressAndTell(observe=("smell",)), "choose of depth, wrench, contact, picture"),
         (lambda: Lift(()), "choose of depth"),
+        (lambda: SlideToEdge(depth_size=0), "depth_size 0: give the points"),
+        (lambda: PressAndTell().step(15), "action 15: give 0 to 14"),
+        (lambda: PressAndTell().step(-1), "action -1: give 0 to 14"),
     ],
 )
 def test_what_cannot_be_observed_or_pressed_is_said(make: Any, says: str) -> None:
@@ -163,5 +166,6 @@ def test_what_cannot_be_observed_or_pressed_is_said(make: Any, says: str) -> Non
 def test_an_action_that_is_no_number_is_refused(make: Any, size: int) -> None:
     environment = make()
     environment.reset(seed=0)
-    with pytest.raises(InputError, match=r"action \[.*nan.*\]: give finite numbers, -1 to 1"):
-        environment.step(np.array([0.0] * (size - 1) + [np.nan], np.float32))
+    for action in (np.array([0.0] * (size - 1) + [np.nan], np.float32), np.zeros(size - 1)):
+        with pytest.raises(InputError, match=rf"action \[.*\]: give {size} finite numbers, -1 to 1"):
+            environment.step(action)

@@ -7,6 +7,7 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.lab.touch import GRIPPER, TouchSensor
 from gellight.lab.touch.mujoco_carry import Carrying, Held
+from gellight.lab.touch.mujoco_drag import Dragging
 from gellight.lab.touch.mujoco_gels import MujocoGels
 
 MODEL = GRIPPER.read_text()
@@ -20,11 +21,12 @@ def gripper(shape: str, mass_kg: float) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(MODEL.replace('type="sphere" size=".008" mass=".02"', geom))
 
 
-def carrying(model: mujoco.MjModel, friction: float = 0.8, sites: tuple[str, ...] = ("left", "right")) -> Carrying:
-    def sensor() -> TouchSensor:
-        return TouchSensor(size=32, extent_mm=32.0)
+def small() -> TouchSensor:
+    return TouchSensor(size=32, extent_mm=32.0)
 
-    return Carrying(MujocoGels(model, list(sites), touching=["object"], sensor=sensor), friction=friction)
+
+def carrying(model: mujoco.MjModel, friction: float = 0.8, sites: tuple[str, ...] = ("left", "right")) -> Carrying:
+    return Carrying(MujocoGels(model, list(sites), touching=["object"], sensor=small), friction=friction)
 
 
 def lifted(
@@ -111,3 +113,32 @@ def test_mujoco_and_the_gel_do_not_both_carry() -> None:
     model = mujoco.MjModel.from_xml_string(DROP.replace('contype="0" conaffinity="0"', ""))
     with pytest.raises(InputError, match='<exclude body1="finger" body2="object"/>'):
         carrying(model, sites=("gel",))
+
+
+def test_what_stands_in_the_world_carries_as_a_body_does() -> None:
+    came = []
+    for opened, closed in (("", ""), ("<body>", "</body>")):
+        model = mujoco.MjModel.from_xml_string(
+            f"""<mujoco><option integrator="implicitfast" gravity="0 0 9.81"/><worldbody>
+            {opened}<geom name="rock" type="sphere" size=".004" pos="0 0 .0042"/>{closed}
+            <body name="finger"><joint name="down" type="slide" axis="0 0 1"/><site name="gel"/>
+            <geom type="box" size=".01 .01 .002" pos="0 0 -.002" mass=".1" contype="0" conaffinity="0"/></body>
+            </worldbody></mujoco>"""
+        )
+        data, gels = mujoco.MjData(model), MujocoGels(model, ["gel"], touching=["rock"], sensor=small)
+        carry = Carrying(gels)
+        for _ in range(40):
+            held = carry.step(data)
+        came.append((data.qpos[0], held[0].force_n[2]))
+    assert came[0] == came[1]
+    assert came[0][1] > 0
+
+
+def test_a_friction_that_is_none_is_refused() -> None:
+    gels = MujocoGels(mujoco.MjModel.from_xml_path(str(GRIPPER)), ["left"], touching=["object"], sensor=small)
+    with pytest.raises(InputError, match="friction nan: give 0 or more"):
+        Carrying(gels, friction=np.nan)
+    with pytest.raises(InputError, match="loss_time_s -1: give 0 or more"):
+        Carrying(gels, loss_time_s=-1.0)
+    with pytest.raises(InputError, match="Coulomb's coefficient"):
+        Dragging(gels["left"], friction=-0.1)

@@ -72,7 +72,8 @@ def by_hand() -> tuple[Dragging, MujocoGel, mujoco.MjModel, mujoco.MjData]:
     model = mujoco.MjModel.from_xml_string(
         """<mujoco><worldbody><body name="finger" euler="30 20 10"><site name="gel"/>
         <body name="ball" pos="0 0 .0031"><joint name="x" type="slide" axis="1 0 0"/>
-        <joint name="y" type="slide" axis="0 1 0"/><joint name="roll" type="hinge" axis="0 1 0"/>
+        <joint name="y" type="slide" axis="0 1 0"/><joint name="z" type="slide" axis="0 0 1"/>
+        <joint name="roll" type="hinge" axis="0 1 0"/>
         <joint name="spin" type="hinge"/><geom type="sphere" size=".004" mass=".01"/></body></body>
         </worldbody></mujoco>"""
     )
@@ -111,3 +112,32 @@ def test_a_spin_turns_and_what_rolls_pulls_little() -> None:
     slid, *world = by_hand()
     moved(slid, *world)
     assert abs(rolled.force_n[0]) < 0.35 * moved(slid, *world, x=1e-4).force_n[0]
+
+
+def test_what_leaves_and_comes_back_pulls_no_more() -> None:
+    dragging, *world = by_hand()
+    moved(dragging, *world)
+    assert moved(dragging, *world, x=1e-4).force_n[0] != 0
+    left = moved(dragging, *world, z=0.004)
+    assert left.force_n == (0, 0)
+    assert not left.sticks.any()
+    force_n = world[0].feel(world[2]).force_n
+    assert force_n == 0
+    assert moved(dragging, *world, x=3e-4, z=0.0).force_n == pytest.approx((0, 0), abs=1e-2)
+
+
+def test_two_objects_that_part_pull_apart() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body name="finger" euler="30 20 10"><site name="gel"/>
+        <body name="a" pos="-.006 0 .0031"><joint name="a" type="slide" axis="1 0 0"/>
+        <geom type="sphere" size=".004" mass=".01"/></body>
+        <body name="b" pos=".006 0 .0031"><joint name="b" type="slide" axis="1 0 0"/>
+        <geom type="sphere" size=".004" mass=".01"/></body></body></worldbody></mujoco>"""  # both move with the finger
+    )
+    data, gel = mujoco.MjData(model), MujocoGels(model, ["gel"], touching=["a", "b"], sensor=small)["gel"]
+    dragging = Dragging(gel)
+    moved(dragging, gel, model, data)
+    pulled = moved(dragging, gel, model, data, a=-1e-4, b=1e-4)
+    left = pulled.traction_mpa[:, :32, 0].sum()
+    assert left < 0
+    assert pulled.traction_mpa[:, 32:, 0].sum() == pytest.approx(-left, rel=0.02)

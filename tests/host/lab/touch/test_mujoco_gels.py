@@ -46,7 +46,7 @@ def test_a_ball_lies_where_it_is(depth_mm: float, look: str) -> None:
     truth = ball_gap(gel.sensor.layer.at_mm, 1.0, -2.0, depth_mm)
     assert gap == pytest.approx(truth, abs=3e-3), "rays are parallel to 2e-4, which the steep rim shows"
     assert gap[truth < 1] == pytest.approx(truth[truth < 1], abs=1e-3)
-    assert (gel.gap.bodies() == np.where(gap < NOTHING, model.body("object").id, 0)).all()
+    assert (gel.gap.bodies() == np.where(gap < NOTHING, model.body("object").id, -1)).all()
     assert (model.geom_group == groups).all()
     assert (model.geom_rgba == opaque).all()
 
@@ -113,6 +113,7 @@ RING_FACES = "".join(
         (["gels"], ["ball"], r"no site 'gels': it has \['gel'\]"),
         (["gel", "gel"], ["ball"], "give each site once"),
         ([], ["ball"], "one at least"),
+        (["gel"], [], r"touching=\[\] has no geom, so nothing would be felt"),
         (["gel"], ["pad"], "gel gel: the body that holds it is among what may touch it"),
         (["gel"], ["ring"], "geom ring: its mesh fills 8[0-9]% of its hull, and MuJoCo lets the hull collide"),
     ],
@@ -129,3 +130,21 @@ def test_a_step_through_the_gel_is_said() -> None:
     gel = MujocoGels(model, ["gel"], touching=["ball"], sensor=small)["gel"]
     with pytest.raises(ValueError, match=r"lies 5\.98 mm deep in a gel that is simulated to 3 mm: make the step"):
         gel.feel(data)
+
+
+@pytest.mark.parametrize("place", [".0135 0 -.002", "0 0 -.0078"])
+def test_what_touches_the_finger_beside_the_gel_or_on_its_back_is_not_felt(place: str) -> None:
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option gravity="0 0 0"/><worldbody><body name="finger" euler="0 0 30">
+        <geom type="box" size=".01 .01 .002" pos="0 0 -.002"/><site name="gel"/></body>
+        <body name="around" euler="0 0 30"><body name="ball" pos="{place}"><geom type="sphere" size=".004" mass=".05"/>
+        <joint type="slide"/></body></body></worldbody></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    gel = MujocoGels(model, ["gel"], touching=["ball"], sensor=small)["gel"]
+    force = np.zeros(6)
+    mujoco.mj_contactForce(model, data, 0, force)
+    assert force[0] > 0
+    assert gel.contact_force_n(data) == 0
+    assert gel.look(data).force_n == 0

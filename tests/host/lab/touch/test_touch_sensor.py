@@ -1,6 +1,7 @@
 """The layer for a stream of gaps, its pictures, and the depth at which it carries a force."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -101,6 +102,13 @@ def test_a_force_beyond_the_gel_is_refused(touch: TouchSensor) -> None:
         touch.sink(gap_of(touch, "BALL", 0.1), -1.0)
 
 
+def test_nothing_carries_nothing(touch: TouchSensor) -> None:
+    beside = np.where(np.hypot(touch.layer.at_mm[:, None], touch.layer.at_mm) > 25, -1.0, NOTHING)
+    assert touch.sink(beside, 0.0).force_n == 0
+    with pytest.raises(ValueError, match="nothing lies before the gel that could press it with 2 N"):
+        touch.sink(beside, 2.0)
+
+
 def test_nothing_is_felt_beside_the_gel(touch: TouchSensor) -> None:
     at = touch.layer.at_mm
     beside = np.where(np.hypot(at[None, :], at[:, None]) > 25.1, -1.0, NOTHING)
@@ -114,6 +122,16 @@ def test_a_gap_that_is_none_is_refused(touch: TouchSensor) -> None:
         touch.feel(np.full((128, 128), np.nan))
     with pytest.raises(ValueError, match=r"an object lies 3.98 mm deep in a gel that is simulated to 3 mm"):
         touch.feel(gap_of(touch, "BALL", 4.0))
+
+
+def test_what_another_sensor_felt_is_refused(touch: TouchSensor) -> None:
+    other = TouchSensor(size=64)
+    felt = other.feel(gap_of(other, "BALL", 0.5))
+    for use in (touch.picture, touch.depth_map_mm, partial(touch.pull, force_n=(0.1, 0.0))):
+        with pytest.raises(InputError, match="felt on 64 points a side by another sensor: this one has 128"):
+            use(felt)
+    with pytest.raises(InputError, match="give a SensorGeometry, or a bundle by"):
+        TouchSensor("my-sensor")  # type: ignore[arg-type]
 
 
 def test_a_grid_that_cannot_be_is_refused() -> None:

@@ -50,8 +50,36 @@ def test_the_way_back_pulls_the_other_way(touch: TouchSensor, felt: Felt) -> Non
     assert touch.drag(felt, (0.0, 0.0, 0.0), friction=FRICTION, before=out).force_n[0] < 0
 
 
-def test_a_motion_that_is_none_is_refused(touch: TouchSensor, felt: Felt) -> None:
-    with pytest.raises(InputError, match="friction -1"):
-        touch.drag(felt, (0.0, 0.0, 0.0), friction=-1.0)
-    with pytest.raises(InputError, match="finite mm and rad"):
+@pytest.mark.parametrize("friction", [-1.0, np.nan, np.inf])
+def test_a_friction_that_is_none_is_refused(touch: TouchSensor, felt: Felt, friction: float) -> None:
+    with pytest.raises(InputError, match="Coulomb's coefficient, 0 or more"):
+        touch.drag(felt, (0.0, 0.0, 0.0), friction=friction)
+    with pytest.raises(InputError, match="Coulomb's coefficient, 0 or more"):
+        touch.go_on(felt, np.zeros((64, 64, 2)), friction=friction)
+    with pytest.raises(InputError, match="Coulomb's coefficient, 0 or more"):
+        touch.pull(felt, (0.0, 0.0), friction=friction)
+
+
+def test_a_motion_or_load_that_is_none_is_refused(touch: TouchSensor, felt: Felt) -> None:
+    with pytest.raises(InputError, match=r"a motion of \(nan, 0.0, 0.0\): give x and y in mm"):
         touch.drag(felt, (np.nan, 0.0, 0.0))
+    with pytest.raises(InputError, match="give x and y in mm"):
+        touch.drag(felt, (0.1, 0.0))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"a load of .* give x and y in N"):
+        touch.pull(felt, (np.inf, 0.0))
+    for moved_mm in (np.zeros((64, 64)), np.full((64, 64, 2), np.nan)):
+        with pytest.raises(InputError, match=r"give \(64, 64, 2\) finite mm"):
+            touch.go_on(felt, moved_mm)
+
+
+def test_two_objects_carry_a_load_and_a_torque_together(touch: TouchSensor) -> None:
+    at = touch.layer.at_mm
+    balls = [
+        object_height("BALL", at[None, :] - x, at[:, None] - y) + deep for x, y, deep in ((-5, 1, 0.7), (6, -2, 0.4))
+    ]
+    two = touch.feel(-np.maximum(*balls))
+    load, torque_nmm = (0.3 * two.force_n, -0.2 * two.force_n), 1.5 * two.force_n
+    pulled = touch.pull(two, load, torque_nmm)
+    assert pulled.force_n == pytest.approx(load, abs=2e-3 * two.force_n)
+    assert pulled.torque_nmm == pytest.approx(torque_nmm, rel=5e-3)
+    assert (np.linalg.norm(pulled.traction_mpa, axis=2) <= 0.8 * two.pressure_mpa * (1 + 1e-6)).all()

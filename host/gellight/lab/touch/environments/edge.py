@@ -56,7 +56,7 @@ class SlideToEdge(OneGel[Floats]):
 
     def step(self, action: Floats) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Slide, or say that the edge is there."""
-        x, y, there = clipped(action)
+        x, y, there = clipped(action, 3)
         self._steps += 1
         if there > 0:
             right = abs(self._away_mm) <= TOLERANCE_MM

@@ -70,7 +70,7 @@ class Lift(gymnasium.Env[dict[str, Any], Floats]):
 
     def step(self, action: Floats) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Change the grip and move the hand for 40 ms."""
-        change, speed = clipped(action)
+        change, speed = clipped(action, 2)
         self._grip_n = float(np.clip(self._grip_n + 0.5 * change, 0, STRONGEST_N))
         before_mm = self._height_mm()
         self._go(STEPS, FASTEST_MM_S * float(speed))

@@ -22,6 +22,8 @@ class Observing:
 
     def __init__(self, sensor: TouchSensor, kinds: Sequence[str], depth_size: int) -> None:
         """Choose kinds of `KINDS`; depth maps have `depth_size` points a side. Raises InputError for others."""
+        if depth_size < 1:
+            raise InputError(f"depth_size {depth_size}: give the points a side of depth maps, 1 or more")
         if not kinds or set(kinds) - set(KINDS):
             raise InputError(f"observations {list(kinds)}: choose of {', '.join(KINDS)}")
         self.sensor, self._kinds, self._size = sensor, tuple(kinds), depth_size

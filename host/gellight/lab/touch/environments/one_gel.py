@@ -38,9 +38,9 @@ class OneGel(gymnasium.Env[dict[str, Any], Action]):
         return self._sensor.picture(felt) if self.render_mode == "rgb_array" and felt else None
 
 
-def clipped(action: Floats) -> list[float]:
-    """Return an action within -1 to 1; InputError where it is no number."""
+def clipped(action: Floats, count: int) -> list[float]:
+    """Return the `count` numbers of an action within -1 to 1; InputError where it is none."""
     numbers = np.asarray(action, np.float64)
-    if not np.isfinite(numbers).all():
-        raise InputError(f"action {numbers.tolist()}: give finite numbers, -1 to 1")
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        raise InputError(f"action {numbers.tolist()}: give {count} finite numbers, -1 to 1")
     return [float(one) for one in np.clip(numbers, -1, 1)]

@@ -74,7 +74,7 @@ class InsertPeg(OneGel[Floats]):
 
     def step(self, action: Floats) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Lift the hand and move it, or push."""
-        along, turn, push = clipped(action)
+        along, turn, push = clipped(action, 3)
         self._steps += 1
         if push > 0:
             self._pushes += 1

@@ -53,7 +53,9 @@ class PressAndTell(OneGel[int]):
         return self._pressed(), self._told()
 
     def step(self, action: int) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """Move and press, or tell."""
+        """Move and press, or tell; raises InputError for another action."""
+        if not 0 <= action < len(MOVES_MM) + len(self._objects):
+            raise InputError(f"action {action}: give 0 to {len(MOVES_MM) + len(self._objects) - 1}")
         if action >= len(MOVES_MM):
             right = action - len(MOVES_MM) == self._object
             return self._pressed(), 1.0 if right else -1.0, True, False, self._told()
