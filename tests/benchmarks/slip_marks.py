@@ -8,8 +8,9 @@ the dots and the untouched picture of the clip itself. An alarm is the first of 
 import argparse
 import csv
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 
 import cv2
@@ -30,26 +31,54 @@ from tests.benchmarks.shear import begun, read
 
 MARKS = Path(__file__).parents[1] / "data" / "slip_marks" / "marks.csv"
 RATE_HZ = 25
+APART = 10
+"""frames between two marks of one slip"""
 LATEST = 25
 """frames after the mark in which an alarm still finds it"""
 
 
 @dataclass(frozen=True)
 class Mark:
-    """What a clip shows: `after` and `frame` as in RULE.txt."""
+    """What one marker saw in a clip: `after` and `frame` as in RULE.txt."""
 
     clip: str
+    marker: str
     mark: str
     after: int | None
     frame: int | None
 
 
-def marks() -> Iterator[Mark]:
-    """Yield those of the file."""
+def marks() -> list[Mark]:
+    """Return those of the file."""
+
+    def frame(text: str) -> int | None:
+        return int(text) if text else None
+
     with MARKS.open() as file:
-        for row in csv.DictReader(file):
-            after, frame = (int(row[name]) if row[name] else None for name in ("after", "frame"))
-            yield Mark(row["clip"], row["mark"], after, frame)
+        return [
+            Mark(row["clip"], row["marker"], row["mark"], frame(row["after"]), frame(row["frame"]))
+            for row in csv.DictReader(file)
+        ]
+
+
+def agreed(one: Mark, other: Mark) -> Mark | None:
+    """Return what two marks of a clip say together, None where they disagree: see RULE.txt."""
+    if one.mark != other.mark:
+        return None
+    if one.after is None or other.after is None:
+        return Mark(one.clip, "both", one.mark, None, None)
+    after = min(one.after, other.after)
+    if one.frame is None or other.frame is None:
+        return Mark(one.clip, "both", one.mark, after, None)
+    apart = max(one.after, other.after) - min(one.frame, other.frame)
+    return Mark(one.clip, "both", one.mark, after, max(one.frame, other.frame)) if apart <= APART else None
+
+
+def in_both(some: Iterable[Mark], others: Iterable[Mark]) -> tuple[list[Mark], int]:
+    """Return what two markers agree on, and how many clips both marked."""
+    seen = {mark.clip: mark for mark in others}
+    pairs = [(mark, seen[mark.clip]) for mark in some if mark.clip in seen]
+    return [mark for pair in pairs if (mark := agreed(*pair))], len(pairs)
 
 
 def told(path: Path, other: Bundle, place: Path) -> tuple[int, list[SlipState]]:
@@ -83,45 +112,60 @@ def alarms(first: int, states: list[SlipState]) -> list[int]:
     return [int(number) + first for number in np.flatnonzero(full[1:] & ~full[:-1])]
 
 
-def judge(folder: Path, other: Bundle, place: Path) -> None:
-    """Print a line for each clip that can be told, and the sum."""
-    every, delays = list(marks()), []
+def judged(every: list[Mark], felt: dict[str, tuple[int, list[SlipState]]]) -> str:
+    """Return what the alarms are worth by these marks."""
+    delays: list[int] = []
     slipped = false = still = unknown = late_start = 0
     for one in every:
-        if one.after is None:
+        if one.after is None or one.clip not in felt:
             continue
-        try:
-            first, states = told(folder / f"{one.clip}.avi", other, place)
-        except GellightError as reason:
-            print(f"{one.clip}: not felt: {reason}", flush=True)
-            continue
+        first, states = felt[one.clip]
         if first > one.after:
             late_start += 1
-            print(
-                f"{one.clip}: not judged: the first frame fit as untouched, {first}, comes after {one.after}",
-                flush=True,
-            )
             continue
         called = alarms(first, states)
-        quiet = states[: max(0, one.after + 1 - first)]
-        wrong = [number for number in called if number <= one.after]
-        false, still = false + len(wrong), still + len(quiet)
+        quiet = states[: one.after + 1 - first]
+        false, still = false + sum(number <= one.after for number in called), still + len(quiet)
         unknown += sum(state == SlipState.UNKNOWN for state in quiet)
-        line = f"{one.clip}: from {first}, {one.mark} {one.frame or ''}, false alarms {wrong}"
         if one.frame is not None:
             slipped += 1
-            found = [number for number in called if one.after < number <= one.frame + LATEST]
-            delays += [number - one.frame for number in found[:1]]
-            line += f", found {found[:1]}"
-        print(line, flush=True)
+            delays += [number - one.frame for number in called if one.after < number <= one.frame + LATEST][:1]
     late = f"{np.median(delays):.0f} frames, p90 {np.percentile(delays, 90):.0f}" if delays else "not known"
     rate = f"{60 * RATE_HZ * false / still:.1f}" if still else "no"
-    print(
-        f"{len(every)} clips, {sum(one.after is None for one in every)} untellable, "
-        f"{late_start} without an untouched frame before; {len(delays)} of {slipped} slips "
-        f"found, delay {late}; {rate} false alarms a minute in {still / RATE_HZ:.0f} s without slip, of which "
-        f"{100 * unknown / max(1, still):.0f} % unknown"
+    return (
+        f"{len(every)} clips, {sum(one.after is None for one in every)} untellable, {late_start} without an untouched "
+        f"frame before; {len(delays)} of {slipped} slips found, delay {late}; {rate} false alarms a minute in "
+        f"{still / RATE_HZ:.0f} s without slip, of which {100 * unknown / max(1, still):.0f} % unknown"
     )
+
+
+def feel(clips: Iterable[str], folder: Path, other: Bundle, place: Path) -> dict[str, tuple[int, list[SlipState]]]:
+    """Return what is told in each clip, and print its alarms."""
+    felt = {}
+    for clip in clips:
+        try:
+            felt[clip] = told(folder / f"{clip}.avi", other, place)
+        except GellightError as reason:
+            print(f"{clip}: not felt: {reason}", flush=True)
+            continue
+        print(f"{clip}: from {felt[clip][0]}, alarms {alarms(*felt[clip])}", flush=True)
+    return felt
+
+
+def judge(folder: Path, other: Bundle, place: Path) -> None:
+    """Print how well the markers agree, and what the alarms are worth by each and by what two agree on."""
+    every = marks()
+    by = {
+        marker: [mark for mark in every if mark.marker == marker] for marker in sorted({mark.marker for mark in every})
+    }
+    sets = dict(by)
+    for one, other_one in combinations(by, 2):
+        both, of = in_both(by[one], by[other_one])
+        print(f"markers {one} and {other_one} agree on {len(both)} of {of} clips")
+        sets[f"{one} and {other_one}"] = both
+    felt = feel(dict.fromkeys(mark.clip for mark in every if mark.after is not None), folder, other, place)
+    for name, some in sets.items():
+        print(f"by {name}: {judged(some, felt)}")
 
 
 def main() -> None:
