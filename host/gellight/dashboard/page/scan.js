@@ -164,7 +164,7 @@ function distance([x, y], [otherX, otherY]) {
 function figuresOf({ presses, lost, map }) {
   if (!map) return "";
   const [width, height] = map.size_mm;
-  const parts = [`${presses} presses`, `${width.toFixed(0)} × ${height.toFixed(0)} mm`, `the gel reached ${(100 * map.reached).toFixed(0)} %`];
+  const parts = [`${presses} press${presses === 1 ? "" : "es"}`, `${width.toFixed(0)} × ${height.toFixed(0)} mm`, `the gel reached ${(100 * map.reached).toFixed(0)} %`];
   if (lost.length) parts.splice(1, 0, `not joined: ${lost.join(", ")}`);
   if (typeof map.seam_um === "number") parts.push(`presses differ by ${map.seam_um.toFixed(1)} µm`);
   return parts.join("; ");
