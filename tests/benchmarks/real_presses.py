@@ -3,7 +3,8 @@
 A row is a set, what was held out, how many presses were trained on, whose circles, and the way:
 
 folds       the images are divided, and whatever is judged was not trained on; few presses are drawn at random in each
-            fold; `first fold` is one of them, which `make test` repeats
+            fold; `first fold` is one of them: `make test` repeats some, and `--only "first fold" --seeds 5` shows
+            how far networks of other seeds are apart
 unit NAME   all presses of that other unit are trained on; this unit gives its untouched picture and its pixels
 hand, own   circles that a person drew, and those that `detect` finds; those by hand judge where there are some
 refined     the training circles are refined among themselves first, as `fit --refine` does
@@ -57,6 +58,8 @@ LEAST_TRAINED = {"three_lights": 21, "three_lights_crop": 9, "dots": 9, "digit":
 """presses that a fold has to train on"""
 GATE = (("three_lights_crop", HAND, PLAIN), ("mini", HAND, PLAIN))
 """sets, circles and ways of the rows that `make test` repeats"""
+SCATTER = tuple((name, count) for name in ("mini", "gripper") for count in (None, 5))
+"""sets and numbers of presses whose spread over seeds is looked at, in one fold, by circles of a hand"""
 
 
 @dataclass(frozen=True)
@@ -81,8 +84,9 @@ class Row:
 
 
 def rows() -> list[Row]:
-    """Return all rows: those that `make test` repeats first, then by number of presses."""
+    """Return all rows: one fold first, where `make test` and the spread of seeds need it; then by number of presses."""
     found = [Row(name, FIRST, None, circles, way) for name, circles, way in GATE]
+    found += [row for name, count in SCATTER if (row := Row(name, FIRST, count, HAND, PLAIN)) not in found]
     for count in COUNTS:
         for name in SETS:
             found += [
@@ -126,9 +130,9 @@ def _judges(row: Row, fold: Fold) -> Judges:
 
 
 def show(chosen: Sequence[Row], record: Record) -> None:
-    """Print the rows as they are recorded: means over presses and seeds, the seeds' spread of the first figure."""
+    """Print the rows as they are recorded: means over presses and seeds, the seeds' spread of normals and depth."""
     width = max(len(str(row)) for row in chosen)
-    heads = f"{'normals':>9}{'spread':>8}{'< 0.8 r':>9}{'depth mm':>10}{'scale':>8}{'seeds':>7}"
+    heads = f"{'normals':>9}{'spread':>8}{'< 0.8 r':>9}{'depth mm':>10}{'spread':>9}{'scale':>8}{'seeds':>7}"
     print(f"{'':{width}} {'judged by':10}{heads}")
     for row in chosen:
         known = record.rows.get(str(row))
@@ -137,10 +141,10 @@ def show(chosen: Sequence[Row], record: Record) -> None:
             continue
         for by in row.judges if known.figures(REFINED, "scale") else (GIVEN,):
             deg, sure, depth, scale = (known.figures(by, what) for what in Errors.__dataclass_fields__)
-            spread = f"{statistics.stdev(deg):.2f}" if len(deg) > 1 else ""
+            spread, scatter = (f"{statistics.stdev(x):.{n}f}" if len(x) > 1 else "" for x, n in ((deg, 2), (depth, 4)))
             print(
                 f"{row!s:{width}} {by:10}{statistics.mean(deg):9.2f}{spread:>8}{statistics.mean(sure):9.2f}"
-                f"{statistics.mean(depth):10.4f}{statistics.mean(scale):8.3f}{len(deg):7}"
+                f"{statistics.mean(depth):10.4f}{scatter:>9}{statistics.mean(scale):8.3f}{len(deg):7}"
             )
 
 
