@@ -1,11 +1,11 @@
-"""Faults drawn at random over everything that writes: `python -m tests.soak.kills FAULTS [SEED]`.
+"""Faults drawn at random over everything that writes: `python -m tests.soak.kills FAULTS [SEED [KIND...]]`.
 
-A process is killed or stopped at a random moment of its act, its disk is full after a random number of bytes, its
-memory runs out after as many, or its home is read-only. Afterwards what is there has to be old or new, the same act has
-to work at once, and a refusal has to name the place. Ends with 1 where something did not hold. writers.py has the acts.
+A process is killed or stopped at a random moment of its act, its disk or its memory ends after a random number of
+bytes, its home is read-only, or its clock steps in another time zone. Afterwards what is there has to be old or new,
+the same act has to work at once, and a refusal has to name the place. Ends with 1 where something did not hold.
+writers.py has the acts, surroundings.py what they are left without.
 """
 
-import ctypes
 import os
 import random
 import resource
@@ -23,14 +23,20 @@ from enum import StrEnum
 from pathlib import Path
 
 from gellight.base.errors import GellightError
+from tests.soak.surroundings import (
+    ZONES,
+    fill,
+    own_disk,
+    set_modes,
+    with_another_clock,
+    without_growth,
+    without_memory,
+    without_rights,
+)  # fmt: skip
 from tests.soak.writers import Writer, prepare, writers
 
 PATIENCE_S = 60.0
 DONE, REFUSED, FAULT = 0, 2, 3
-_NEW_NAMES, _NEW_USERS = 0x00020000, 0x10000000
-"""CLONE_NEWNS, CLONE_NEWUSER"""
-_CAPABILITIES_3 = 0x20080522
-_libc = ctypes.CDLL(None, use_errno=True)
 
 
 class Blow(StrEnum):
@@ -42,6 +48,11 @@ class Blow(StrEnum):
     FULL_DISK = "the disk is full"
     READ_ONLY = "the home is read-only"
     NO_MEMORY = "memory runs out"
+    CLOCK = "the clock steps, in another time zone"
+
+
+WEIGHTS = {Blow.KILLED: 6, Blow.NO_LARGER_FILE: 2, Blow.FULL_DISK: 2, Blow.NO_MEMORY: 2, Blow.CLOCK: 2}
+"""how often a fault is drawn, if not once"""
 
 
 class BrokenError(Exception):
@@ -120,9 +131,12 @@ def did(act: Callable[[], object]) -> tuple[int, str]:
 class Faults:
     """Draws faults, and judges what they leave."""
 
-    def __init__(self, seed: int, folder: Path, chosen: Callable[[Path], tuple[Writer, ...]] = writers) -> None:
+    def __init__(
+        self, seed: int, folder: Path,
+        chosen: Callable[[Path], tuple[Writer, ...]] = writers, blows: tuple[Blow, ...] = tuple(Blow),
+    ) -> None:  # fmt: skip
         """Write what the acts read, and measure how long each lasts undisturbed; chosen: makes the acts."""
-        self._random, self._folder = random.Random(seed), folder
+        self._random, self._folder, self.blows = random.Random(seed), folder, blows
         (folder / "sources").mkdir()
         prepare(folder / "sources")
         self.writers = chosen(folder / "sources")
@@ -148,7 +162,7 @@ class Faults:
     def one(self) -> None:
         """Draw a fault, and judge it."""
         (writer,) = self._random.choices(self.writers, [writer.weight for writer in self.writers])
-        (blow,) = self._random.choices(tuple(Blow), (6, 1, 2, 2, 1, 2))
+        (blow,) = self._random.choices(self.blows, [WEIGHTS.get(blow, 1) for blow in self.blows])
         tally = self.tallies.setdefault((writer.name, blow), Tally())
         tally.tried += 1
         try:
@@ -170,10 +184,13 @@ class Faults:
             status, _ = did(lambda: without_memory(writer, home, more))  # libraries in C end the process as they like
             tally.refused += status != DONE
         elif blow is Blow.READ_ONLY:
-            _set_modes(home, 0o555, 0o444)
-            ended = did(lambda: _without_rights(writer, home))
-            _set_modes(home, 0o755, 0o644)
+            set_modes(home, 0o555, 0o444)
+            ended = did(lambda: without_rights(writer, home))
+            set_modes(home, 0o755, 0o644)
             tally.refused += self._refusal(*ended, home)
+        elif blow is Blow.CLOCK:
+            step_s, zone = self._random.choice((-1, 1)) * 10 ** self._random.uniform(0, 9), self._random.choice(ZONES)
+            self._holds("the act fails", did(lambda: with_another_clock(writer, home, step_s, moment_s, zone)))
         else:
             struck = Child(lambda: writer.act(home))
             time.sleep(moment_s)
@@ -204,9 +221,9 @@ class Faults:
         home.mkdir(exist_ok=True)
 
         def act() -> None:
-            _own_disk(home, "size=4m")
+            own_disk(home, "size=4m")
             writer.begin(home)
-            _fill(home, int(share * 100_000))
+            fill(home, int(share * 100_000))
             self._refusal(*did(lambda: writer.act(home)), home)
             (home / "filler").unlink()
             self._go_on(writer, home, Tally())
@@ -235,50 +252,6 @@ class Faults:
             raise BrokenError(f"{what}: {(ended[1].splitlines() or [str(ended[0])])[-1]}")
 
 
-def without_growth(writer: Writer, home: Path, most: int) -> None:
-    resource.setrlimit(resource.RLIMIT_FSIZE, (most, resource.RLIM_INFINITY))
-    writer.act(home)
-
-
-def without_memory(writer: Writer, home: Path, more: int) -> None:
-    """Do the act with so many bytes of memory more than there are."""
-    _libc.malloc_trim(0)
-    (used,) = (line.split()[1] for line in Path("/proc/self/status").read_text().splitlines() if "VmData" in line)
-    resource.setrlimit(resource.RLIMIT_DATA, (1024 * int(used) + more, resource.RLIM_INFINITY))
-    writer.act(home)
-
-
-def _without_rights(writer: Writer, home: Path) -> None:
-    """Do the act without the right of root to write everywhere."""
-    none = (ctypes.c_uint32 * 6)()
-    if _libc.capset((ctypes.c_uint32 * 2)(_CAPABILITIES_3, 0), none) != 0:
-        raise SystemExit("capabilities cannot be given up")
-    writer.act(home)
-
-
-def _set_modes(home: Path, folders: int, files: int) -> None:
-    for path in (home, *home.rglob("*")):
-        path.chmod(folders if path.is_dir() else files)
-
-
-def _own_disk(place: Path, options: str) -> None:
-    """Mount a disk in memory that this process alone sees."""
-    user, group = os.getuid(), os.getgid()
-    if _libc.unshare(_NEW_NAMES | _NEW_USERS) != 0:
-        raise SystemExit("no namespaces here")
-    Path("/proc/self/setgroups").write_text("deny")
-    Path("/proc/self/uid_map").write_text(f"0 {user} 1")
-    Path("/proc/self/gid_map").write_text(f"0 {group} 1")
-    if _libc.mount(b"tmpfs", os.fsencode(place), b"tmpfs", 0, options.encode()) != 0:
-        raise SystemExit(f"no disk in memory: {os.strerror(ctypes.get_errno())}")
-
-
-def _fill(home: Path, leave: int) -> None:
-    """Fill the disk but for some bytes."""
-    free = os.statvfs(home).f_bavail * os.statvfs(home).f_frsize
-    (home / "filler").write_bytes(bytes(max(free - leave, 0)))
-
-
 def table(tallies: dict[tuple[str, Blow], Tally]) -> str:
     """Return what was found, a line a class."""
     lines = [f"{'act':20}{'fault':38}{'tried':>6}{'passed':>7}{'refused':>8}{'left':>5}{'worst':>8}"]
@@ -291,19 +264,19 @@ def table(tallies: dict[tuple[str, Blow], Tally]) -> str:
     return "\n".join([*lines, f"{passed} of {tried} faults passed"])
 
 
-def faults(count: int, seed: int) -> dict[tuple[str, Blow], Tally]:
+def faults(count: int, seed: int, blows: tuple[Blow, ...]) -> dict[tuple[str, Blow], Tally]:
     """Make that many faults; return what became of them, by act and kind."""
     with tempfile.TemporaryDirectory(prefix="gellight-faults-") as folder:
-        drawn = Faults(seed, Path(folder))
+        drawn = Faults(seed, Path(folder), blows=blows)
         for _ in range(count):
             drawn.one()
         return drawn.tallies
 
 
 def main() -> int:
-    """Make as many faults as are asked for."""
+    """Make as many faults as are asked for, of the kinds that are named (`NO_MEMORY CLOCK`) or of all."""
     count, seed = (int(sys.argv[at]) if len(sys.argv) > at else least for at, least in ((1, 200), (2, 1)))
-    found = faults(count, seed)
+    found = faults(count, seed, tuple(Blow[name] for name in sys.argv[3:]) or tuple(Blow))
     print(table(found))
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     print(f"{sum(one.ru_utime + one.ru_stime for one in used):.0f} s of processor time")

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.soak.kills import DONE, REFUSED, Blow, Faults, did, table, without_growth
+from tests.soak.kills import DONE, REFUSED, Blow, Faults, did, table
+from tests.soak.surroundings import without_growth
 from tests.soak.writers import Writer, prepare, writers
 
 FAULTS = 20
@@ -45,8 +46,8 @@ def test_a_weakness_that_was_planted_is_found(act, tmp_path: Path) -> None:
     def begin(home: Path) -> None:
         (home / "file").write_bytes(b"old")
 
-    drawn = Faults(1, tmp_path, lambda _: (Writer("planted", begin, act, judge),))
-    for _ in range(20):
+    drawn = Faults(1, tmp_path, lambda _: (Writer("planted", begin, act, judge),), (Blow.NO_LARGER_FILE,))
+    for _ in range(5):
         drawn.one()
     broken = drawn.tallies["planted", Blow.NO_LARGER_FILE].broken
     assert broken, table(drawn.tallies)
@@ -54,7 +55,7 @@ def test_a_weakness_that_was_planted_is_found(act, tmp_path: Path) -> None:
 
 def test_every_act_is_drawn_with_every_fault(tmp_path: Path) -> None:
     drawn = Faults(1, tmp_path, lambda sources: writers(sources)[4:5])
-    for _ in range(30):
+    for _ in range(40):
         drawn.one()
     assert {blow for _, blow in drawn.tallies} == set(Blow)
 
@@ -68,3 +69,16 @@ def test_an_export_without_room_is_refused_in_words_and_leaves_nothing(kind: str
     assert (status, str(tmp_path / "home/out") in said) == (REFUSED, True), said
     assert list((tmp_path / "home/out").iterdir()) == []
     assert did(lambda: export.act(tmp_path / "home"))[0] == DONE
+
+
+def test_memory_that_ends_where_a_file_is_written_is_found(tmp_path: Path) -> None:
+    def begin(home: Path) -> None:
+        (home / "file").write_bytes(b"old")
+
+    def act(home: Path) -> None:
+        (home / "file").write_bytes(b"half")
+        (home / "file").write_bytes(b"new" * 100_000 + bytes(0 * len(bytearray(100_000_000))))
+
+    drawn = Faults(1, tmp_path, lambda _: (Writer("planted", begin, act, judge),), (Blow.NO_MEMORY,))
+    drawn.one()
+    assert drawn.tallies["planted", Blow.NO_MEMORY].broken, table(drawn.tallies)

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from enum import IntEnum
 from types import FrameType
 
-from gellight.base.errors import GellightError
+from gellight.base.errors import GellightError, first_line
 from gellight.base.logs import say
 from gellight.cli.advice import with_program_path
 
@@ -106,6 +106,13 @@ def end(command: Callable[[], object]) -> None:
         command()
     except GellightError as error:
         say(f"gellight: {with_program_path(str(error))}", level=logging.ERROR)
+        sys.exit(_interrupted_or(Ending.REFUSED))
+    except MemoryError as error:
+        what = first_line(error)
+        say(
+            f"gellight: this computer has no memory left ({what}): end other programs, and try again",
+            level=logging.ERROR,
+        )
         sys.exit(_interrupted_or(Ending.REFUSED))
     except KeyboardInterrupt:
         sys.exit(_interrupted_or(Ending.INTERRUPTED))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.base.packages import needed
 from gellight.base.writing import whole
 from gellight.frames.frames import TactileFrame
 
@@ -102,10 +103,8 @@ def figures_of(frame: TactileFrame) -> dict[str, Any]:
 
 @contextmanager
 def _hdf5(path: Path, attributes: dict[str, object]) -> Iterator[Append]:
-    try:
+    with needed(REMEDY):
         import h5py
-    except ImportError:
-        raise InputError(REMEDY) from None
     with _Patient(path) as stream, h5py.File(stream, "w") as file:
         file.attrs.update(attributes)
 
@@ -179,11 +178,9 @@ class _Patient(io.RawIOBase):
 
 @contextmanager
 def _zarr(path: Path, attributes: dict[str, object]) -> Iterator[Append]:
-    try:
+    with needed(REMEDY):
         import zarr
         from zarr.codecs import BloscCodec
-    except ImportError:
-        raise InputError(REMEDY) from None
     group = zarr.create_group(path, attributes=attributes)
 
     def append(name: str, values: Array) -> None:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.base.packages import needed
 from gellight.base.writing import whole
 from gellight.frames.frames import TactileFrame
 from gellight.recording.array_files import Actions, with_actions
@@ -171,11 +172,9 @@ def _row(frame: TactileFrame, number: int, rate: int) -> dict[str, Any]:
 @contextmanager
 def _table(path: Path, features: dict[str, dict[str, Any]]) -> Iterator[Any]:
     """Open the file of the frames; yields what appends a row."""
-    try:
+    with needed(REMEDY):
         import pyarrow as pa
         from pyarrow import parquet
-    except ImportError:
-        raise InputError(REMEDY) from None
     kinds = {"float32": pa.float32(), "int64": pa.int64()}
     fields: dict[str, Any] = {name: kinds.get(one["dtype"]) for name, one in features.items()}
     fields[IMAGE] = pa.struct([("bytes", pa.binary()), ("path", pa.string())])

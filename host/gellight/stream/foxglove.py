@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Self
 
 from gellight.base.errors import StreamError
+from gellight.base.packages import needed
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.recording.ros_messages import DEFINITIONS, DIAGNOSTICS
@@ -39,10 +40,8 @@ class FoxgloveServer:
 
     def __enter__(self) -> Self:
         """Start; raises StreamError where the package is missing or the port is in use."""
-        try:
+        with needed('Foxglove needs a package: pip install "gellight[foxglove]"', StreamError):
             import foxglove
-        except ImportError:
-            raise StreamError('Foxglove needs a package: pip install "gellight[foxglove]"') from None
         self._context = context = foxglove.Context()  # the server and its channels end with it
 
         def channel(topic: str, kind: str) -> "Channel":

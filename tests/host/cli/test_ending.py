@@ -35,6 +35,7 @@ def raising(error: BaseException) -> Callable[[], None]:
     [
         (raising(SystemExit(1)), Ending.JUDGED_BAD),
         (raising(InputError("no")), Ending.REFUSED),
+        (raising(MemoryError()), Ending.REFUSED),
         (raising(ZeroDivisionError()), Ending.FAULT),
         (raising(KeyboardInterrupt()), Ending.INTERRUPTED),
         (raising(SystemExit(130)), Ending.INTERRUPTED),

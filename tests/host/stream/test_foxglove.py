@@ -159,7 +159,7 @@ def test_without_the_package_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch)
 
     def without(name: str, *rest: Any) -> Any:
         if name == "foxglove":
-            raise ImportError(name)
+            raise ModuleNotFoundError(name)
         return known(name, *rest)
 
     monkeypatch.setattr(builtins, "__import__", without)

@@ -7,7 +7,7 @@ joined by four spokes, so that they can be soldered; their tracks stay, so no pa
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from gellight.base.errors import InputError
+from gellight.base.packages import needed
 from gellight.lab.boards.model import BOTH, GROUND, Board, Layer, Line, PlacedPad, Point, Pour, turned
 
 if TYPE_CHECKING:
@@ -21,10 +21,8 @@ HOLE_MM, SPARE_MM = 0.1, 0.01
 
 def ground_planes(board: Board) -> tuple[Pour, ...]:
     """Return the pours of both layers of a board whose outline is a rectangle; InputError where shapely is missing."""
-    try:
+    with needed('pouring the ground plane needs a package: pip install "gellight[parts]"'):
         import shapely
-    except ImportError:
-        raise InputError('pouring the ground plane needs a package: pip install "gellight[parts]"') from None
     (left, bottom), (right, top) = board.outline[0].start, board.outline[1].end
     edge = board.rules.edge_mm + SPARE_MM
     room = shapely.box(left + edge, bottom + edge, right - edge, top - edge)

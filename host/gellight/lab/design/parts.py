@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from math import cos, degrees, pi, sin
 
 from gellight.base.errors import InputError
+from gellight.base.packages import needed
 from gellight.lab.design.geometry import STRIP_WIDTH_MM, check
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions
 
@@ -82,10 +83,8 @@ def strip(geometry: SensorGeometry, width_mm: float = STRIP_WIDTH_MM) -> Strip:
 
 def check_can_draw() -> None:
     """Raise InputError where the library that writes DXF is not installed: before a study, not behind it."""
-    try:
+    with needed('drawing the strip needs a package: pip install "gellight[parts]"'):
         import ezdxf.filemanagement  # noqa: F401
-    except ImportError:
-        raise InputError('drawing the strip needs a package: pip install "gellight[parts]"') from None
 
 
 def strip_dxf(flat: Strip) -> bytes:

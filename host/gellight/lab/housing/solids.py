@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from gellight.base.errors import InputError
+from gellight.base.packages import needed
 from gellight.lab.design.parts import Point
 
 Solid = Any
@@ -20,10 +20,8 @@ FINE_MM, FINE_RAD = 0.02, 0.1
 
 def check_kernel() -> None:
     """Raise InputError where the kernel is not installed: before the work."""
-    try:
+    with needed('making solids needs a package: pip install "gellight[parts]"'):
         import OCP.gp  # noqa: F401
-    except ImportError:
-        raise InputError('making solids needs a package: pip install "gellight[parts]"') from None
 
 
 def turned_solid(profile: Sequence[Point]) -> Solid:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.base.packages import needed
 from gellight.base.writing import write_file
 from gellight.frames.point_cloud import ply, solid_stl
 from gellight.lab.report.pictures import depth_picture, encode_png, height_picture
@@ -50,10 +51,8 @@ def _png(surface: HeightMap) -> bytes:
 
 def _x3p(surface: HeightMap) -> bytes:
     """ISO 25178-72: metres, axes right-handed, so the rows run upwards; NaN where nothing was measured."""
-    try:
+    with needed("X3P needs a package that is not installed: pip install 'gellight[metrology]'"):
         import x3pio
-    except ImportError as error:
-        raise InputError("X3P needs a package that is not installed: pip install 'gellight[metrology]'") from error
     content, pixel_m = io.BytesIO(), surface.pixel_mm / 1e3
     probe = x3pio.ProbingSystem(x3pio.ProbingType.CONTACTING, "camera-based tactile sensor")
     metadata = x3pio.Metadata(instrument=x3pio.Instrument("GelLight"), probing_system=probe)

@@ -18,6 +18,7 @@ from typing import Any, Generic, TypeVar
 import platformdirs
 
 from gellight.base.errors import InputError
+from gellight.base.packages import needed
 from gellight.base.parent import end_with_parent
 from gellight.base.writing import write_file
 
@@ -240,10 +241,8 @@ def executor(options: SweepOptions) -> Iterator[Executor]:
 
 @contextmanager
 def _cluster(scheduler: str, kept_in: Path) -> Iterator[Executor]:
-    try:
+    with needed('--scheduler needs Dask: pip install "gellight[cluster]"'):
         from distributed import Client, KilledWorker
-    except ImportError:
-        raise InputError('--scheduler needs Dask: pip install "gellight[cluster]"') from None
     try:
         client = Client(scheduler, timeout="10s")
     except (OSError, ValueError) as error:
