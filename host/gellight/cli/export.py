@@ -69,7 +69,7 @@ def command(
     """
     recording = Recording(file)
     if track and kind not in ONE_FILE:
-        raise InputError(f"--track: --as {kind} has no place for a pose: take {', '.join(ONE_FILE)}")
+        raise InputError(f"--track: --as {kind} has no place for a pose: take one of {', '.join(ONE_FILE)}")
     felt = felt_frames(recording, load_bundle(calibration) if calibration else None)
     frames = islice(map(ObjectFollower(on=track).follow, felt), 0, None, every)
     used = recording.bundle

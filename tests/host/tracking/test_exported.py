@@ -73,5 +73,5 @@ def test_the_episode_has_the_motion_as_features_that_are_no_observation(recordin
 def test_a_kind_without_a_place_for_the_pose_is_refused(recording: Path, tmp_path: Path) -> None:
     done = children.gellight("export", recording, "--out", tmp_path / "out", "--as", "ply", "--track")
     assert done.returncode == 2
-    assert "--as ply has no place for a pose: take hdf5, zarr or lerobot" in done.stderr
+    assert "--as ply has no place for a pose: take one of hdf5, zarr, lerobot, webdataset" in done.stderr
     assert not (tmp_path / "out").exists()
