@@ -12,7 +12,8 @@ FAULTS = 20
 
 
 def test_what_is_written_under_faults_is_old_or_new_and_the_next_start_works(tmp_path: Path) -> None:
-    drawn = Faults(1, tmp_path)
+    """Memory runs out in the command alone: libraries in C may wait for ever for a thread that cannot begin."""
+    drawn = Faults(1, tmp_path, blows=tuple(blow for blow in Blow if blow is not Blow.NO_MEMORY))
     for _ in range(FAULTS):
         drawn.one()
     assert all(one.passed == one.tried for one in drawn.tallies.values()), table(drawn.tallies)
