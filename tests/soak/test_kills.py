@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.soak.kills import DONE, REFUSED, Blow, Faults, did, table
@@ -78,7 +79,8 @@ def test_memory_that_ends_where_a_file_is_written_is_found(tmp_path: Path) -> No
 
     def act(home: Path) -> None:
         (home / "file").write_bytes(b"half")
-        (home / "file").write_bytes(b"new" * 100_000 + bytes(0 * len(bytearray(100_000_000))))
+        np.empty(4_000_000_000, np.uint8)  # more than a process of the suite may have lying about
+        (home / "file").write_bytes(b"new" * 100_000)
 
     drawn = Faults(1, tmp_path, lambda _: (Writer("planted", begin, act, judge),), (Blow.NO_MEMORY,))
     drawn.one()
