@@ -84,10 +84,8 @@ def command(
             case Kind.HDF5 | Kind.ZARR:
                 count = write_arrays(frames, out / ONE_FILE[kind], **known)
             case Kind.LEROBOT:
-                rate = fps_of(recording) / every
-                count = write_lerobot(
-                    frames, out / ONE_FILE[kind], fps=rate, task=file.stem, png=encode_png, tracked=track
-                )
+                count = write_lerobot(frames, out / ONE_FILE[kind], fps=fps_of(recording) / every, task=file.stem,
+                                      png=encode_png, tracked=track)  # fmt: skip
             case _:
                 count = sum(_written(frame, out, kind, depth_scale_um, recording.bundle) for frame in frames)
     except OSError as error:

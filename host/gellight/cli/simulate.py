@@ -65,12 +65,7 @@ def press(
     What was interrupted goes on with the same command, a press by finite elements from its last step, a drag with the
     pose that was under way.
     """
-    if (depth is None) == (force is None):
-        raise InputError("give --depth-mm or --force-n, one of the two")
-    if free and force is None:
-        raise InputError("an object with --free tilts under a load: give --force-n, not --depth-mm")
-    if load_at is not None and not free:
-        raise InputError("--load-at is of an object that may tilt: give --free too")
+    _check_load(depth, force, free, load_at)
     refuse_existing(out / ("report.json" if path else "press.npz"), overwrite)
     request = PressRequest(object_name=object_name, depth_mm=depth, force_n=force, gel=gel, resolution_mm=resolution,
                      friction=friction, free_at_mm=(load_at or (0.0, 0.0)) if free else None)  # fmt: skip
@@ -84,6 +79,16 @@ def press(
             show(dragged, as_json)
         else:
             show(press_once(request, out, read_geometry(geometry), on_step), as_json)
+
+
+def _check_load(depth: float | None, force: float | None, free: bool, load_at: tuple[float, float] | None) -> None:
+    """Refuse options of a press that contradict each other."""
+    if (depth is None) == (force is None):
+        raise InputError("give --depth-mm or --force-n, one of the two")
+    if free and force is None:
+        raise InputError("an object with --free tilts under a load: give --force-n, not --depth-mm")
+    if load_at is not None and not free:
+        raise InputError("--load-at is of an object that may tilt: give --free too")
 
 
 @app.command()

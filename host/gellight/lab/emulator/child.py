@@ -72,10 +72,7 @@ class SimulatedBoard:
         `leds` is the number that it is configured for; `ring_c`: its ring has an NTC of so many degrees Celsius, None:
         it has none. Raises BoardError where it does not start.
         """
-        if not 1 <= leds <= MOST_LEDS:
-            raise BoardError(f"{leds} LEDs: a board drives 1 to {MOST_LEDS}")
-        if ring_c is not None and not COLDEST_C <= ring_c <= HOTTEST_C:
-            raise BoardError(f"a ring of {ring_c:g} °C: its NTC is made for {COLDEST_C:g} to {HOTTEST_C:g} °C")
+        built = _built(leds, ring_c, unique_id)
         self.timeline = LightTimeline(leds)
         self.faults: list[str] = []
         self.path = ""
@@ -92,9 +89,7 @@ class SimulatedBoard:
         self._lock = threading.Condition()
         self._ours, theirs = socket.socketpair()
         how = ["--pty"] if pty else ["--socket", str(theirs.fileno())]
-        how += ["--leds", str(leds)]
-        how += [] if ring_c is None else [f"--ring-c={ring_c}"]
-        how += ["--unique-id", unique_id.hex()] if unique_id else []
+        how += built
         self._process = subprocess.Popen(
             [sys.executable, "-m", "gellight.lab.emulator.process", *how],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -245,3 +240,13 @@ class SimulatedBoard:
             self.timeline.append(Light(report.light_us, colours))
         if report.faults is not None:
             self.faults = report.faults
+
+
+def _built(leds: int, ring_c: float | None, unique_id: bytes | None) -> list[str]:
+    """Return how the process is told what its board has; BoardError for what no board has."""
+    if not 1 <= leds <= MOST_LEDS:
+        raise BoardError(f"{leds} LEDs: a board drives 1 to {MOST_LEDS}")
+    if ring_c is not None and not COLDEST_C <= ring_c <= HOTTEST_C:
+        raise BoardError(f"a ring of {ring_c:g} °C: its NTC is made for {COLDEST_C:g} to {HOTTEST_C:g} °C")
+    warm = [] if ring_c is None else [f"--ring-c={ring_c}"]
+    return ["--leds", str(leds), *warm, *(["--unique-id", unique_id.hex()] if unique_id else [])]

@@ -141,18 +141,13 @@ def train(
 
 
 def fit(
-    presses: Sequence[Press],
-    reference: Reference,
-    ball: Ball,
-    out: Path,
-    *,
+    presses: Sequence[Press], reference: Reference, ball: Ball, out: Path, *,
     sensor: str,
     how: Learning = AS_A_RULE,
     view: View | None = None,
     extra_files: Mapping[str, bytes] | None = None,
     extra_metrics: Mapping[str, object] | None = None,
-    level_plane: bool = False,
-    overwrite: bool = False, progress: Progress = silent, check: Check = go_on,
+    level_plane: bool = False, overwrite: bool = False, progress: Progress = silent, check: Check = go_on,
 ) -> Bundle:  # fmt: skip
     """Train on the presses and write the calibration bundle `out`; returns it as it will be loaded.
 
@@ -175,10 +170,8 @@ def fit(
     follow = drift > reference.noise_grey
     balls = build_table(presses, reference.image, ball, how.table_options, follow_light=follow)
     table = with_prisms(balls, how.prisms, reference.image, how.table_options, follow_light=follow)
-    network, record = train(
-        table, how.options, untouched=reference.image, progress=progress, check=check,
-        like=under_light_of(how.like, reference.image) if how.like else None,
-    )  # fmt: skip
+    like = under_light_of(how.like, reference.image) if how.like else None
+    network, record = train(table, how.options, untouched=reference.image, like=like, progress=progress, check=check)
     metrics |= {LIKE: how.like.manifest.sensor} if how.like else {}
     rest_grey = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
     return write_bundle(
