@@ -2,6 +2,7 @@
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -50,6 +51,8 @@ class ScanBeside:
         self._scan: Scan | None = None
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
+        self._since_s = 0.0
+        """frames begun before show what pressed by itself until then"""
         self._lock = threading.RLock()
         """held while presses are joined or taken back"""
         self._phase: Phase = "press"
@@ -96,6 +99,7 @@ class ScanBeside:
             self._scan = Scan(self.root / name)
             if self._session.stage is not None:
                 self._session.stage.take_over()
+                self._since_s = time.monotonic()
             self._phase, self._stop = "press", threading.Event()
             there = len(self._scan.views)
             self._say(f"{there} presses are there: press over half of one" if there else FIRST)
@@ -165,7 +169,7 @@ class ScanBeside:
             self._joining = False
 
     def _frames(self) -> Iterator[TactileFrame]:
-        """Yield the frames of the sensor until the scan is ended, but for those of a calibration."""
+        """Yield the frames of the sensor since the scan began, until it is ended, but for those of a calibration."""
         sequence = -1
         while not self._stop.is_set():
             try:
@@ -175,7 +179,7 @@ class ScanBeside:
             except TimeoutError:
                 continue
             sequence = frame.camera_frame.sequence
-            if not self._busy():
+            if frame.camera_frame.time_s >= self._since_s and not self._busy():
                 yield frame
 
     def _note_phase(self, phase: Phase) -> None:

@@ -80,18 +80,21 @@ class PressWatcher:
 def presses_in(
     frames: Iterator[TactileFrame], most: int = 0, tell: Callable[[Phase], None] = lambda phase: None
 ) -> Iterator[ContactView]:
-    """Yield up to `most` presses, 0: all; `tell` hears whenever the hand has something else to do."""
+    """Yield up to `most` presses, 0: all; `tell` hears whenever the hand has something else to do.
+
+    It hears that a press was lifted before that press is out: who sees the press never waits for its lifting.
+    """
     watcher, count, told = PressWatcher(), 0, "press"
     for frame in frames:
         view = watcher.feed(frame)
+        if watcher.phase != told:
+            tell(watcher.phase)
+        told = watcher.phase
         if view is not None:
             count += 1
             yield view
             if count == most:
                 return
-        if watcher.phase != told:
-            tell(watcher.phase)
-        told = watcher.phase
     if (last := watcher.end()) is not None:
         yield last
 

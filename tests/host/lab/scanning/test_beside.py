@@ -2,6 +2,7 @@
 
 import queue
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from gellight.base.errors import InputError
 from gellight.frames.frames import TactileFrame
 from gellight.lab.scanning.beside import SHORT, ScanBeside
 from gellight.lab.scanning.scan import MAP, PICTURE, Scan
+from gellight.lab.simulator.stage import Stage
+from sim_reference.geometry import SensorGeometry
 from tests.helpers.hill_frames import frame
 from tests.helpers.waiting import eventually
 
@@ -21,9 +24,8 @@ HELD = [0.0, 0.5, 0.5, 0.5, 0.5]
 class Frames:
     """A sensor whose frames are put in by hand."""
 
-    stage = None
-
-    def __init__(self) -> None:
+    def __init__(self, stage: Stage | None = None) -> None:
+        self.stage = stage
         self._queue: queue.Queue[TactileFrame] = queue.Queue()
         self._count = 0
 
@@ -32,7 +34,10 @@ class Frames:
             self._count += 1
             one = frame(deep, seed=self._count)
             assert one.provenance is not None
-            self._queue.put(replace(one, provenance=replace(one.provenance, calibration=calibration)))
+            taken = replace(one.camera_frame, time_s=time.monotonic())
+            self._queue.put(
+                replace(one, camera_frame=taken, provenance=replace(one.provenance, calibration=calibration))
+            )
 
     def wait_frame(self, after_sequence: int, timeout_s: float) -> TactileFrame:
         try:
@@ -67,6 +72,16 @@ def test_a_hand_is_led_and_the_folder_is_that_of_the_verb(tmp_path: Path) -> Non
         assert scan.file("map.ply").startswith(b"ply")
     assert (scan.state() or {})["scanning"] is False
     assert Scan(tmp_path / "part").placed == [0]
+
+
+def test_what_a_simulated_hand_pressed_before_the_scan_is_no_press_of_it(tmp_path: Path) -> None:
+    sensor = Frames(Stage(SensorGeometry()))
+    sensor.put(0.9, 0.9, 0.9, 0.9)
+    with ScanBeside(sensor, root=tmp_path) as scan:
+        scan.begin("part")
+        sensor.put(0.0, *HELD, 0.0)
+        said(scan, "press 0: the gel reached")
+    assert Scan(tmp_path / "part").views[0].depth_mm.max() == pytest.approx(0.5, abs=0.01)
 
 
 def test_the_last_press_can_be_taken_back_until_none_is_left(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.scanning.presses import STILL_FRAMES, PressWatcher
+from gellight.lab.scanning.presses import STILL_FRAMES, PressWatcher, presses_in
 from tests.helpers.hill_frames import HILL, frame
 
 
@@ -46,3 +46,10 @@ def test_frames_without_depth_are_refused() -> None:
     contact = replace(blind.contact, indentation_mm=float("nan"))
     with pytest.raises(InputError, match="no calibration"):
         PressWatcher().feed(replace(blind, contact=contact))
+
+
+def test_a_hand_hears_that_a_press_was_lifted_before_the_press_is_out() -> None:
+    heard: list[str] = []
+    frames = (frame(deep) for deep in (0, 0.5, 0.5, 0.5, 0.0, 0.5))
+    next(presses_in(frames, tell=heard.append))
+    assert heard == ["hold", "lift", "press"]
