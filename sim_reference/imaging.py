@@ -76,14 +76,14 @@ def led_irradiance(surface: Surface, geometry: SensorGeometry, led: int, box: Bo
     # A smooth surface casts a shadow only if somewhere it turns away from the light, and not far from there.
     if facing.min() < 0:
         reach = (depth.max() - depth.min()) * np.sqrt(squared.max()) / led_z
-        rows, columns = _around(facing < 0, int(np.ceil(reach / geometry.pixel_size_mm)))
+        rows, columns = around(facing < 0, int(np.ceil(reach / geometry.pixel_size_mm)))
         axes = x[0, box[1]][columns], y[box[0], 0][rows]
         irradiance[rows, columns] *= visibility(depth[rows, columns], axes, position)
     return np.asarray(irradiance)
 
 
-def _around(marked: NDArray[np.bool_], margin: int) -> Box:
-    """Rows and columns that hold all marked pixels and a margin around them."""
+def around(marked: NDArray[np.bool_], margin: int) -> Box:
+    """Return the rows and columns that hold all marked pixels and a margin around them."""
     spans = (np.flatnonzero(marked.any(axis=axis)) for axis in (1, 0))
     rows, columns = (slice(max(int(span[0]) - margin, 0), int(span[-1]) + 1 + margin) for span in spans)
     return rows, columns
@@ -98,7 +98,7 @@ def visibility(depth_mm: Array, axes: tuple[Array, Array], led_mm: Array) -> Arr
     """
     x, y = (axis.astype(np.float64) for axis in axes)
     spacing = (x[-1] - x[0]) / (len(x) - 1)
-    radius, angle = _polar_grid(x, y, led_mm, SHADOW_PITCH_PX * spacing)
+    radius, angle = polar_grid(x, y, led_mm, SHADOW_PITCH_PX * spacing)
     columns = (led_mm[0] + radius[None, :] * np.cos(angle)[:, None] - x[0]) / spacing
     rows = (led_mm[1] + radius[None, :] * np.sin(angle)[:, None] - y[0]) / spacing
     height = map_coordinates(depth_mm, [rows, columns], order=1, mode="nearest")
@@ -112,8 +112,8 @@ def visibility(depth_mm: Array, axes: tuple[Array, Array], led_mm: Array) -> Arr
     return np.asarray(map_coordinates(seen, [at_angle, at_radius], order=1, mode="nearest"))
 
 
-def _polar_grid(x: Array, y: Array, led_mm: Array, pitch: float) -> tuple[Array, Array]:
-    """Radii and angles about the light's foot point that cover the box, `pitch` mm apart."""
+def polar_grid(x: Array, y: Array, led_mm: Array, pitch: float) -> tuple[Array, Array]:
+    """Return radii, mm, and angles about the light's foot point that cover the box with axes x, y, `pitch` mm apart."""
     corners_x = np.array([x[0], x[-1], x[-1], x[0]]) - led_mm[0]
     corners_y = np.array([y[0], y[0], y[-1], y[-1]]) - led_mm[1]
     far = np.hypot(corners_x, corners_y).max()

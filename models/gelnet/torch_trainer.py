@@ -1,5 +1,6 @@
-"""GelNet trained by PyTorch."""
+"""GelNet trained by PyTorch, on the processor or on a GPU."""
 
+import os
 from collections.abc import Callable
 
 import numpy as np
@@ -7,6 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from gelnet.batches import device_of, name_of
 from gelnet.network import GelNet
 from gelnet.parameters import PLACE, Floats, Layer, Parameters
 from gelnet.recipes import Recipe
@@ -17,10 +19,14 @@ _ROWS_PER_ANSWER = 65536
 class TorchTrainer:
     """The network, its optimiser, and torch's random numbers."""
 
-    version = f"torch {torch.__version__}"
+    def __init__(self, *, seed: int, threads: int = 1, by: str = "torch") -> None:
+        """Seed torch, and make it repeat itself. by: as `batches.device_of` has it, which raises NoGpuError.
 
-    def __init__(self, *, seed: int, threads: int = 1) -> None:
-        """Seed torch, and make it repeat itself."""
+        Random numbers are the processor's, so that a GPU draws the same.
+        """
+        os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # else cuBLAS does not repeat itself
+        self._device = device_of(by)
+        self.version = name_of(self._device) if by == "cuda" else f"torch {torch.__version__}"
         torch.set_num_threads(threads)
         torch.set_deterministic_debug_mode("error")  # as use_deterministic_algorithms, which loads its compiler too
         torch.manual_seed(seed)
@@ -38,6 +44,7 @@ class TorchTrainer:
         self.recipe = recipe
         self.network = GelNet(width, inputs=pixels.shape[1], dropout=recipe.dropout)
         self.network.fit_range(torch.from_numpy(pixels), torch.from_numpy(gradient))
+        self.network.to(self._device)
         self.optimiser = torch.optim.Adam(self.network.parameters(), lr=recipe.learning_rate, fused=True)
 
     def step(self, pixels: Floats, gradient: Floats, rate: float) -> float:
@@ -53,31 +60,38 @@ class TorchTrainer:
     def loss(self, pixels: Floats, gradient: Floats) -> Tensor:
         """Return the loss of a batch; the answers to unchanged pixels are subtracted, as the host does."""
         self.network.train()
-        seen = torch.from_numpy(pixels)
+        seen = self._given(pixels)
         unchanged = torch.cat([torch.zeros_like(seen[:, : -len(PLACE)]), seen[:, -len(PLACE) :]], dim=1)
         found = self.network(seen) - self.network(unchanged)
-        return _LOSSES[self.recipe.loss](found, torch.from_numpy(gradient))
+        return _LOSSES[self.recipe.loss](found, self._given(gradient))
 
     def answer(self, pixels: Floats) -> Floats:
         """Return the (N, 2) gradients of (N, C + 2) pixels."""
         self.network.eval()
         with torch.no_grad():
-            blocks = torch.split(torch.from_numpy(pixels), _ROWS_PER_ANSWER)
-            return np.asarray(torch.cat([self.network(block) for block in blocks]).numpy())
+            blocks = torch.split(self._given(pixels), _ROWS_PER_ANSWER)
+            return np.asarray(torch.cat([self.network(block) for block in blocks]).cpu().numpy())
+
+    def _given(self, rows: Floats) -> Tensor:
+        return torch.from_numpy(rows).to(self._device)
 
     def parameters(self) -> Parameters:
         """Return what has been learnt so far."""
         layers = [
-            Layer(layer.weight.detach().numpy().copy(), layer.bias.detach().numpy().copy())
+            Layer(_taken(layer.weight), _taken(layer.bias))
             for layer in (*self.network.hidden, self.network.output)
             if isinstance(layer, nn.Linear)
         ]
         return Parameters(
             layers=tuple(layers),
-            centre=self.network.centre.numpy().copy(),
-            scale=self.network.scale.numpy().copy(),
+            centre=_taken(self.network.centre),
+            scale=_taken(self.network.scale),
             steepest_rad=float(self.network.steepest_rad),
         )
+
+
+def _taken(values: Tensor) -> Floats:
+    return np.asarray(values.detach().cpu().numpy().copy())
 
 
 def _gradient_loss(found: Tensor, wanted: Tensor) -> Tensor:

@@ -16,7 +16,7 @@ from gelnet.export import ExportError
 from gelnet.recipes import DEFAULT_WIDTH, RECIPES, Recipe
 from gelnet.table import Table, TableError, load_table
 from gelnet.teacher import UNLIKE, unlikeness, with_taught
-from gelnet.trainers import NAMES, make_trainer
+from gelnet.trainers import GPU, NAMES, make_trainer
 from gelnet.training import print_progress, record_of, train, write
 
 
@@ -62,7 +62,7 @@ def _unlikeness(table: Table, recipe: Recipe, name: str) -> float | None:
 def add_training_options(parser: argparse.ArgumentParser) -> None:
     """Add what every training asks for."""
     parser.add_argument("--out", type=Path, required=True, help="folder for the files")
-    parser.add_argument("--trainer", choices=NAMES, required=True, help="what computes")
+    parser.add_argument("--trainer", choices=(*NAMES, GPU), required=True, help="what computes")
     parser.add_argument("--width", type=int, default=DEFAULT_WIDTH, help="units in each hidden layer")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1, help="of torch; NumPy's are OMP_NUM_THREADS")

@@ -11,6 +11,7 @@ from gellight.cli.options import AsJson, GeometryFile, Overwrite, refuse_existin
 from gellight.cli.showing import progress, show
 from gellight.cli.sweeping import Sweeping, Workers
 from gellight.lab.design.geometry import read_geometry
+from gellight.lab.simulator.batches import Computer
 from gellight.lab.simulator.dataset import DatasetRequest, LightKind, make_dataset, store_in
 from gellight.lab.simulator.demo_presses import press_ahead
 from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind
@@ -107,6 +108,9 @@ def dataset(
     resolution: Annotated[float, typer.Option("--resolution-mm", min=0.05, help="Of the finite elements.")] = 0.3,
     noise: Annotated[float, typer.Option("--noise", min=0, max=50, help="Noise of the camera, grey levels.")] = 1.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Other presses, other noise.")] = 0,
+    computed_by: Annotated[
+        Computer, typer.Option("--computed-by", help="NumPy, or PyTorch in batches, on a GPU by cuda.")
+    ] = "numpy",
     geometry: GeometryFile = None,
     as_json: AsJson = False,
 ) -> None:
@@ -125,6 +129,7 @@ def dataset(
         noise_grey=noise,
         seed=seed,
         geometry=read_geometry(geometry),
+        computed_by=computed_by,
     )
     with sweeping.sweep_in(store_in(out), "presses", as_json=as_json) as options:
         report = make_dataset(request, out, options)

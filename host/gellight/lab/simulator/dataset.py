@@ -14,8 +14,10 @@ continued, extended, or made in parts on several machines, and is the same in th
 import csv
 import io
 import json
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
 
@@ -25,11 +27,12 @@ from numpy.typing import NDArray
 import gellight
 from gellight.base.errors import InputError
 from gellight.base.writing import make_folder, write_file
+from gellight.lab.simulator.batches import BATCH, BatchComputer, Computer
 from gellight.lab.simulator.gel_models import GelKind, gel_model
 from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.scene import BRIGHTEST_GREY, Press, Scene
 from gellight.lab.simulator.sweep import ResultStore, SweepOptions, Task, run_all
-from sim_reference.camera import WHITE, CameraResponse, digitise
+from sim_reference.camera import WHITE, CameraResponse, digitise, linear_grey
 from sim_reference.deformation import Deformation
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry, pixel_grid
@@ -43,6 +46,8 @@ DEPTH_STEP_MM = 0.05
 """between depths that are drawn, so that the gel is computed once for many presses"""
 REFERENCE_PICTURES = 8
 """are averaged: the noise of the reference images is a third of that of a picture"""
+Seen = tuple[NDArray[np.float32], Surface, Deformation]
+"""of a press: (K, H, W, 3) grey levels before noise under K lights, and the gel"""
 LightKind = Literal["ring", "singles"]
 """one picture under the whole ring in its colours; or one a LED, all in white"""
 
@@ -64,9 +69,12 @@ class DatasetRequest:
     noise_grey: float = 1.0
     seed: int = 0
     geometry: SensorGeometry = field(default_factory=SensorGeometry)
+    computed_by: Computer = "numpy"
 
     def __post_init__(self) -> None:
         """Refuse what cannot be made."""
+        if self.computed_by != "numpy" and self.gel != "layer":
+            raise InputError("finite elements are computed by numpy alone: leave out --computed-by, or --gel fem")
         unknown = sorted(set(self.objects) - set(OBJECT_NAMES))
         if unknown or not self.objects:
             raise InputError(f"no object {', '.join(unknown) or 'given'}: choose from {', '.join(OBJECT_NAMES)}")
@@ -106,16 +114,18 @@ def make_dataset(request: DatasetRequest, folder: Path, options: SweepOptions) -
     if request.gel == "fem" and options.scheduler is None:
         check_memory(request.resolution_mm, request.geometry, options.workers)
     try:
+        _sensor(request)  # first: where it cannot be computed so, nothing is begun
         _describe(request, folder)
-        same = replace(request, presses=0)  # More presses do not change those that are there.
-        tasks = [Task(str(at), make_press, (str(folder.resolve()), same, at)) for at in range(request.presses)]
-        for at, task in enumerate(tasks):
-            if not _press_file(folder, at).exists():
+        tasks = _tasks(request, folder)
+        for task in tasks:
+            if not all(_press_file(folder, number).exists() for number in task.arguments[2]):
                 options.store.path(task.key).unlink(missing_ok=True)
-        rows = run_all(tasks, options)
+        rows = list(chain.from_iterable(run_all(tasks, options)))
         write_file(folder / "index.csv", _table(rows))
     except OSError as error:
         raise InputError(f"{folder} cannot be written ({error.strerror}): choose another --out") from error
+    finally:
+        _sensor.cache_clear()
     size = sum(path.stat().st_size for path in folder.rglob("*.npz"))
     return DatasetReport(folder=str(folder), presses=len(rows), megabytes=size / 1e6)
 
@@ -129,18 +139,31 @@ def store_in(folder: Path) -> ResultStore:
     return ResultStore(folder / "done")
 
 
-def make_press(folder: str, request: DatasetRequest, number: int) -> dict[str, Any]:
-    """Write one press; return its row of the index."""
-    press = request.press(number)
+def _tasks(request: DatasetRequest, folder: Path) -> list[Task]:
+    """Return a task a press, or, where presses are computed in batches, a batch."""
+    same = replace(request, presses=0)  # More presses do not change those that are there.
+    numbers, many = range(request.presses), 1 if request.computed_by == "numpy" else BATCH
+    parts = [tuple(numbers[first : first + many]) for first in numbers[::many]]
+    return [Task(str(part[-1]), make_presses, (str(folder.resolve()), same, part)) for part in parts]
+
+
+def make_presses(folder: str, request: DatasetRequest, numbers: tuple[int, ...]) -> list[dict[str, Any]]:
+    """Write presses; return their rows of the index."""
     sensor = _sensor(request)
-    random = np.random.default_rng([request.seed, number, 1])
-    images, surface = sensor.pictures(press, random)
-    deformation = sensor.scene.deformation(press)
+    return [
+        _write_press(Path(folder), request, number, seen)
+        for number, seen in zip(numbers, sensor.seen([request.press(number) for number in numbers]), strict=True)
+    ]
+
+
+def _write_press(folder: Path, request: DatasetRequest, number: int, seen: Seen) -> dict[str, Any]:
+    sensor, press = _sensor(request), request.press(number)
+    grey, surface, deformation = seen
     pressure_mpa = deformation.pressure * sensor.shear_modulus_mpa
-    path = _press_file(Path(folder), number)
+    path = _press_file(folder, number)
     _write(
         path,
-        images=images,
+        images=sensor.pictures(grey, np.random.default_rng([request.seed, number, 1])),
         light=np.float32(sensor.light),
         depth_mm=np.float32(surface.depth_mm),
         normals=np.float32(normals(surface.gradient_map)),
@@ -163,12 +186,25 @@ class _Sensor:
         brightest = max(float(self.scene.show(None, light)[0].max()) for light in self.light)
         response = self.scene.response
         self.scene.response = replace(response, exposure=response.exposure * BRIGHTEST_GREY / brightest)
+        batches = request.computed_by != "numpy"
+        self._computer = BatchComputer(request.computed_by, request.geometry, self.light) if batches else None
 
-    def pictures(self, press: Press | None, random: np.random.Generator) -> tuple[NDArray[np.uint8], Surface]:
-        """(K, H, W, 3) uint8 one picture a light, each with noise of its own, and the gel's surface."""
-        shown = [self.scene.show(press, light) for light in self.light]
-        noise = self.scene.response.noise_grey
-        return np.stack([digitise(grey, noise, random) for grey, _ in shown]), shown[0][1]
+    def seen(self, presses: Sequence[Press]) -> Iterator[Seen]:
+        """Yield what each press looks like before noise, and the gel."""
+        if self._computer is None:
+            for press in presses:
+                yield self.grey(press), self.scene.show(press)[1], self.scene.deformation(press)
+            return
+        for irradiance, surface, deformation in self._computer.seen(presses):
+            yield linear_grey(irradiance, self.scene.response).astype(np.float32), surface, deformation
+
+    def grey(self, press: Press | None) -> NDArray[np.float32]:
+        """(K, H, W, 3) one picture a light before noise, grey levels."""
+        return np.stack([self.scene.show(press, light)[0] for light in self.light])
+
+    def pictures(self, grey: NDArray[np.float32], random: np.random.Generator) -> NDArray[np.uint8]:
+        """(K, H, W, 3) uint8 one picture a light, each with noise of its own."""
+        return np.stack([digitise(one, self.scene.response.noise_grey, random) for one in grey])
 
 
 @lru_cache(maxsize=2)
@@ -199,10 +235,13 @@ def _on_pixels(pressure_mpa: Array, deformation: Deformation, geometry: SensorGe
 
 def _describe(request: DatasetRequest, folder: Path) -> None:
     """Write dataset.json and the reference images; raises InputError where the folder holds another data set."""
+    said = {name: value for name, value in asdict(request).items() if name != "presses"}
+    if request.computed_by == "numpy":
+        del said["computed_by"]
     described = {
         "format": FORMAT,
         "gellight": gellight.__version__,
-        "request": {name: value for name, value in asdict(request).items() if name != "presses"},
+        "request": said,
         "pixel_size_mm": request.geometry.pixel_size_mm,
     }
     path = folder / "dataset.json"
@@ -212,7 +251,8 @@ def _describe(request: DatasetRequest, folder: Path) -> None:
         write_file(path, json.dumps(described, indent=2).encode())
     if not (folder / "reference.npz").exists():
         sensor, random = _sensor(request), np.random.default_rng([request.seed, 0, 2])
-        taken = [sensor.pictures(None, random)[0] for _ in range(REFERENCE_PICTURES)]
+        grey = sensor.grey(None)
+        taken = [sensor.pictures(grey, random) for _ in range(REFERENCE_PICTURES)]
         mean = np.rint(np.mean(taken, axis=0)).clip(0, WHITE).astype(np.uint8)
         _write(folder / "reference.npz", images=mean, light=np.float32(sensor.light))
 

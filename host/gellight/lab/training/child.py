@@ -1,6 +1,5 @@
 """Run a module of `gelnet` in a child process: the host never loads torch, and an abort ends the training at once."""
 
-import importlib.util
 import json
 import os
 import select
@@ -8,9 +7,9 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 from gellight.base.errors import TrainingError
+from gellight.base.gelnet_child import gelnet_environment
 
 Progress = Callable[[int, int, float], None]
 """Called with (epoch, epochs, loss)."""
@@ -18,8 +17,6 @@ Check = Callable[[], None]
 """Called several times a second; what it raises ends the child."""
 _CHECK_S = 0.2
 _REMEDY = "reinstall gellight"
-_BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""read by NumPy's matrix library when it is loaded; each build of NumPy heeds one of them"""
 
 
 def silent(epoch: int, epochs: int, loss: float) -> None:
@@ -35,7 +32,7 @@ def run_module(
 ) -> None:
     """Run a module of gelnet in a child process and report its progress.
 
-    trainer: "torch" or "numpy". threads: of its matrix products. Raises TrainingError with the last line of the
+    trainer: "numpy", "torch" or "cuda". threads: of its matrix products. Raises TrainingError with the last line of the
     child's error output unless it ends well. An interrupt ends the child as well.
     """
     how = [f"--trainer={trainer}", f"--threads={threads}"]
@@ -46,7 +43,7 @@ def _run_child(command: list[str], progress: Progress, *, threads: int = 1, chec
     """Do as `run_module` with any command that prints its progress."""
     with (
         tempfile.TemporaryFile("w+") as complaints,
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, env=_environment(threads)) as child,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, env=gelnet_environment(threads)) as child,
     ):
         try:
             for line in _lines(child, check):
@@ -84,13 +81,3 @@ def _reason(text: str, status: int) -> str:
     if status < 0:
         return f"training was ended by signal {-status} ({last}): is there enough memory?"
     return last.split(": ", 1)[-1] if status == 2 else f"training failed with status {status}: {last}"
-
-
-def _environment(threads: int) -> dict[str, str]:
-    """Return the environment in which the child finds the host's `gelnet` and computes with `threads` threads."""
-    spec = importlib.util.find_spec("gelnet")
-    if spec is None or not spec.submodule_search_locations:
-        raise TrainingError("the package gelnet is not installed beside gellight: reinstall gellight")
-    places = [str(Path(next(iter(spec.submodule_search_locations))).parent), os.environ.get("PYTHONPATH", "")]
-    path = {"PYTHONPATH": os.pathsep.join(place for place in places if place)}
-    return {**os.environ, **dict.fromkeys(_BLAS_THREADS, str(threads)), **path}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.lab.simulator.batches import BatchComputer
 from gellight.lab.simulator.dataset import DatasetRequest, make_dataset, store_in
 from gellight.lab.simulator.sweep import Shard, SweepIncomplete, SweepOptions
 from sim_reference import gel
@@ -143,3 +144,34 @@ def test_the_verb_says_what_it_wrote(tmp_path: Path) -> None:
     result = invoke("simulate", "dataset", *arguments)
     assert json.loads(result.stdout)["presses"] == 1, result.output
     assert json.loads((out / "dataset.json").read_text())["request"]["objects"] == ["BALL"]
+
+
+def test_presses_computed_in_batches_by_torch_are_the_same(tmp_path: Path) -> None:
+    many = replace(REQUEST, presses=4, noise_grey=2.0)
+    make(tmp_path / "numpy", many)
+    make(tmp_path / "torch", replace(many, computed_by="torch"))
+    for (row, one), (other_row, other) in zip(read(tmp_path / "numpy"), read(tmp_path / "torch"), strict=True):
+        assert row == other_row
+        np.testing.assert_allclose(other["depth_mm"], one["depth_mm"], atol=1e-6)
+        np.testing.assert_allclose(other["pressure_mpa"], one["pressure_mpa"], atol=1e-6)
+        off = np.abs(one["images"].astype(int) - other["images"])
+        assert off.max() <= 1
+        assert (off > 0).mean() < 1e-3, "of grey levels that stood between two whole ones"
+
+
+def test_what_cannot_compute_begins_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="finite elements are computed by numpy alone"):
+        replace(REQUEST, computed_by="torch", gel="fem")
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
+    with pytest.raises(InputError, match="finds no GPU"):
+        make(tmp_path / "cuda", replace(REQUEST, computed_by="cuda"))
+    assert not (tmp_path / "cuda" / "dataset.json").exists()
+
+
+def test_a_child_that_dies_is_told() -> None:
+    """One that is killed, by the system for want of memory say."""
+    computer = BatchComputer("torch", SMALL, np.ones((1, 12, 3)))
+    computer._child.kill()
+    computer._child.wait()
+    with pytest.raises(InputError, match="ended with status -9"):
+        list(computer.seen([REQUEST.press(0)]))

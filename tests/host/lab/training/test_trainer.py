@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from gellight.base import gelnet_child
 from gellight.base.errors import InputError, TrainingError
 from gellight.lab.training import child, rehearsal, trainer
 from gellight.lab.training.rehearsal import check_trainer, rehearse
@@ -105,6 +106,6 @@ def test_a_child_that_says_nothing_can_be_stopped() -> None:
 def test_without_the_package_gelnet_it_says_what_to_do(
     spec: ModuleSpec | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(child.importlib.util, "find_spec", lambda name: spec)
+    monkeypatch.setattr(gelnet_child.importlib.util, "find_spec", lambda name: spec)
     with pytest.raises(TrainingError, match="gelnet is not installed beside gellight: reinstall"):
-        child._environment(1)
+        gelnet_child.gelnet_environment(1)
