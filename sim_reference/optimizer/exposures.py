@@ -6,7 +6,7 @@ the normals from the pictures as they are mixed, crosstalk of the camera's colou
 """
 
 from dataclasses import dataclass
-from math import cos, sin, tan
+from math import cos, tan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,12 +83,6 @@ def directional_error(
     ]
     mae, top5, top1 = np.mean(errors, axis=0).tolist()
     return mae, top5, top1
-
-
-def effective_angle(angle_rad: float, group: int, number: int) -> float:
-    """Return the incident angle of `group` neighbouring LEDs taken together: their sideways parts partly cancel."""
-    turns = 2 * np.pi * (np.arange(group) - (group - 1) / 2) / number
-    return float(np.arctan(np.cos(turns).mean() * sin(angle_rad) / cos(angle_rad)))
 
 
 def _mixed(pictures: Array, crosstalk: Array | None) -> Array:

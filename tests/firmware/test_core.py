@@ -29,12 +29,6 @@ def counters(core: VirtualBoard) -> p.CountersReply:
     return reply
 
 
-def status(core: VirtualBoard) -> p.StatusReply:
-    reply = core.ok("STATUS")
-    assert isinstance(reply, p.StatusReply)
-    return reply
-
-
 # ---- life ----
 
 
@@ -187,7 +181,7 @@ def test_free_steps_fall_on_their_microsecond(core: VirtualBoard) -> None:
     expected = [(start + at + 16_000 * k, colours) for k in range(2) for at, colours in pass_]
     expected.append((start + 32_000, BLACK))
     assert [(at, colours) for at, _, colours in core.lights()[1:]] == expected
-    assert status(core).dark == Dark.SEQUENCE_ENDED
+    assert core.status().dark == Dark.SEQUENCE_ENDED
     assert counters(core).late_steps == 0
 
 
@@ -256,7 +250,7 @@ def test_without_a_trigger_the_ring_is_dark_until_the_next_one(core: VirtualBoar
     core.advance(40_000)
     assert core.lights()[-1][2] == BLACK
     assert counters(core).trigger_timeouts == 1
-    assert status(core).dark == Dark.TRIGGER_MISSED
+    assert core.status().dark == Dark.TRIGGER_MISSED
     core.edge()
     core.advance(2000)
     assert core.lights()[-1][2] == GREEN
@@ -333,7 +327,7 @@ def test_a_sequence_dies_with_its_host(core: VirtualBoard) -> None:
     core.sync(SyncMode.FREE)
     core.ok("START")
     keep_alive(core, 3_000_000)
-    assert status(core).state == 1
+    assert core.status().state == 1
     core.advance(1_100_000)
     count = len(core.lights())
     core.advance(1_000_000)
@@ -349,7 +343,7 @@ def test_a_closed_port_darkens_at_once(core: VirtualBoard, reason: Dark) -> None
     core.advance(700)
     assert core.lights()[-1][2] == BLACK
     core.link(True)
-    assert status(core).dark == reason
+    assert core.status().dark == reason
 
 
 def test_rubbish_is_counted_and_the_next_packet_is_heard(core: VirtualBoard) -> None:

@@ -15,12 +15,6 @@ RED = bytes([200, 0, 0] + [0] * 33)
 BLACK = bytes(36)
 
 
-def status(core: VirtualBoard) -> p.StatusReply:
-    reply = core.ok("STATUS")
-    assert isinstance(reply, p.StatusReply)
-    return reply
-
-
 def named(name: str) -> p.Configuration:
     return p.Configuration(1000, 450, 1000, 20000, 300, 0, 0, name.encode().ljust(16, b"\0"))
 
@@ -36,7 +30,7 @@ def test_the_configuration_survives_many_saves(core: VirtualBoard) -> None:
         assert save(core, f"sensor {number}") == Status.OK
     again = VirtualBoard(core.library, core.flash())
     assert again.ok("GET_CONFIG") == named("sensor 99")
-    assert status(again).config_saves == 100
+    assert again.status().config_saves == 100
     again.close()
 
 
@@ -71,7 +65,7 @@ def test_saves_are_limited_in_rate(core: VirtualBoard) -> None:
         assert save(core, f"sensor {number}") == Status.OK
     core.ok("SET_CONFIG", named("one more"))
     assert core.ask("SAVE_CONFIG")[:2] == (Status.SAVED_TOO_OFTEN, 60)
-    assert status(core).config_saves == p.SAVES_AT_ONCE
+    assert core.status().config_saves == p.SAVES_AT_ONCE
     core.advance(p.SAVE_EVERY_US)
     assert core.ask("SAVE_CONFIG")[0] == Status.OK
     assert core.ask("SAVE_CONFIG")[0] == Status.OK  # nothing to write

@@ -6,7 +6,7 @@ from gellight.ring import protocol as p
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.protocol import COOLER_C, DIMMING_US, HOTTEST_C
 from tests.firmware.helpers.virtual_board import VirtualBoard
-from tests.firmware.helpers.warming import HALVED, PATTERN, SETTLED_US, status, wait
+from tests.firmware.helpers.warming import HALVED, PATTERN, SETTLED_US, wait
 
 
 def test_a_still_light_is_halved_step_by_step_and_comes_back(core: VirtualBoard) -> None:
@@ -21,7 +21,7 @@ def test_a_still_light_is_halved_step_by_step_and_comes_back(core: VirtualBoard)
     assert [event.dimmed for event in wait(core, 4 * DIMMING_US)] == [2, 1, 0]
     shown = [colours for _, _, colours in core.lights()[1:]]
     assert shown == [HALVED[k] for k in (0, 1, 2, 3, 2, 1, 0)]
-    assert status(core).dimmed == 0
+    assert core.status().dimmed == 0
 
 
 def test_between_the_two_limits_nothing_changes(core: VirtualBoard) -> None:
@@ -58,7 +58,7 @@ def test_the_limit_is_that_of_the_configuration(core: VirtualBoard) -> None:
 def hot(core: VirtualBoard) -> None:
     core.warm(HOTTEST_C + 3)
     wait(core, 8_000_000)
-    assert status(core).dimmed == 1
+    assert core.status().dimmed == 1
 
 
 def test_a_hot_board_says_what_it_makes_of_a_light(core: VirtualBoard) -> None:
@@ -69,7 +69,7 @@ def test_a_hot_board_says_what_it_makes_of_a_light(core: VirtualBoard) -> None:
     assert reply.current_ma == -(-(12_000 + -(-101 * 20_000 // 255)) // 1000)
     core.advance(2_000)
     assert core.lights()[-1][2] == HALVED[1]
-    assert status(core).current_ma == reply.current_ma
+    assert core.status().current_ma == reply.current_ma
     core.ok("BLANK")
     core.ok("SET_GROUP", p.SetGroup(0, PATTERN))
     assert core.ok("SET_GROUP", p.SetGroup(0, PATTERN)).scale == p.FULL_SCALE // 2
@@ -93,12 +93,12 @@ def test_every_sequence_is_dimmed(core: VirtualBoard, mode: SyncMode) -> None:
     late = core.ok("COUNTERS").late_steps
     core.warm(HOTTEST_C + 3)
     wait(core, 8_000_000)
-    assert status(core).state == 1
+    assert core.status().state == 1
     assert core.lights()[-1][2] == HALVED[1]
     if mode is SyncMode.EXT:
         core.edge()
         core.advance(3_000)
-        assert status(core).step == 1
+        assert core.status().step == 1
         assert core.lights()[-1][2] == HALVED[1]
     assert core.ok("COUNTERS").late_steps == late
 
@@ -125,4 +125,4 @@ def test_a_light_that_the_board_took_away_does_not_come_back_with_the_cool(core:
 def test_cold_is_no_heat(core: VirtualBoard) -> None:
     core.warm(-20)
     assert wait(core, SETTLED_US) == []
-    assert status(core).temperature == -200
+    assert core.status().temperature == -200

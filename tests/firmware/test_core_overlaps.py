@@ -18,12 +18,6 @@ def colours(core: VirtualBoard) -> list[bytes]:
     return [shown for _, _, shown in core.lights()]
 
 
-def state(core: VirtualBoard) -> p.StatusReply:
-    reply = core.ok("STATUS")
-    assert isinstance(reply, p.StatusReply)
-    return reply
-
-
 # ---- the limit ----
 
 
@@ -34,7 +28,7 @@ def test_a_lower_limit_darkens_what_is_above_it_even_on_its_way(core: VirtualBoa
     core.ok("SET_LIMITS", p.SetLimits(100, Policy.REJECT))
     core.advance(5000)
     assert colours(core)[-1] == BLACK
-    assert state(core).current_ma == 12
+    assert core.status().current_ma == 12
 
 
 def test_a_lower_limit_meets_a_light_that_came_in_the_same_bytes(core: VirtualBoard) -> None:
@@ -43,7 +37,7 @@ def test_a_lower_limit_meets_a_light_that_came_in_the_same_bytes(core: VirtualBo
     core.receive(b"".join(packets))
     core.advance(5000)
     assert set(colours(core)) == {BLACK}
-    assert state(core).dark == Dark.COMMAND
+    assert core.status().dark == Dark.COMMAND
 
 
 # ---- the end of a sequence ----
@@ -56,12 +50,12 @@ def test_a_sequence_runs_until_its_last_light_has_ended(core: VirtualBoard, mode
     core.ok("START")
     core.edge()
     core.advance(100_000)
-    assert (state(core).state, state(core).dark) == (1, Dark.NOT_DARK)
+    assert (core.status().state, core.status().dark) == (1, Dark.NOT_DARK)
     assert core.ask("SET_LEDS", p.SetLeds(GREEN))[0] == Status.BUSY
     assert core.ask("START")[0] == Status.BUSY
     core.edge()
     core.advance(450_000)
-    assert (state(core).state, state(core).dark) == (0, Dark.SEQUENCE_ENDED)
+    assert (core.status().state, core.status().dark) == (0, Dark.SEQUENCE_ENDED)
     core.ok("SET_LEDS", p.SetLeds(GREEN))
     core.advance(1000)
     assert colours(core)[-2:] == [BLACK, GREEN]
@@ -163,7 +157,7 @@ def test_half_a_packet_from_before_does_not_spoil_the_first_after_opening(core: 
     core.receive(encode(Packet(p.COMMANDS["STATUS"].code, 1, b""))[:-1])
     core.link(False)
     core.link(True)
-    assert state(core).state == 0
+    assert core.status().state == 0
 
 
 @pytest.mark.parametrize("dark", [False, True])

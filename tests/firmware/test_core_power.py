@@ -114,7 +114,7 @@ def test_a_chip_may_not_get_hotter_than_at_the_start(core: VirtualBoard) -> None
     core.ok("SET_CONFIG", dataclasses.replace(FACTORY, hottest_c=85))
     core.warm(70)
     lit_for(core, 10, RED)
-    assert status(core).dimmed == 1
+    assert core.status().dimmed == 1
 
 
 # ---- power and time ----
@@ -127,19 +127,13 @@ def strong(core: VirtualBoard) -> Iterator[VirtualBoard]:
     board.close()
 
 
-def status(core: VirtualBoard) -> p.StatusReply:
-    reply = core.ok("STATUS")
-    assert isinstance(reply, p.StatusReply)
-    return reply
-
-
 def lit_for(core: VirtualBoard, seconds: float, colours: bytes) -> p.StatusReply:
     """Show a light for a time, and return what the board says then."""
     core.ok("SET_LEDS", p.SetLeds(colours))
     for _ in range(round(seconds * 2)):
         core.advance(500_000)
         core.ok("CLOCK", p.ClockRequest(0))
-    return status(core)
+    return core.status()
 
 
 def test_much_for_minutes_is_halved_and_comes_back_in_the_cool(strong: VirtualBoard) -> None:
@@ -172,7 +166,7 @@ def test_a_sequence_counts_by_what_it_draws_in_the_mean(strong: VirtualBoard) ->
         strong.ok("CLOCK", p.ClockRequest(0))
         strong.advance(500_000)
     expected = (0.25 * 732 + 0.75 * 12) * (1 - 2.718 ** (-500 / 409.6))
-    assert abs(status(strong).mean_ma - expected) < 0.03 * expected
+    assert abs(strong.status().mean_ma - expected) < 0.03 * expected
 
 
 def test_what_usb_gives_never_warms_the_housing_too_much() -> None:

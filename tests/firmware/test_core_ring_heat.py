@@ -7,7 +7,7 @@ import pytest
 from gellight.ring import protocol as p
 from gellight.ring.protocol import COOLER_C, DIMMING_US, NO_TEMPERATURE, RING_HOTTEST_C
 from tests.firmware.helpers.virtual_board import VirtualBoard
-from tests.firmware.helpers.warming import HALVED, PATTERN, SETTLED_US, status, wait
+from tests.firmware.helpers.warming import HALVED, PATTERN, SETTLED_US, wait
 
 MURATA = {-20: 68236.7, -10: 42506.2, 0: 27218.6, 10: 17925.5, 20: 12080.5, 25: 10000.0, 30: 8314.5, 40: 5833.6,
           50: 4160.9, 60: 3014.3, 70: 2227.5, 80: 1668.5, 100: 973.8}  # fmt: skip
@@ -26,7 +26,7 @@ def warm_ring(core: VirtualBoard, celsius: float) -> None:
 
 def ring_temperature(core: VirtualBoard) -> int:
     wait(core, 4_000_000)
-    return status(core).ring_temperature
+    return core.status().ring_temperature
 
 
 @pytest.mark.parametrize("celsius", MURATA)
@@ -46,13 +46,13 @@ def test_the_integers_follow_the_beta_equation(core: VirtualBoard, counts: int) 
 def test_a_broken_or_short_one_is_unknown_and_dims_nothing(core: VirtualBoard, counts: int) -> None:
     core.warm_ring(counts)
     assert wait(core, SETTLED_US) == []
-    assert (status(core).ring_temperature, status(core).dimmed) == (NO_TEMPERATURE, 0)
+    assert (core.status().ring_temperature, core.status().dimmed) == (NO_TEMPERATURE, 0)
 
 
 def test_a_board_without_one_says_unknown_and_lights(core: VirtualBoard) -> None:
     core.ok("SET_LEDS", p.SetLeds(PATTERN))
     assert wait(core, SETTLED_US) == []
-    assert status(core).ring_temperature == NO_TEMPERATURE
+    assert core.status().ring_temperature == NO_TEMPERATURE
     assert core.lights()[-1][2] == PATTERN
 
 
@@ -78,7 +78,7 @@ def test_one_that_is_lost_while_hot_keeps_the_leds_dimmed(core: VirtualBoard, lo
     assert [event.dimmed for event in wait(core, 9_000_000)] == [1]
     core.warm_ring(lost)
     assert wait(core, 4 * DIMMING_US) == []
-    assert (status(core).ring_temperature, status(core).dimmed) == (NO_TEMPERATURE, 1)
+    assert (core.status().ring_temperature, core.status().dimmed) == (NO_TEMPERATURE, 1)
     warm_ring(core, 25)
     assert [event.dimmed for event in wait(core, 2 * DIMMING_US)] == [0]
 

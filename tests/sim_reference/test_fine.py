@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
-from math import asin, atan, cos, degrees, radians, sin
+from math import asin, atan, cos, degrees, radians, sin, tan
 
 import numpy as np
 import pytest
@@ -176,11 +176,13 @@ def test_four_exposures_halve_the_error_of_one() -> None:
 
 
 def test_four_neighbours_together_stand_at_25_degrees() -> None:
-    assert degrees(exposures.effective_angle(radians(29), 4, 12)) == pytest.approx(24.9, abs=0.05)
+    sideways = (cos(radians(15)) + cos(radians(45))) / 2  # LEDs 15 and 45 degrees to each side of the middle
     scheme = exposures.one_exposure(12)
     ring = exposures.directional_ring(12, radians(29), 1)
     grouped = scheme.pictures[0] @ ring.vectors[:, 0]
-    assert atan(np.hypot(*grouped[:2]) / grouped[2]) == pytest.approx(exposures.effective_angle(radians(29), 4, 12))
+    angle_rad = atan(np.hypot(*grouped[:2]) / grouped[2])
+    assert angle_rad == pytest.approx(atan(sideways * tan(radians(29))))
+    assert degrees(angle_rad) == pytest.approx(24.9, abs=0.05)
 
 
 def test_a_window_asks_for_a_larger_angle_in_air() -> None:

@@ -213,10 +213,10 @@ class LightRing(BoardLink):
         """Return how many LEDs the board drives, which is the number of colours of a light."""
         return self.hello.led_count
 
-    def clock(self, host_us: int = 0) -> protocol.ClockReply:
+    def clock(self) -> protocol.ClockReply:
         """Return the times of the board's clock (us) around this request."""
         sent_s = time.monotonic()
-        reply = self._request("CLOCK", protocol.ClockReply, protocol.ClockRequest(host_us))
+        reply = self._request("CLOCK", protocol.ClockReply, protocol.ClockRequest(0))
         self._tell_ping(sent_s, reply.received_us, reply.sent_us)
         return reply
 

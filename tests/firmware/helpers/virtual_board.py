@@ -180,6 +180,11 @@ class VirtualBoard:
         assert status == 0, (name, status, value)
         return protocol.COMMANDS[name].reply.unpack(payload)
 
+    def status(self) -> protocol.StatusReply:
+        reply = self.ok("STATUS")
+        assert isinstance(reply, protocol.StatusReply)
+        return reply
+
     def load_sequence(self, groups: Sequence[bytes], steps: Sequence[protocol.SetStep], loops: int = 0) -> None:
         table = [*groups, *[bytes(3 * self.led_count)] * (protocol.GROUP_COUNT - len(groups))]
         for index, colours in enumerate(table):

@@ -25,9 +25,3 @@ def wait(core: VirtualBoard, duration_us: int) -> list[p.DimmedEvent]:
         core.packets.clear()
         found += [p.DimmedEvent.unpack(packet.payload) for packet in packets if packet.type == p.EVENTS["DIMMED"][0]]
     return found
-
-
-def status(core: VirtualBoard) -> p.StatusReply:
-    reply = core.ok("STATUS")
-    assert isinstance(reply, p.StatusReply)
-    return reply

@@ -1,4 +1,4 @@
-"""What copper carries: how warm a track gets, and what the LEDs lose on their way."""
+"""What the LEDs lose on their way through the copper."""
 
 from math import pi
 
@@ -15,19 +15,10 @@ from gellight.lab.boards.strip import (
 )
 from sim_reference.geometry import SensorGeometry
 
-MIL_MM = 0.0254
-IPC_OUTER, IPC_COVERED = 0.048, 0.024
-"""of the formula below: for copper in air, and for copper that insulation covers, as coverlay does"""
 COPPER_OHM_MM = 1.72e-5
 """ohm mm, at 20 °C"""
 COPPER_PER_K = 0.00393
 HOT_C = 60.0
-
-
-def least_width_mm(current_ma: float, copper_mm: float, warmer_k: float = 20.0, factor: float = IPC_COVERED) -> float:
-    """Return how wide a track has to be: IPC-2221A, 6.2, I = factor warmer^0.44 area^0.725 in A, K and square mils."""
-    area = (current_ma / 1000 / (factor * warmer_k**0.44)) ** (1 / 0.725)
-    return float(area * MIL_MM**2 / copper_mm)
 
 
 def sheet_ohm(copper_mm: float, celsius: float = HOT_C) -> float:

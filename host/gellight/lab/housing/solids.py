@@ -1,4 +1,4 @@
-"""Solids by the Open CASCADE kernel (package cadquery-ocp-novtk, `gellight[parts]`): made, cut, measured, written.
+"""Solids by the Open CASCADE kernel (package cadquery-ocp-novtk, `gellight[parts]`): made, cut, written.
 
 The kernel is imported in the functions: it takes half a second, and only who makes a housing needs it. A solid is its
 `TopoDS_Shape`.
@@ -75,23 +75,6 @@ def cut(first: Solid, *tools: Solid) -> Solid:
     for tool in tools:
         first = BRepAlgoAPI_Cut(first, tool).Shape()
     return first
-
-
-def shared_mm3(first: Solid, second: Solid) -> float:
-    """Return the volume that two solids both take."""
-    from OCP.BRepAlgoAPI import BRepAlgoAPI_Common
-
-    return volume_mm3(BRepAlgoAPI_Common(first, second).Shape())
-
-
-def volume_mm3(solid: Solid) -> float:
-    """Return the volume of a solid."""
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-
-    found = GProp_GProps()
-    BRepGProp.VolumeProperties_s(solid, found)
-    return float(found.Mass())
 
 
 def moved(solid: Solid, up: float, turn_rad: float = 0.0) -> Solid:

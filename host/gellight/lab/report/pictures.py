@@ -23,9 +23,9 @@ _LARGEST_SIDE, _LEAST_SIDE, _LEAST_SCALE_UM = 3000, 200, 0.01
 _FONT = cv2.FONT_HERSHEY_DUPLEX
 
 
-def difference_picture(difference: NDArray[np.floating], *, scale_grey: float = DIFFERENCE_SCALE_GREY) -> Picture:
-    """Draw a (H, W, 3) difference image: grey where nothing changed, `scale_grey` levels to each end."""
-    return np.clip(np.asarray(difference) * (127.5 / scale_grey) + 127.5, 0, 255).astype(np.uint8)
+def difference_picture(difference: NDArray[np.floating]) -> Picture:
+    """Draw a (H, W, 3) difference image: grey where nothing changed, DIFFERENCE_SCALE_GREY levels to each end."""
+    return np.clip(np.asarray(difference) * (127.5 / DIFFERENCE_SCALE_GREY) + 127.5, 0, 255).astype(np.uint8)
 
 
 def normal_picture(normal_map: NDArray[np.floating]) -> Picture:

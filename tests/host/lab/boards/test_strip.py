@@ -9,13 +9,15 @@ import pytest
 from numpy.typing import NDArray
 
 from gellight.base.errors import ConfigError, InputError
-from gellight.lab.boards.currents import IPC_OUTER, drop_v, full_ma, least_width_mm
+from gellight.lab.boards.currents import drop_v, full_ma
 from gellight.lab.boards.model import BACK, GROUND, Arc, Board, Point
 from gellight.lab.boards.strip import SUPPLY, TAIL_NETS, strip_board
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.boards import axes_at, ring_of, rolled_up, table
 from tests.helpers.children import gellight
 
+IPC_OUTER, IPC_COVERED = 0.048, 0.024
+"""of the formula below: for copper in air, and for copper that insulation covers, as coverlay does"""
 RINGS = [
     pytest.param(ring_of(12), "5050", id="default"),
     *[pytest.param(ring_of(count), "2020", id=f"{count}-2020") for count in (3, 4, 7, 12, 19, 24)],
@@ -51,6 +53,12 @@ def test_data_runs_from_the_tail_through_every_led(geometry: SensorGeometry, pac
     assert nets["5V"] == {("J1", "1"), ("J1", "2")} | {(f"D{n}", supply) for n in leds} | {(f"C{n}", "1") for n in leds}
     assert {(f"D{n}", ground) for n in leds} | {(f"C{n}", "2") for n in leds} | {("TH1", "2")} <= nets["GND"]
     assert nets["NTC"] == {("J1", "4"), ("TH1", "1")}
+
+
+def least_width_mm(current_ma: float, copper_mm: float, warmer_k: float = 20.0, factor: float = IPC_COVERED) -> float:
+    """Return how wide a track has to be: IPC-2221A, 6.2, I = factor warmer^0.44 area^0.725 in A, K and square mils."""
+    area = (current_ma / 1000 / (factor * warmer_k**0.44)) ** (1 / 0.725)
+    return float(area * 0.0254**2 / copper_mm)
 
 
 def test_the_formula_gives_what_is_known_of_it() -> None:

@@ -16,7 +16,7 @@ from gellight.base.errors import InputError
 from gellight.lab.boards.strip import TAIL_WIDTH_MM, strip_board
 from gellight.lab.housing.measures import CLEARANCE_MM, FLEX_MM, housing
 from gellight.lab.housing.parts import assembly, housing_files, stand_ins
-from gellight.lab.housing.solids import box, shared_mm3, stl_bytes, turned_solid, volume_mm3
+from gellight.lab.housing.solids import Solid, box, stl_bytes, turned_solid
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions
 from tests.helpers.boards import rolled_up
 from tests.helpers.children import gellight
@@ -45,6 +45,23 @@ def mesh(data: bytes) -> trimesh.Trimesh:
     read = trimesh.load(io.BytesIO(data), file_type="stl")
     assert isinstance(read, trimesh.Trimesh)
     return read
+
+
+def volume_mm3(solid: Solid) -> float:
+    """Return the volume of a solid."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    found = GProp_GProps()
+    BRepGProp.VolumeProperties_s(solid, found)
+    return float(found.Mass())
+
+
+def shared_mm3(first: Solid, second: Solid) -> float:
+    """Return the volume that two solids both take."""
+    from OCP.BRepAlgoAPI import BRepAlgoAPI_Common
+
+    return volume_mm3(BRepAlgoAPI_Common(first, second).Shape())
 
 
 def test_every_part_is_watertight_and_says_its_volume(sensor: tuple[SensorGeometry, str, dict[str, Any]]) -> None:
