@@ -31,13 +31,13 @@ def test_the_layer_is_that_of_the_reference() -> None:
 def test_a_ball_gives_back_its_force(press_mm: float, radius_mm: float) -> None:
     press = weighed(press_mm, radius_mm)
     force = SCALE.force(press.depth_mm, PIXELS)
-    assert force.normal_n == pytest.approx(press.force_n, rel=0.03)
+    assert force.normal_n == pytest.approx(press.force_n, rel=0.01)
     assert force.error_n == pytest.approx(np.hypot(0.02, 0.1 * force.normal_n))
 
 
 def test_pixels_need_not_be_square() -> None:
     press = weighed(0.4, 3.0, 0.0, (0.05, 0.04))
-    assert SCALE.force(press.depth_mm, (0.05, 0.04)).normal_n == pytest.approx(press.force_n, rel=0.03)
+    assert SCALE.force(press.depth_mm, (0.05, 0.04)).normal_n == pytest.approx(press.force_n, rel=0.01)
 
 
 def test_the_pressure_map_is_where_the_ball_presses_and_adds_up_to_the_force() -> None:
