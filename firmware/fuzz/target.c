@@ -33,6 +33,14 @@ static void check_replies(struct board *board)
     require(!receiver.count);
 }
 
+/* What may be drawn: dark LEDs draw what they do, also where a configuration says that it is more than its limit. */
+static uint32_t most_ma(const struct ring_limits *limits)
+{
+    static const uint8_t dark[COLOUR_BYTES];
+    uint16_t dark_ma = ring_current_ma(limits, dark);
+    return limits->limit_ma > dark_ma ? limits->limit_ma : dark_ma;
+}
+
 static void check_state(const struct board *board)
 {
     const struct controller *controller = &board->controller;
@@ -41,8 +49,8 @@ static void check_state(const struct board *board)
     const struct controller_slot *slot = &controller->slot;
     uint32_t limit_ma = controller->limits.limit_ma;
     /* where the limit has just become lower, what is above it is lit or on its way until the next light, which is not */
-    require(!slot->busy || slot->current_ma <= limit_ma || controller->still_wanted);
-    require(board_current_ua(board) <= limit_ma * 1000u || slot->busy || controller->still_wanted);
+    require(!slot->busy || slot->current_ma <= most_ma(&controller->limits) || controller->still_wanted);
+    require(board_current_ua(board) <= most_ma(&controller->limits) * 1000u || slot->busy || controller->still_wanted);
     require(limit_ma <= controller->granted.limit_ma && controller->limits.channel_ua >= controller->granted.channel_ua);
     require(sequencer->next.step < STEP_COUNT && sequencer->active.step_count <= STEP_COUNT);
     require(controller->reply_count <= PACKET_WIRE_BYTES);
