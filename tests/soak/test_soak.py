@@ -38,9 +38,9 @@ def home(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         yield
 
 
-def suffer(tmp_path: Path, *kinds: FaultKind, seconds: float = 1.0) -> Report:
+def suffer(tmp_path: Path, *kinds: FaultKind, seconds: float = 1.0, works: bool = False) -> Report:
     faults = [PlannedFault(60.0 * number, kind, seconds, 1.0) for number, kind in enumerate(kinds)]
-    return Soak(0, tmp_path, print).run(iter(faults))
+    return Soak(0, tmp_path, print, works=works).run(iter(faults))
 
 
 def broken(report: Report) -> set[Invariant]:
