@@ -294,7 +294,12 @@ class Soak:
         self.clock.error_s += (2 * fault.strength - 1) * JUMP_S
 
     def _full_disk(self, fault: PlannedFault, shift: Shift) -> None:
-        """Let files grow no more, which a program learns as it learns of a full disk: its write fails."""
+        """Let files grow no more, which a program learns as it learns of a full disk: its write fails.
+
+        Not while the sensor is calibrated: of the few frames that come then a chunk takes minutes.
+        """
+        if shift.working is not None:
+            shift.working.turn_to_scan()
         size = shift.recorder.path.stat().st_size
         if not self._within(lambda: shift.recorder.path.stat().st_size > size):
             self.judge.broken(Invariant.RECORDING, f"no chunk was recorded in {GIVE_UP_S:g} s")

@@ -16,16 +16,11 @@ def suffering(guest: Guest, whole_bench: Bench, tmp_path_factory: pytest.TempPat
     return Suffering(guest, whole_bench, bundle, seed=7)
 
 
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("kind", ["cable pulled while it streams", "programs frozen", "computer stopped"])
 def test_files_leds_message_and_the_next_start_stand_a_fault(suffering: Suffering, kind: str) -> None:
     suffering.one(kind)
     assert suffering.tallies[kind].broken == []
-
-
-def test_the_virtual_controller_does_not_let_the_kernel_sleep(guest: Guest, one: VirtualSensor) -> None:
-    """Or it would be tried, in place of programs that are frozen."""
-    assert "busy" in guest.run("suffering:sleep").lower()
 
 
 def test_shears_cut_at_the_transfer_they_are_told(guest: Guest, one: VirtualSensor) -> None:

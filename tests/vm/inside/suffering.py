@@ -124,8 +124,7 @@ def _followed(routine: Routine, end_s: float) -> dict[str, Any]:
 def freeze(seconds: int) -> str:
     """Let the kernel freeze every program for some seconds, as when it goes to sleep; say what it said.
 
-    It wakes by itself: this is its own test of going to sleep, without the devices, for the virtual USB controller
-    refuses to sleep while a device is plugged in.
+    It wakes by itself: this is its own test of going to sleep, without the devices.
     """
     Path("/sys/module/suspend/parameters/pm_test_delay").write_text(str(seconds))
     Path("/sys/power/pm_test").write_text("freezer")
@@ -135,13 +134,4 @@ def freeze(seconds: int) -> str:
         return str(error)
     finally:
         Path("/sys/power/pm_test").write_text("none")
-    return ""
-
-
-def sleep() -> str:
-    """Let the kernel go to sleep; say why it does not."""
-    try:
-        Path("/sys/power/state").write_text("freeze")
-    except OSError as error:
-        return str(error)
     return ""
