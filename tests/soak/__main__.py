@@ -4,12 +4,14 @@ run.py         the soak: faults, recoveries, the report
 faults.py      what goes wrong, drawn from a seed
 hardware.py    the sensor: cameras in a simulated kernel, a bus made of files, an emulated board; marks.py: its pictures
 shift.py       a daemon with recording and subscriber; reader.py and holder.py are programs to be killed
+working.py     who calibrates and scans meanwhile; pressed_gel.py: what the sensor looks at
 judging.py     what has to hold; resources.py: memory and handles
 """
 
 import argparse
 import json
 import logging
+import math
 import sys
 from dataclasses import asdict
 from functools import partial
@@ -18,6 +20,7 @@ from gellight.base.errors import InputError
 from tests.soak.judging import Invariant
 from tests.soak.resources import one_arena
 from tests.soak.run import Report, soak
+from tests.soak.working import Work
 
 
 def main() -> int:
@@ -25,12 +28,14 @@ def main() -> int:
     parser = argparse.ArgumentParser("python -m tests.soak", description="Quiet time between faults is cut short.")
     parser.add_argument("--hours", type=float, default=8.0, help="simulated hours, about a fault a minute")
     parser.add_argument("--faults", type=int, default=1, metavar="SEED", help="seed that the faults are drawn from")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="end after so many, wherever it is")
     parser.add_argument("--json", action="store_true", help="print all that was found")
     options = parser.parse_args()
     one_arena()
     logging.getLogger("gellight").setLevel(logging.CRITICAL)  # faults are what is made here
     try:
-        report = soak(options.faults, options.hours, partial(print, file=sys.stderr, flush=True))
+        report = soak(options.faults, options.hours, partial(print, file=sys.stderr, flush=True),
+                      minutes=options.minutes)  # fmt: skip
     except InputError as error:
         parser.error(str(error))
     print(json.dumps(asdict(report), indent=2) if options.json else table(report))
@@ -43,12 +48,23 @@ def table(report: Report) -> str:
         f"{report.simulated_s / 3600:.2f} simulated hours in {report.wall_s / 60:.1f} min, seed {report.seed}: "
         f"{report.frames} frames, {report.labels} light labels judged ({report.unjudged_labels} not: emulator late)",
         f"memory: {report.memory_growth_mb:+.1f} MB from the third to the last quarter",
+        *_worked(report.work),
         f"{'fault':20}{'count':>6}{'worst recovery':>17}",
     ]
     lines += [f"{kind:20}{one.count:6d}{one.worst_recovery_s:15.2f} s" for kind, one in sorted(report.faults.items())]
     lines += [f"broken after {one.at_s:.1f} s: {one.invariant}: {one.text}" for one in report.violations]
     lines += [f"not judged: {invariant}" for invariant in report.not_judged]
     return "\n".join([*lines, "everything held" if report.passed else _failed(report)])
+
+
+def _worked(work: Work) -> list[str]:
+    """Return what was done with the sensor meanwhile."""
+    return [
+        f"calibrated: {work.calibrations} times, {work.judged_bad} judged bad, {work.taken_up} times gone on with; "
+        f"{work.circles} circles, {work.worst_circle_px:.2f} px off at most",
+        f"scanned: {work.scanned} presses, {work.worst_place_mm:.2f} mm beside their place and "
+        f"{work.worst_depth_mm:.2f} mm off in depth at most",
+    ]
 
 
 def _failed(report: Report) -> str:

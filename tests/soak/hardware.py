@@ -24,11 +24,13 @@ from gellight.lab.simulator.usb.encoding import Mark, to_jpeg, to_yuyv
 from gellight.lab.simulator.usb.faults import NO_FAULTS, Faults
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import Transport, open_transport
+from gellight.ring.wire import LED_COUNT
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.v4l2 import structures as v
 from tests.helpers.simulated_kernel import CameraDevice, SimulatedKernel
 from tests.helpers.usb_tree import UsbTree
-from tests.soak.marks import BLOCK_PX, marked
+from tests.soak.marks import marked
+from tests.soak.pressed_gel import SHAPE, PressedGel
 from tests.soak.resources import WORKSHOP
 
 logger = logging.getLogger(__name__)
@@ -97,12 +99,12 @@ class WiredTransport:
 
 
 class SoakCamera(CameraDevice):
-    """The camera of a sensor; its pictures show the reference image under the light that was on."""
+    """The camera of a sensor; its pictures show the gel under the light that was on."""
 
     def __init__(self, sensor: "SoakSensor") -> None:
         """Look at the gel of `sensor`."""
         self._sensor, self._last = sensor, b""
-        height, width = sensor.reference.shape[:2]
+        height, width = SHAPE
         super().__init__(
             formats={letters: {(width, height): [30]} for letters in ("YUYV", "MJPG")},
             driver="soak",  # its stamps are taken at their word: the start of the exposure
@@ -132,9 +134,9 @@ class SoakCamera(CameraDevice):
 class SoakSensor:
     """One sensor on a bus and in a kernel of its own; close it at the end."""
 
-    def __init__(self, folder: Path, reference: NDArray[np.uint8], colours: NDArray[np.uint8], seed: int) -> None:
-        """Make bus and kernel in `folder`; reference: (H, W, 3) picture under the light `colours`."""
-        self.reference, self._colours = reference, colours
+    def __init__(self, folder: Path, seed: int) -> None:
+        """Make bus and kernel in `folder`."""
+        self.gel = PressedGel()
         self.kernel, self.usb = SimulatedKernel(), UsbTree(folder)
         self.wires = Wires(draw=random.Random(seed))
         self.faults: Faults = NO_FAULTS
@@ -248,15 +250,13 @@ class SoakSensor:
         self._exposures[self._count] = exposure
         if len(self._exposures) > KEPT_EXPOSURES:
             self._exposures.popitem(last=False)
-        share = lights.mean(axis=(0, 1)) / np.maximum(self._colours.mean(axis=0), 1.0)
-        image = np.clip(self.reference * np.minimum(share, 1.5), 0, 255).astype(np.uint8)
-        noise = np.random.default_rng(self._count).integers(0, 3, image.shape, np.uint8)
-        return marked(np.maximum(image, noise), self._count), exposure
+        image = digitised(self.gel.picture(lights.mean(axis=0)), np.random.default_rng(self._count))
+        return marked(image, self._count), exposure
 
     def _lights(self, start_s: float) -> tuple[NDArray[np.uint8], bool]:
         with self._boards:
             board = self.board
-        dark = np.zeros((1, *self._colours.shape), np.uint8)
+        dark = np.zeros((1, LED_COUNT, 3), np.uint8)
         try:
             if board is None or not board.running:
                 return dark, False
@@ -279,10 +279,6 @@ def _seen(board: SimulatedBoard, start_s: float, clock_us: Callable[[float], flo
     return np.stack([light.colours for light in board.light_during(start_us - SHUTTER.pulse_period_us, end_us)])
 
 
-def gel(shape: tuple[int, int]) -> NDArray[np.uint8]:
-    """(H, W, 3) picture of a gel at rest, a little brighter in the middle; H and W are multiples of `BLOCK_PX`."""
-    if any(size % BLOCK_PX for size in shape):
-        raise ValueError(f"the picture has {shape} pixels: give multiples of {BLOCK_PX}")
-    y, x = np.indices(shape) / np.array(shape)[:, None, None]
-    glow = 120 - 60 * ((x - 0.5) ** 2 + (y - 0.5) ** 2)
-    return np.round(np.stack([glow, glow + 5, glow - 5], axis=2)).astype(np.uint8)
+def digitised(picture: NDArray[np.float32], draw: np.random.Generator) -> NDArray[np.uint8]:
+    """Return (H, W, 3) grey levels as a camera with some noise has them."""
+    return np.clip(picture + draw.integers(0, 3, picture.shape, np.uint8), 0, 255).astype(np.uint8)

@@ -1,34 +1,38 @@
-"""Numbers written into pictures, so large that compression keeps them: at the top and again at the bottom."""
+"""Numbers written into pictures, at the top and again at the bottom, so faintly that no touch is seen in them.
+
+A bit is a column of four rows, brighter and darker by `STEP_GREY` in turn: neither the mean nor the slope of the block
+changes, and a picture that changes as smoothly as gel does not change the bit.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 
-BLOCK_PX = 8
 BITS = 32
-BLACK, WHITE = 16, 235
+ROWS = 4
+STEP_GREY = 2
+SIGNS = np.array([1, -1, -1, 1])
 
 
 def marked(image: NDArray[np.uint8], number: int) -> NDArray[np.uint8]:
-    """Return (H, W, 3) uint8 RGB with `number` in its first and in its last rows; W has room for 16 blocks of a bit."""
-    bits = np.array([number >> bit & 1 for bit in range(BITS)], bool).reshape(2, -1)
-    grey = np.where(bits, WHITE, BLACK).repeat(BLOCK_PX, axis=0).repeat(BLOCK_PX, axis=1).astype(np.uint8)
-    rows, columns = grey.shape
+    """Return (H, W, 3) uint8 RGB with `number` in its first and last four rows; W is a multiple of 32."""
+    bits = np.array([number >> bit & 1 for bit in range(BITS)]).repeat(image.shape[1] // BITS)
+    step = STEP_GREY * (1 + np.where(bits, 1, -1) * SIGNS[:, None])[..., None]
     result = image.copy()
-    result[:rows, :columns] = result[-rows:, :columns] = grey[..., None]
+    for rows in (slice(ROWS), slice(-ROWS, None)):
+        result[rows] = np.minimum(image[rows] + step, 255)
     return result
 
 
 def read_number(image: NDArray[np.uint8]) -> int:
     """Return the number of a picture; InputError where top and bottom are of different pictures."""
-    rows, columns = 2 * BLOCK_PX, BITS // 2 * BLOCK_PX
-    top, bottom = _number(image[:rows, :columns]), _number(image[-rows:, :columns])
+    top, bottom = _number(image[:ROWS]), _number(image[-ROWS:])
     if top != bottom:
         raise InputError(f"the picture begins as number {top} and ends as number {bottom}: it is torn")
     return top
 
 
 def _number(part: NDArray[np.uint8]) -> int:
-    blocks = part.reshape(2, BLOCK_PX, -1, BLOCK_PX, 3).mean(axis=(1, 3, 4)).ravel()
-    return sum(1 << bit for bit, grey in enumerate(blocks) if grey > 128)
+    columns = part.reshape(ROWS, BITS, -1).astype(float).mean(axis=2)
+    return sum(1 << bit for bit, step in enumerate(SIGNS @ columns) if step > 0)

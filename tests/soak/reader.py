@@ -8,7 +8,8 @@ import sys
 from gellight.base.errors import GellightError
 from gellight.stream.subscription import subscribe
 
-EVERY = 20
+EVERY = 5
+"""few, for there are three a second while the sensor is calibrated"""
 
 
 def main(name: str) -> None:

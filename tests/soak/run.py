@@ -5,6 +5,7 @@ all that the product waits for take the time that they take.
 """
 
 import logging
+import math
 import random
 import resource
 import signal
@@ -19,23 +20,31 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from gellight.base.errors import GellightError, InputError
-from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle, write_bundle
+from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.lab.emulator.child import SimulatedBoard
 from gellight.lab.simulator.usb.faults import NO_FAULTS, Faults
+from tests.helpers.small_bundles import ordinary
 from tests.soak.faults import FaultKind, PlannedFault, plan
-from tests.soak.hardware import SERIAL, SHUTTER, SoakSensor, gel
+from tests.soak.hardware import SERIAL, SHUTTER, SoakSensor, digitised
 from tests.soak.judging import DARK_WITHIN_S, Invariant, Judge, Patience, Violation
+from tests.soak.marks import BITS, marked
+from tests.soak.pressed_gel import PIXEL_MM, PressedGel
 from tests.soak.resources import FEWEST, FIRST_RESTS, Holdings, handle_growth, memory_growth_mb
 from tests.soak.shift import Shift
+from tests.soak.working import Work
 
 logger = logging.getLogger(__name__)
-SHAPE = (96, 128)
+REFERENCE_FRAMES = 30
 QUIET_S = 2.0
 RECOVERY_S = 3.0
 GIVE_UP_S = 30.0
 FAULTS_A_SHIFT = 8
 POLL_S = 0.02
+PROGRESS_S, STEPS = 20.0, 6
+"""so long a fault waits until a calibration has gone on by so much"""
 DISTURBED = 0.3
 """share of the pictures, at most, that a fault of pictures hits"""
 FLIPPED = 0.01
@@ -70,6 +79,7 @@ class Report:
     unjudged_labels: int = 0
     """called clean while the emulator lagged behind the wall clock"""
     memory_growth_mb: float = 0.0
+    work: Work = field(default_factory=Work)
     faults: dict[str, Outcome] = field(default_factory=dict)
     violations: list[Violation] = field(default_factory=list)
     not_judged: list[Invariant] = field(default_factory=list)
@@ -112,19 +122,21 @@ class WallClock:
 class Soak:
     """Makes the faults of a plan, and waits after each until the product has recovered."""
 
-    def __init__(self, seed: int, folder: Path, note: Callable[[str], object] = logger.info) -> None:
-        """Make a sensor and its bundle in `folder`; `note` is told what happens."""
+    def __init__(
+        self, seed: int, folder: Path, note: Callable[[str], object] = logger.info, *, works: bool = True
+    ) -> None:
+        """Make a sensor and its bundle in `folder`; `note` is told what happens. works: somebody works with it."""
         self.report = Report(seed)
-        self._note = note
-        self._bundle = soak_bundle(folder / "bundle")
-        assert self._bundle.colours is not None
-        self.sensor = SoakSensor(folder / "bus", gel(SHAPE), self._bundle.colours, seed)
+        self._note, self._works = note, works
+        self.sensor = SoakSensor(folder / "bus", seed)
+        self._bundle = soak_bundle(folder / "bundle", self.sensor.gel)
         self.judge = Judge(self.sensor)
         self.patience, self.clock = Patience(), WallClock()
         self._folder, self._random = folder, random.Random(seed)
         self._samples: list[Holdings] = []
         self._rests: list[Holdings] = []
         self._begun_s = time.monotonic()
+        self._end_s = math.inf
         self._done = threading.Event()
         self._make: Mapping[FaultKind, Callable[[PlannedFault, Shift], None]] = {
             FaultKind.UNPLUGGED: self._unplug, FaultKind.BROWN_OUT: self._brown_out, FaultKind.STALL: self._stall,
@@ -136,9 +148,10 @@ class Soak:
             FaultKind.HOST_KILLED: self._kill_host,
         }  # fmt: skip
 
-    def run(self, faults: Iterator[PlannedFault]) -> Report:
-        """Make every fault of the plan; return what was found."""
+    def run(self, faults: Iterator[PlannedFault], minutes: float = math.inf) -> Report:
+        """Make every fault of the plan, as far as they come within so many minutes; return what was found."""
         planned, sequenced = list(faults), False
+        self._end_s = self._begun_s + 60 * minutes
         with ExitStack() as stack:
             stack.enter_context(self.clock.in_force())
             stack.callback(self.patience.close)
@@ -147,7 +160,7 @@ class Soak:
             self.sensor.plug()
             threading.Thread(target=self._sample, name="holdings", daemon=True).start()
             left = deque(planned)
-            while left:
+            while left and time.monotonic() < self._end_s:
                 self._shift(left, sequenced=sequenced)
                 sequenced = not sequenced
         return self._conclude(planned)
@@ -155,11 +168,12 @@ class Soak:
     def _shift(self, left: deque[PlannedFault], *, sequenced: bool) -> None:
         """Run a daemon through some of the faults that are left, and end it, earlier where it does not recover."""
         try:
-            with Shift(self.sensor, self._bundle, self.judge, self._folder, sequenced=sequenced) as shift:
+            work = (self.report.work, self._within) if self._works and not sequenced else None
+            with Shift(self.sensor, self._bundle, self.judge, self._folder, sequenced=sequenced, work=work) as shift:
                 self._recover(None, shift)
-                for _ in range(min(FAULTS_A_SHIFT, len(left))):
-                    time.sleep(QUIET_S)
-                    if self._one(left.popleft(), shift) > GIVE_UP_S / 2:
+                for number in range(min(FAULTS_A_SHIFT, len(left))):
+                    self._quiet(shift, number)
+                    if self._one(left.popleft(), shift) > GIVE_UP_S / 2 or time.monotonic() > self._end_s:
                         break
         except GellightError as error:
             if left:
@@ -169,6 +183,17 @@ class Soak:
         self.sensor.settle()
         self.judge.looked_at(Invariant.FIRMWARE)
         self._rests.append(Holdings.now(time.monotonic() - self._begun_s))
+
+    def _quiet(self, shift: Shift, number: int) -> None:
+        """Let there be peace before the next fault; while the sensor is calibrated, until that went on."""
+        time.sleep(QUIET_S)
+        if shift.working is None:
+            return
+        if 2 * number == FAULTS_A_SHIFT:
+            shift.working.turn_to_scan()
+        end_s, before = time.monotonic() + PROGRESS_S, shift.working.progress
+        while shift.working.calibrating and shift.working.progress < before + STEPS and time.monotonic() < end_s:
+            time.sleep(POLL_S)
 
     def _one(self, fault: PlannedFault, shift: Shift) -> float:
         """Make a fault; return how long the recovery took."""
@@ -269,7 +294,12 @@ class Soak:
         self.clock.error_s += (2 * fault.strength - 1) * JUMP_S
 
     def _full_disk(self, fault: PlannedFault, shift: Shift) -> None:
-        """Let files grow no more, which a program learns as it learns of a full disk: its write fails."""
+        """Let files grow no more, which a program learns as it learns of a full disk: its write fails.
+
+        Not while the sensor is calibrated: of the few frames that come then a chunk takes minutes.
+        """
+        if shift.working is not None:
+            shift.working.turn_to_scan()
         size = shift.recorder.path.stat().st_size
         if not self._within(lambda: shift.recorder.path.stat().st_size > size):
             self.judge.broken(Invariant.RECORDING, f"no chunk was recorded in {GIVE_UP_S:g} s")
@@ -337,23 +367,27 @@ class Soak:
         return report
 
 
-def soak(seed: int, hours: float, note: Callable[[str], object] = logger.info) -> Report:
-    """Soak a simulated sensor for that many simulated hours; `note` is told of every fault.
+def soak(seed: int, hours: float, note: Callable[[str], object] = logger.info, *, minutes: float = math.inf) -> Report:
+    """Soak a simulated sensor for that many simulated hours, or minutes; `note` is told of every fault.
 
     Raises InputError where no fault of the plan falls into that time: such a run would say nothing.
     """
     if not any(True for _ in plan(seed, hours)):
         raise InputError(f"no fault of seed {seed} falls into {hours:g} h: give more hours")
     with tempfile.TemporaryDirectory(prefix="gellight-soak-") as folder:
-        return Soak(seed, Path(folder), note).run(plan(seed, hours))
+        return Soak(seed, Path(folder), note).run(plan(seed, hours), minutes)
 
 
-def soak_bundle(folder: Path) -> Bundle:
-    """Write the bundle of the sensor: its gel at rest, the LEDs and the network of the simulated sensor's bundle."""
-    shipped = load_bundle(SYNTHETIC)
+def soak_bundle(folder: Path, gel: PressedGel) -> Bundle:
+    """Write the bundle of the sensor: its gel at rest, the LEDs and the network of the shipped simulated sensor."""
+    shipped = ordinary()
+    assert shipped.colours is not None
     times = {"readout_us": SHUTTER.readout_us, "delay_us": 0.0}
+    untouched, draw = gel.picture(shipped.colours.astype(float)), np.random.default_rng(0)
+    numbers = [0, 2**BITS - 1] * (REFERENCE_FRAMES // 2)  # of which the mean shows none
+    frames = [marked(digitised(untouched, draw), number) for number in numbers]
     return write_bundle(
-        folder, sensor=SERIAL, reference=gel(SHAPE).astype(float), reference_frames=1, noise_grey=1.0,
-        pixel_size_mm=(0.1, 0.1), network=shipped.network, metrics={}, led=shipped.manifest.led,
+        folder, sensor=SERIAL, reference=np.mean(frames, axis=0), reference_frames=REFERENCE_FRAMES, noise_grey=1.0,
+        pixel_size_mm=(PIXEL_MM, PIXEL_MM), network=shipped.network, metrics={}, led=shipped.manifest.led,
         camera={"exposure_us": SHUTTER.exposure_us, "white_balance_k": 4600.0, "format": "YUYV", **times},
     )  # fmt: skip

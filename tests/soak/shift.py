@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gellight.base.errors import GellightError
 from gellight.bundle.bundle import Bundle
@@ -25,10 +26,12 @@ from tests.helpers.sessions import session_of
 from tests.soak.hardware import SERIAL, SoakSensor
 from tests.soak.judging import Invariant, Judge
 from tests.soak.marks import read_number
+from tests.soak.working import IN_FLIGHT, Calibrating, Scanning, Within, Work, Working
 
 KEPT_FRAMES = 64
 POLL_S = 0.2
-READER_S = 20.0
+DARK_GREY = 5.0
+READER_S = 60.0
 """a reader is started, and has its first frames, within this"""
 
 
@@ -77,11 +80,18 @@ class Reader:
 class Shift:
     """A running daemon, recorded, published and judged; a context manager."""
 
-    def __init__(self, sensor: SoakSensor, bundle: Bundle, judge: Judge, folder: Path, *, sequenced: bool) -> None:
-        """Run the sensor that is plugged in; sequenced: under a sequence of lights, else under the bundle's."""
+    def __init__(self, sensor: SoakSensor, bundle: Bundle, judge: Judge, folder: Path, *, sequenced: bool,
+                 work: tuple[Work, Within] | None = None) -> None:  # fmt: skip
+        """Run the sensor that is plugged in; sequenced: under a sequence of lights, else under the bundle's.
+
+        work: where to note what somebody does who works with it, and how they wait; None: nobody does.
+        """
         self._sensor, self._bundle, self.judge, self._folder = sensor, bundle, judge, folder
-        self.sequenced = sequenced
+        self._work, self.sequenced = work, sequenced
+        self.working: Working | None = None
         self._recordings = 0
+        self._known_from = 0
+        """number of the first frame whose light no calibration can have set"""
         self._ended = threading.Event()
         self._until = ExitStack()
 
@@ -102,6 +112,8 @@ class Shift:
             stack.callback(self._ended.set)
             self._begin_recording()
             stack.callback(self.end_recording)
+            if self._work is not None:
+                self.working = stack.enter_context(self._worker(*self._work))
             self.reader = Reader(self.name, self.judge)
             stack.callback(lambda: self.reader.close())
             self._until = stack.pop_all()
@@ -110,6 +122,20 @@ class Shift:
     def __exit__(self, *problem: object) -> None:
         """Stop everything; then the LEDs are dark, and the recording can be read."""
         self._until.close()
+
+    def _worker(self, work: Work, within: Within) -> Working:
+        gel, scans = self._sensor.gel, self._folder / "scans"
+        scan = scans / f"{len(list(scans.glob('*')))}"
+        calibrating = Calibrating(gel, self.daemon, self.judge, self._folder, work)
+        return Working(gel, calibrating, Scanning(gel, self.daemon, self.judge, scan, work), self.judge, within)
+
+    def _light(self, sequence: int) -> NDArray[np.uint8] | None:
+        """Return the light that a frame was exposed under; None where it is one of several."""
+        if self.sequenced:
+            return None
+        if self.working is not None and self.working.calibrating:
+            self._known_from = sequence + IN_FLIGHT
+        return self._bundle.colours if sequence >= self._known_from else None
 
     def _opened(self) -> Camera:
         camera = open_sensor(f"sensor://{SERIAL}", bundle=self._bundle, surroundings=self._sensor.surroundings)
@@ -125,7 +151,6 @@ class Shift:
 
     def _judge_frames(self) -> None:
         number, groups = 0, self._groups if self.sequenced else None
-        light = None if self.sequenced else self._bundle.colours
         with self.daemon.delivered.subscribe(KEPT_FRAMES) as frames:
             while not self._ended.is_set():
                 try:
@@ -136,6 +161,7 @@ class Shift:
                     if not self._ended.is_set():
                         self.judge.broken(Invariant.RUNNING, f"no more frames: {error}")
                     return
+                light = self._light(felt.camera_frame.sequence)
                 self.judge.frame(felt.camera_frame, light=light, groups=groups)
                 self.judge.pose(felt.camera_frame.sequence, felt.pose)
 
@@ -155,7 +181,10 @@ class Shift:
         try:
             for record in Recording(path).frames():
                 sequence.append(record.info.sequence)
-                numbers.append(read_number(record.image(path.name)))
+                image = record.image(path.name)
+                number = read_number(image)
+                if image.mean() > DARK_GREY:  # dark pictures that are sent again cannot be told from new ones
+                    numbers.append(number)
         except GellightError as error:
             self.judge.broken(Invariant.RECORDING, str(error))
             return
@@ -163,8 +192,8 @@ class Shift:
             path.unlink()
         if any(np.diff(sequence) <= 0) or any(np.diff(numbers) <= 0):
             self.judge.broken(Invariant.RECORDING, f"{path.name}: the frames are not in order")
-        if not numbers or (not self.recorder.ended and len(numbers) != self.recorder.status.frames):
-            read, written = len(numbers), self.recorder.status.frames
+        if not sequence or (not self.recorder.ended and len(sequence) != self.recorder.status.frames):
+            read, written = len(sequence), self.recorder.status.frames
             self.judge.broken(Invariant.RECORDING, f"{path.name}: {read} of {written} frames can be read")
 
     def record_anew(self) -> None:

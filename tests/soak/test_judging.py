@@ -7,12 +7,17 @@ import numpy as np
 import pytest
 
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
-from tests.soak.hardware import Exposure, gel
+from gellight.frames.pixel_grid import block_means
+from gellight.lab.scanning.contact_view import ContactView
+from gellight.lab.simulator.scene import Press
+from tests.soak.hardware import Exposure
 from tests.soak.judging import Invariant, Judge
-from tests.soak.marks import marked, read_number
+from tests.soak.marks import ROWS, marked, read_number
+from tests.soak.pressed_gel import PIXEL_MM, SHAPE, place_px
 from tests.soak.resources import Holdings, handle_growth, memory_growth_mb
+from tests.soak.working import Work, judge_circle, judge_presses
 
-SHAPE = (96, 128)
+GREY = np.full((120, 160, 3), 90, np.uint8)
 GROUPS = np.zeros((2, 12, 3), np.uint8)
 GROUPS[0, ::2], GROUPS[1, 1::2] = 200, 200
 
@@ -27,7 +32,7 @@ def judge_of(*exposures: Exposure) -> Judge:
 
 
 def shown(number: int, **changes: object) -> CameraFrame:
-    frame = CameraFrame(image=marked(gel(SHAPE), number), time_s=number / 30, sequence=number)
+    frame = CameraFrame(image=marked(GREY, number), time_s=number / 30, sequence=number)
     return replace(frame, **changes)
 
 
@@ -89,8 +94,50 @@ def test_what_was_never_looked_at_is_named() -> None:
 
 
 @pytest.mark.parametrize("number", [0, 1, 77_777, 2**32 - 1])
-def test_a_number_is_read_from_a_picture(number: int) -> None:
-    assert read_number(marked(gel(SHAPE), number)) == number
+def test_a_number_is_read_from_a_picture_that_looks_untouched(number: int) -> None:
+    rows, columns = np.indices(GREY.shape[:2])
+    slope = np.clip(GREY + (rows / 4 - columns / 5)[..., None], 0, 255).astype(np.uint8)
+    noisy = slope + np.random.default_rng(1).integers(0, 3, slope.shape, np.uint8)
+    for image in (GREY, 0 * GREY, noisy):
+        assert read_number(marked(image, number)) == number
+    seen, other = (block_means(marked(GREY, each).astype(np.float32), ROWS) for each in (number, 5))
+    assert np.array_equal(seen, other), "who looks at blocks sees the same"
+
+
+PRESS = Press("BALL", 1.0, 3.0, -2.0)
+
+
+def felt(press: Press) -> ContactView:
+    """A paraboloid where the press is."""
+    column, row = place_px(press)
+    rows, columns = np.indices(SHAPE)
+    bowl = press.depth_mm - ((columns - column) ** 2 + (rows - row) ** 2) * PIXEL_MM**2 / 8
+    return ContactView(np.maximum(bowl, 0).astype(np.float32), (PIXEL_MM, PIXEL_MM), "")
+
+
+BESIDE, DEEPER = replace(PRESS, x_mm=4.0), replace(PRESS, depth_mm=1.5)
+
+
+@pytest.mark.parametrize(
+    ("made", "kept", "held"),
+    [([PRESS, BESIDE], [PRESS, BESIDE], True), ([PRESS, BESIDE], [PRESS], True), ([BESIDE, PRESS], [PRESS], False),
+     ([PRESS] * 3, [PRESS], False), ([PRESS], [PRESS] * 2, False), ([DEEPER], [PRESS], False)],
+    ids=["all there", "the last cut short", "another place", "two lost", "one twice", "another depth"],
+)  # fmt: skip
+def test_a_scan_without_the_presses_that_were_made_is_noticed(made: list[Press], kept: list[Press], held: bool) -> None:
+    judge, work = judge_of(), Work()
+    judge_presses(judge, work, [felt(press) for press in kept], made)
+    assert set(broken(judge)) == (set() if held else {Invariant.SCAN})
+    assert judge.judged[Invariant.SCAN] == work.scanned > 0
+
+
+@pytest.mark.parametrize(("off_px", "held"), [(0.0, True), (3.0, False)])
+def test_a_calibration_whose_circles_lie_beside_the_ball_is_noticed(off_px: float, held: bool) -> None:
+    judge, work = judge_of(), Work()
+    x, y = place_px(PRESS)
+    judge_circle(judge, work, {"number": 1, "center_x_px": x, "center_y_px": y + off_px}, PRESS)
+    assert broken(judge) == ([] if held else [Invariant.CALIBRATION])
+    assert work.worst_circle_px == pytest.approx(off_px)
 
 
 def holdings(*memory_mb: float) -> list[Holdings]:

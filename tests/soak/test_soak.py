@@ -38,9 +38,9 @@ def home(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         yield
 
 
-def suffer(tmp_path: Path, *kinds: FaultKind, seconds: float = 1.0) -> Report:
+def suffer(tmp_path: Path, *kinds: FaultKind, seconds: float = 1.0, works: bool = False) -> Report:
     faults = [PlannedFault(60.0 * number, kind, seconds, 1.0) for number, kind in enumerate(kinds)]
-    return Soak(0, tmp_path, print).run(iter(faults))
+    return Soak(0, tmp_path, print, works=works).run(iter(faults))
 
 
 def broken(report: Report) -> set[Invariant]:
@@ -61,7 +61,7 @@ def test_everything_holds_under_faults_drawn_at_random() -> None:
     )
     assert ended.returncode == bool(report["not_judged"])
     assert set(report["faults"]) == set(FaultKind), "every kind of fault was made"
-    assert report["frames"] > 500
+    assert report["frames"] > 200
 
 
 def test_what_was_not_judged_did_not_hold() -> None:

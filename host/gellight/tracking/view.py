@@ -135,9 +135,10 @@ def touching(pressure: Floats, depth_mm: Floats, pixel_mm: tuple[float, float]) 
     """Return the (h, w) pixels that lie on the object, without the rim of the contact and the border of the picture."""
     deep = depth_mm > LEAST_MM
     pressed = pressure[deep & (pressure > 0)]
-    if not len(pressed):
+    strong = pressed[pressed > pressed.mean()] if len(pressed) else pressed
+    if not len(strong):  # nothing is pressed, or a single pixel
         return np.zeros(depth_mm.shape, np.bool_)
-    level = LEAST_PRESSURE * float(np.percentile(pressed[pressed > pressed.mean()], 75))
+    level = LEAST_PRESSURE * float(np.percentile(strong, 75))
     contact = deep & (pressure > level)
     contact[[0, -1]] = contact[:, [0, -1]] = False
     return eroded(contact, RIM_MM, pixel_mm)

@@ -19,7 +19,7 @@ CHECKOUT = Path(__file__).parents[3]
 CORPUS = CHECKOUT / "firmware/fuzz/corpus"
 NEW = CHECKOUT / "build/fuzz"
 INPUT_BYTES = 1024
-FLAGS = ["-std=c11", "-g", "-O1", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-fno-sanitize-recover=all"]
+FLAGS = ["-std=c11", "-g", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-fno-sanitize-recover=all"]
 
 
 class Fuzzer(NamedTuple):
@@ -29,37 +29,52 @@ class Fuzzer(NamedTuple):
     engine: str
 
 
-def _command(compiler: list[str], checkout: Path, target: Path, what: str, *flags: str) -> list[str]:
+class _Sources(NamedTuple):
+    """What a fuzzer is made of: flags of the compiler, what is looked into for new code, and the rest."""
+
+    flags: list[str]
+    looked_into: list[str]
+    rest: list[str]
+
+
+def _sources(checkout: Path, what: str) -> _Sources:
     firmware = checkout / "firmware"
     if what == "control":  # the device's source casts its 32-bit addresses to pointers
         folders = [firmware / "fuzz/control", firmware / "boards/rp2", firmware / "boards/rp2040", firmware / "core"]
-        files = [folders[0] / "target.c", *(folders[1] / name for name in ("usb_control.c", "usb_descriptors.c"))]
-        flags = (*flags, "-D_DEFAULT_SOURCE", "-Wno-int-to-pointer-cast")
+        files = [folders[1] / name for name in ("usb_control.c", "usb_descriptors.c")]
+        flags, rest = ["-D_DEFAULT_SOURCE", "-Wno-int-to-pointer-cast"], [folders[0] / "target.c"]
     elif what == "flash":
         folders = [firmware / "fuzz/flash", firmware / "core"]
-        files = [folders[0] / "target.c", *(folders[1] / name for name in ("config.c", "crc.c"))]
+        flags, files, rest = [], [folders[1] / "config.c"], [folders[0] / "target.c", folders[1] / "crc.c"]
     else:
-        folders = [firmware / name for name in ("fuzz", "boards/host", "core")]
-        files = [file for folder in folders for file in sorted(folder.glob("*.c")) if file.name != "driver.c"]
-        flags = (*flags, "-DBOARD_LIGHTS=16u", "-DBOARD_OUTPUT_BYTES=16384u")  # clearing more is most of the time
-    return [*compiler, *FLAGS, *flags, *(f"-I{folder}" for folder in folders), *map(str, files), "-o", str(target)]
+        folders = [firmware / name for name in ("core", "fuzz", "boards/host")]
+        flags = ["-DBOARD_LIGHTS=16u", "-DBOARD_OUTPUT_BYTES=16384u"]  # clearing more is most of the time
+        everything = [file for folder in folders for file in sorted(folder.glob("*.c")) if file.name != "driver.c"]
+        files = [file for file in everything if file.parent == folders[0] and file.name != "crc.c"]
+        rest = [file for file in everything if file not in files]  # a checksum goes the same way for all bytes
+    return _Sources([*flags, *(f"-I{folder}" for folder in folders)], [*map(str, files)], [*map(str, rest)])
 
 
 def compile_fuzzer(target: Path, checkout: Path = CHECKOUT, *, what: str = "core") -> Fuzzer:
     """Build the fuzzer of the `core`, `control` transfers or the `flash`, under the sanitizers at hand."""
     clang, found = shutil.which("clang"), shutil.which("gcc") or shutil.which("cc")
+    sources = _sources(checkout, what)
     if clang:
-        command = _command([clang], checkout, target, what, "-fsanitize=fuzzer,address,undefined")
+        sanitize = "-fsanitize=fuzzer,address,undefined"
+        command = [clang, *FLAGS, *sources.flags, sanitize, *sources.looked_into, *sources.rest, "-o", str(target)]
         done = subprocess.run(command, capture_output=True, check=False)
         if done.returncode == 0:
             return Fuzzer(target, "libFuzzer")
     compiler = [found] if found else [sys.executable, "-m", "ziglang", "cc"]
-    sanitizers = "address,undefined" if found else "undefined"  # ziglang comes without ASan
-    driver = target.with_suffix(".o")  # by itself: it is not what is looked into
-    source = checkout / "firmware/fuzz/driver.c"
-    subprocess.run([*compiler, *FLAGS, "-O2", "-c", str(source), "-o", str(driver)], check=True)
-    flags = [f"-fsanitize={sanitizers}", "-fsanitize-coverage=trace-pc", str(driver)]
-    subprocess.run(_command(compiler, checkout, target, what, *flags), check=True)
+    sanitize = f"-fsanitize={'address,undefined' if found else 'undefined'}"  # ziglang comes without ASan
+    with tempfile.TemporaryDirectory() as objects:
+        driver = checkout / "firmware/fuzz/driver.c"
+        covered = [sanitize, "-fsanitize-coverage=trace-pc", *sources.looked_into]
+        for part in ([str(driver)], covered):
+            subprocess.run([*compiler, *FLAGS, *sources.flags, "-c", *part], cwd=objects, check=True)
+        made = [str(path) for path in sorted(Path(objects).glob("*.o"))]
+        command = [*compiler, *FLAGS, *sources.flags, sanitize, *sources.rest, *made, "-o", str(target)]
+        subprocess.run(command, check=True)
     return Fuzzer(target, "driver")
 
 

@@ -8,6 +8,7 @@ import pytest
 from gellight.frames.pose import ObjectPose, PoseFigures
 from gellight.tracking.rigid import inverse, twist_of
 from gellight.tracking.tracker import GIVE_UP, Tracker
+from gellight.tracking.view import touching
 from tests.helpers.moving import moved, nothing, other, relief, seen
 
 
@@ -24,6 +25,13 @@ def test_an_object_is_followed_with_one_number() -> None:
         off = twist_of(pose.motion @ inverse(motion), pose.centre_mm)
         assert np.linalg.norm(off[:3]) < 0.02
         assert np.degrees(np.linalg.norm(off[3:])) < 0.5
+
+
+@pytest.mark.parametrize("pixels", [0, 1, 2])
+def test_a_touch_of_a_pixel_is_no_contact(pixels: int) -> None:
+    depth = np.zeros((30, 40), np.float32)
+    depth[10, 12 : 12 + pixels] = 0.5
+    assert not touching(depth, depth, (0.2, 0.2)).any()
 
 
 def test_a_fresh_tracker_backwards_takes_the_motion_back() -> None:

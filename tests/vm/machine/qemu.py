@@ -3,6 +3,7 @@
 import json
 import os
 import shlex
+import signal
 import socket
 import subprocess
 import sys
@@ -99,12 +100,22 @@ class Line:
 class Guest:
     """A booted guest whose agent is ready."""
 
-    def __init__(self, lines: list[Line], folder: Path) -> None:
+    def __init__(self, lines: list[Line], folder: Path, process: subprocess.Popen[bytes]) -> None:
         """Take both lines; `folder` has the guest's console and what the machine lays ready for it."""
+        self._process = process
         named = {line.name: line for line in lines}
         self.main, self.aside = named["main"], named["aside"]
         self.folder = folder
         self.run, self.start = self.main.run, self.main.start
+
+    @contextmanager
+    def stopped(self) -> Iterator[None]:
+        """Let the whole computer stand still."""
+        self._process.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self._process.send_signal(signal.SIGCONT)
 
 
 def hardware_virtualisation() -> bool:
@@ -125,7 +136,7 @@ def booted(folder: Path) -> Iterator[Guest]:
     with (folder / "qemu.txt").open("w") as said:
         process = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, stdout=said, stderr=said)
     try:
-        yield Guest([Line(answered(listener, process, folder)) for _ in range(2)], folder)
+        yield Guest([Line(answered(listener, process, folder)) for _ in range(2)], folder, process)
     finally:
         process.kill()
         process.wait()

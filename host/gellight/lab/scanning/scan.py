@@ -100,9 +100,9 @@ class Scan:
         self._refuse_other(view, source)
         number = max(self.views, default=-1) + 1
         joints = list(self._joints(number, view))
+        self._write(lambda: write_press(path_of(self.folder, number), view, joints))
         self.views[number] = view
         self.joints += joints
-        self._write(lambda: write_press(path_of(self.folder, number), view, joints))
         self._solve()
         self.write_map()
         return self._report(number)

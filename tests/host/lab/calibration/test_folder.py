@@ -2,17 +2,19 @@
 
 import errno
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from gellight.base.errors import BundleError, GellightError, InputError
 from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.records import Circle, PinGrid
-from gellight.lab.calibration.state import discard, unfinished
+from gellight.lab.calibration.state import State, discard, unfinished
 from tests.helpers.begun_calibration import begun_in, identity
 
 CIRCLE = Circle(center_x_px=100.0, center_y_px=80.0, contact_radius_px=20.0)
@@ -35,6 +37,27 @@ def test_the_state_of_a_calibration_survives_a_loss_of_power(tmp_path: Path) -> 
     assert [record.number for record in again.state.presses] == [2]
     assert again.presses()[0].image.is_file()
     assert np.array_equal(again.reference(), reference)
+
+
+def fields_in(model: type[BaseModel], known: set[type]) -> Iterator[tuple[str, FieldInfo]]:
+    """Every field of a model and of the models in it."""
+    known.add(model)
+    for name, info in model.model_fields.items():
+        yield f"{model.__name__}.{name}", info
+        parts = [info.annotation]
+        while parts:
+            part = parts.pop()
+            parts += get_args(part)
+            if isinstance(part, type) and issubclass(part, BaseModel) and part not in known:
+                yield from fields_in(part, known)
+
+
+def test_what_may_be_none_may_be_missing_for_none_is_not_written() -> None:
+    found = dict(fields_in(State, set()))
+    assert "BallPresses.likely_radius_mm" in found
+    assert [
+        name for name, info in found.items() if type(None) in get_args(info.annotation) and info.is_required()
+    ] == []
 
 
 def test_a_press_whose_picture_was_not_written_is_dropped(tmp_path: Path) -> None:

@@ -112,6 +112,17 @@ def test_what_is_interrupted_while_it_is_joined_is_there(
     assert Scan(tmp_path).placed == [0, 1]
 
 
+def test_a_press_that_cannot_be_written_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scan = Scan(tmp_path / "scan")
+    scan.add(small())
+    with monkeypatch.context() as full:
+        full.setattr(scan_module, "write_press", Mock(side_effect=OSError(28, "No space left on device")))
+        with pytest.raises(InputError, match="No space left on device"):
+            scan.add(small())
+    scan.add(small())
+    assert list(scan.views) == list(Scan(tmp_path / "scan").views) == [0, 1]
+
+
 def test_what_does_not_overlap_is_kept_without_a_place(views: list[ContactView], tmp_path: Path) -> None:
     scan = Scan(tmp_path)
     scan.add(views[0])

@@ -1,0 +1,59 @@
+"""The gel that a soak's sensor looks at: simulated, pressed by anyone, and seen under whatever light is on."""
+
+import threading
+from collections import OrderedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.lab.simulator.scene import Press, Scene
+from sim_reference.camera import CameraResponse
+from sim_reference.geometry import SensorGeometry
+
+SHAPE = (120, 160)
+PIXEL_MM = 0.0588 * 4
+"""of the shipped simulated sensor, of which every pixel here is the mean of 4 x 4"""
+KEPT_PICTURES = 32
+
+
+class PressedGel:
+    """A gel; safe to use from any thread."""
+
+    def __init__(self) -> None:
+        """Begin with nothing in it."""
+        height, width = SHAPE
+        geometry = SensorGeometry(image_width_px=width, image_height_px=height, pixel_size_mm=PIXEL_MM)
+        self._scene = Scene(geometry, CameraResponse())
+        self.deepest_mm = 0.4 * geometry.gel_thickness_mm
+        self.pressed: Press | None = None
+        """what is in it now"""
+        self._kept: OrderedDict[tuple[Press | None, bytes], NDArray[np.float32]] = OrderedDict()
+        self._showing = threading.Lock()
+
+    def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> Press:
+        """Press an object, mm from the middle of the picture, until it is lifted."""
+        press = Press(object_name, depth_mm, x_mm, y_mm)
+        self._scene.prepare_ahead(press)
+        self.pressed = press
+        return press
+
+    def lift(self) -> None:
+        """Take off what is in it."""
+        self.pressed = None
+
+    def picture(self, colours: NDArray[np.float64]) -> NDArray[np.float32]:
+        """(H, W, 3) grey levels under the light of (12, 3) `colours`, 0 to 255, without noise."""
+        with self._showing:
+            key = self.pressed, colours.tobytes()
+            if key not in self._kept:
+                self._kept[key] = self._scene.show(key[0], colours / 255)[0]
+            while len(self._kept) > KEPT_PICTURES:
+                self._kept.popitem(last=False)
+            self._kept.move_to_end(key)
+            return self._kept[key]
+
+
+def place_px(press: Press) -> tuple[float, float]:
+    """Return column and row of the middle of a press in the picture."""
+    height, width = SHAPE
+    return (width - 1) / 2 + press.x_mm / PIXEL_MM, (height - 1) / 2 + press.y_mm / PIXEL_MM
