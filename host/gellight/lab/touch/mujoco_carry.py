@@ -11,7 +11,10 @@ together:
 
     f = f0 + dt K J v0 - (dt + tau) K J v',   v' = v0 + dt M^-1 J' f
 
-with the layer's force f0 there, and tau the gel's loss time. Then friction is cut to the cone.
+with the layer's force f0 there, and tau the gel's loss time. A gel pushes only, tilts a body by no more than its
+pressure can move, and holds it by no more than friction. What is cut away would have turned and stopped the body too,
+so the other forces are solved for again until all agree (projected Gauss-Seidel: Jourdan, Alart and Jean, Comput.
+Methods Appl. Mech. Eng. 155, 1998). Cut once and left, they give a light body energy.
 """
 
 from dataclasses import dataclass
@@ -29,6 +32,12 @@ from gellight.lab.touch.traction import Sheared
 Floats = NDArray[np.float64]
 SLIDING = [0, 1, 5]
 """of the six motions: along x, along y, and the spin"""
+APART = ([2], [3], [4], SLIDING[:2], [5])
+"""motions whose forces are cut together: out of the gel, the tilts, along it, the spin"""
+MOST_SWEEPS, AGREED = 200, 1e-9
+"""until no force changes by more, N and N m"""
+AT_LIMIT = 1 - 1e-6
+"""of what friction holds, from where a body slips"""
 DEEPER_MM = 0.05
 """over which the stiffness is found; over less the layer's tolerance shows"""
 
@@ -128,7 +137,7 @@ class Carrying:
         self._bristles = {key: bristle for key, bristle in self._bristles.items() if key in there}
         if not springs:
             return []
-        forces = self._solve(data, springs, free).reshape(-1, 6)
+        forces = self._solve(data, springs, free)
         return [self._give(data, spring, force) for spring, force in zip(springs, forces, strict=True)]
 
     def _springs(self, name: str, gel: MujocoGel, data: mujoco.MjData, free: Floats) -> list[_Spring]:
@@ -198,19 +207,50 @@ class Carrying:
         mujoco.mj_solveM(self._model, data, moved, jacobian)
         at_rest = np.concatenate([spring.at_rest for spring in springs])
         system = np.eye(len(damping)) + dt * damping[:, None] * (jacobian @ moved.T)
-        return np.asarray(np.linalg.solve(system, at_rest - damping * (jacobian @ free)))
+        wanted = at_rest - damping * (jacobian @ free)
+        forces = np.linalg.solve(system, wanted).reshape(-1, 6)
+        uncut = forces.copy()
+        for spring, force in zip(springs, forces, strict=True):
+            self._cut(spring, force)
+        if not np.array_equal(forces, uncut):
+            self._agree(springs, forces, system, wanted)
+        return forces
+
+    def _agree(self, springs: list[_Spring], forces: Floats, system: Floats, wanted: Floats) -> None:
+        """Change forces (n, 6) in place until system @ forces = wanted but where they are cut."""
+        flat = forces.reshape(-1)
+        parts = [
+            (spring, force, row, 1 / np.linalg.norm(system[np.ix_(row, row)], 2))
+            for number, (spring, force) in enumerate(zip(springs, forces, strict=True))
+            for row in (6 * number + np.array(part) for part in APART)
+        ]
+        for _ in range(MOST_SWEEPS):
+            before = flat.copy()
+            for spring, force, row, step in parts:
+                flat[row] += step * (wanted[row] - system[row] @ flat)
+                self._cut(spring, force)
+            if np.abs(flat - before).max() <= AGREED:
+                return
+
+    def _cut(self, spring: _Spring, force: Floats) -> None:
+        """Cut a force (6,) in place to what a gel can do: push, tilt within the contact, hold within friction."""
+        force[2] = max(force[2], 0.0)
+        limit, most = self._limits(spring, force)
+        _shorten(force[:2], limit)
+        for turn, longest in zip((3, 4, 5), (*(force[2] * spring.reach), most), strict=True):
+            force[turn] = min(max(force[turn], -longest), longest)
+
+    def _limits(self, spring: _Spring, force: Floats) -> tuple[float, float]:
+        """Return what friction holds, N along the gel and N m of spin."""
+        limit = self._friction * float(force[2])
+        return limit, 2 / 3 * limit * spring.radius
 
     def _give(self, data: mujoco.MjData, spring: _Spring, force: Floats) -> Held:
-        """Cut a force to the cone of friction, let the bristle slip as far, and give it to both bodies."""
-        force[2] = max(force[2], 0.0)
-        limit = self._friction * force[2]
-        sticks = _cut(force[:2], limit)
-        force[3:5] = np.clip(force[3:5], -force[2] * spring.reach, force[2] * spring.reach)
-        most = 2 / 3 * limit * spring.radius
-        sticks &= bool(abs(force[5]) <= most)
-        force[5] = np.clip(force[5], -most, most)
+        """Let the bristle slip as far as friction does not hold it, and give the force to both bodies."""
+        limit, most = self._limits(spring, force)
+        sticks = bool(np.linalg.norm(force[:2]) < AT_LIMIT * limit and abs(force[5]) < AT_LIMIT * most)
         bristle, stiffness = self._bristles[spring.gel, spring.body], spring.stiffness
-        _cut(bristle[:2], limit / max(stiffness[0], 1e-9))
+        _shorten(bristle[:2], limit / max(stiffness[0], 1e-9))
         bristle[2] = np.clip(bristle[2], *(np.array([-1, 1]) * most / max(stiffness[5], 1e-9)))
         push, turn = spring.axes @ force[:3], spring.axes @ force[3:]
         for body, sign in ((spring.body, 1), (spring.holder, -1)):
@@ -221,13 +261,11 @@ class Carrying:
         )
 
 
-def _cut(vector: Floats, longest: float) -> bool:
-    """Shorten a vector in place to a length at most; return whether it was no longer."""
-    length = float(np.linalg.norm(vector))
-    if length <= longest:
-        return True
-    vector *= longest / length
-    return False
+def _shorten(vector: Floats, longest: float) -> None:
+    """Shorten a vector (2,) in place to a length at most."""
+    length = np.hypot(*vector)
+    if length > longest:
+        vector *= longest / length
 
 
 def _check_excluded(model: mujoco.MjModel, name: str, gel: MujocoGel) -> None:

@@ -9,6 +9,7 @@ from gellight.lab.touch import GRIPPER, TouchSensor
 from gellight.lab.touch.mujoco_carry import Carrying, Held
 from gellight.lab.touch.mujoco_drag import Dragging
 from gellight.lab.touch.mujoco_gels import MujocoGels
+from tests.benchmarks.touch import grows
 
 MODEL = GRIPPER.read_text()
 SHAPES = {"ball": 'type="sphere" size=".008"', "box": 'type="box" size=".008 .006 .006"',
@@ -81,26 +82,27 @@ DROP = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody
     </worldbody></mujoco>"""
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_body_that_is_dropped_gains_no_energy(seed: int) -> None:
-    """Thrown with any turn and speed: kinetic energy and height, while nothing touches, only fall."""
-    rng, model = np.random.default_rng(seed), mujoco.MjModel.from_xml_string(DROP)
-    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
-    data, carry = mujoco.MjData(model), carrying(model, 0.6, ("gel",))
-    data.qpos[3:7] = rng.normal(size=4)
-    data.qvel[:] = rng.normal(size=6) * [0.03, 0.03, 0.03, 5, 5, 5]
-    kept, most_j = [], 0.0
-    for _ in range(600):
-        held = carry.step(data)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_energyPos(model, data)
-        mujoco.mj_energyVel(model, data)
-        if not held:  # less what MuJoCo's integration adds to the energy of a falling body
-            kept.append(float(data.energy.sum() - 0.001 / 2 * 0.01 * 9.81 * data.qvel[2]))
-            most_j = max(most_j, kept[-1] - min(kept))
-    assert most_j < 2e-3 * kept[0]
-    assert np.isfinite(data.qpos).all()
+@pytest.mark.parametrize("seed", [79, 196, 430, 510, 1677])
+def test_a_body_that_is_thrown_gains_no_energy(seed: int) -> None:
+    """From one flight to the next: light boxes that gained up to 33 times of it while a force was cut by itself."""
+    grown = grows(seed)
+    assert grown is not None
+    assert grown < 1e-9
+
+
+@pytest.mark.parametrize("slides", [False, True])
+def test_what_lies_on_a_slope_rests_or_slides_as_coulomb_says(slides: bool) -> None:
+    friction, tilt = 0.3, np.radians(30.0 if slides else 15.0)
+    model = mujoco.MjModel.from_xml_string(DROP.replace(".012", ".003"))
+    model.opt.gravity[:] = 9.81 * np.sin(tilt), 0.0, -9.81 * np.cos(tilt)
+    data, carry, speeds = mujoco.MjData(model), carrying(model, friction, ("gel",)), []
+    for _ in range(80 if slides else 200):
+        (held,) = carry.step(data)
+        speeds.append(data.qvel[0] / 9.81)
+    gains = np.polyfit(np.arange(40) * model.opt.timestep, speeds[-40:], 1)[0]
+    assert gains == pytest.approx(np.sin(tilt) - friction * np.cos(tilt) if slides else 0.0, rel=2e-3, abs=1e-5)
+    assert -held.force_n[0] == pytest.approx(friction * held.force_n[2] if slides else 0.0981 * np.sin(tilt), rel=1e-3)
+    assert held.sticks != slides
 
 
 def test_an_integrator_that_cannot_be_halved_is_refused() -> None:
