@@ -1,8 +1,8 @@
 """Plant faults in the firmware, one at a time, and say which check of the image notices each.
 
 `python -m tests.benchmarks.planted enables` takes a list of `tests/firmware/helpers`; `apart 27-40 "the vectors"` takes
-some of it, by number or by a part of the name, so that a run that was cut off can go on. The first check that notices a
-fault ends the search.
+some of it, by number or by a part of the name, so that a run that was cut off can go on. `chance --seed 7` draws forty
+that nobody had in mind. The first check that notices a fault ends the search.
 """
 
 import argparse
@@ -10,12 +10,14 @@ import re
 import shutil
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 
 from gellight.base.errors import InputError
 from gellight.ring.firmware.build import build
-from tests.firmware.helpers import faults_apart, faults_drawn, mutations
+from tests.firmware.helpers import faults_apart, faults_by_chance, faults_drawn, mutations
 from tests.firmware.helpers.examination import CHECKS, examine
 from tests.firmware.helpers.mutations import Mutation, planted
 from tests.helpers.places import CHECKOUT
@@ -28,13 +30,27 @@ LISTS = {
 }
 
 
+def image_with(mutation: Mutation, checkout: Path) -> bytes:
+    """Return the image that is built with a fault; InputError where the compiler refuses it."""
+    with planted(mutation, checkout):
+        return build(checkout)
+
+
+def by_chance(seed: int, checkout: Path) -> Iterator[Mutation]:
+    """Yield faults drawn by chance that the compiler takes and that change the image."""
+    sound = build(checkout)
+    for mutation in faults_by_chance.drawn(checkout, seed):
+        with suppress(InputError):
+            if image_with(mutation, checkout) != sound:
+                yield mutation
+
+
 def noticed_by(mutation: Mutation, checkout: Path) -> str:
     """Return the check that notices a fault, and what it says; "" where none does."""
-    with planted(mutation, checkout):
-        try:
-            image = build(checkout)
-        except InputError as error:
-            return f"the compiler: {str(error).splitlines()[-1]}"
+    try:
+        image = image_with(mutation, checkout)
+    except InputError as error:
+        return f"the compiler: {str(error).splitlines()[-1]}"
     first = mutation.check
     for check in (first, *(name for name in CHECKS if name != first)):
         if found := examine(image, check):
@@ -64,13 +80,18 @@ def chosen_of(mutants: Sequence[Mutation], wanted: list[str]) -> list[tuple[int,
 def main() -> None:
     """Print a line for each fault, then how many were noticed."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("list", choices=LISTS)
+    parser.add_argument("list", choices=[*LISTS, "chance"])
     parser.add_argument("which", nargs="*", help="numbers, ranges or parts of names; all by default")
+    parser.add_argument("--seed", type=int, default=1, help="of `chance`")
+    parser.add_argument("--count", type=int, default=40, help="of `chance`")
     given = parser.parse_args()
-    mutants = chosen_of(LISTS[given.list], given.which)
     noticed = 0
     with tempfile.TemporaryDirectory() as folder:
         shutil.copytree(CHECKOUT / "firmware", Path(folder) / "firmware")
+        drawn = (
+            islice(by_chance(given.seed, Path(folder)), given.count) if given.list == "chance" else LISTS[given.list]
+        )
+        mutants = chosen_of(list(drawn), given.which)
         for number, mutation in mutants:
             begun_s = time.process_time()
             said = noticed_by(mutation, Path(folder))

@@ -6,6 +6,8 @@ GET_DEVICE, GET_CONFIGURATION = (0x80, 6, 0x100, 0, 18), (0x80, 6, 0x200, 0, 255
 SET_ADDRESS, SET_CONFIGURATION = (0x00, 5, 99, 0, 0), (0x00, 9, 1, 0, 0)
 GET_INTERFACE, SET_INTERFACE = (0x81, 10, 0, 1, 1), (0x01, 11, 0, 1, 0)
 SET_OTHER_SETTING = (0x01, 11, 1, 1, 0)
+GET_LINE_CODING, LINE_CODING = (0xA1, 0x21, 0, 0, 7), b"\x00\xc2\x01\x00\x00\x00\x08"
+"""115200 8N1, as the emulated host sets it when it opens the port"""
 SEND_BREAK = (0x21, 0x23, 0xFFFF, 0, 0)
 CLEAR_HALT_IN, CLEAR_HALT_OUT = (0x02, 1, 0, 0x82, 0), (0x02, 1, 0, 0x02, 0)
 NOTIFY_IN, BULK_IN, BULK_OUT = 0x81, 0x82, 0x02

@@ -25,6 +25,8 @@ def bus(board: BenchBoard, ring: LightRing) -> Iterator[str]:
         yield "the address of a transfer that was cut short"
     if usb.ask(board, usb.status_of(usb.NOTIFY_IN)) != b"\0\0":
         yield "the endpoint of notifications is not known"
+    if usb.ask(board, usb.GET_LINE_CODING) != usb.LINE_CODING:
+        yield "the line coding is another than the host has set"
     yield from _halt(board, ring)
     yield from _halted_for_long(board, ring)
     for request in (*[usb.CLEAR_HALT_IN] * 2, *[usb.CLEAR_HALT_OUT] * 2, usb.SET_INTERFACE, usb.SEND_BREAK):

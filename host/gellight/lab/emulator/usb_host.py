@@ -299,6 +299,8 @@ class UsbHost:
                 transfer.stage = "status out"
                 self._status_out()
         elif transfer.stage == "status in":
+            if len(buffer):
+                self._report(f"USB: a status stage of {len(buffer)} bytes, none may come")
             self._finish(b"")
 
     def _status_out(self) -> None:
