@@ -14,15 +14,12 @@ from sim_reference.geometry import SensorGeometry
 from tests.helpers.fem_presses import NAMES, force_n, picture
 from tests.helpers.small_bundles import SHAPE, ordinary, with_files
 
-OLDER_MESH = 1.05
-"""the forces of those presses are some 5 % too large: their mesh had too few layers in the depth (docs/force.md)"""
-
 
 def test_every_press_of_the_finite_elements_is_weighed_within_the_error() -> None:
     """Pictures with noise, of a gel that is no ideal layer; none of it was fitted."""
     reconstructor = Reconstructor(load_bundle("synthetic"))
     forces = {name: reconstructor.reconstruct(picture(name)).force for name in NAMES}
-    off = np.array([force.normal_n - force_n(name) / OLDER_MESH for name, force in forces.items() if force])
+    off = np.array([force.normal_n - force_n(name) for name, force in forces.items() if force])
     said = np.array([force.error_n for force in forces.values() if force])
     assert len(off) == len(NAMES)
     assert np.abs(off / said).max() < 2, "errors: no press is two of them off,"
