@@ -109,7 +109,8 @@ class _Search:
 
 def deflections(pressures: Tensor, response: Tensor) -> Tensor:
     """Return the depths (B, n, n) in mm under `pressures` (B, n, n), `response` as `gel.compliance` gives it."""
-    return torch.fft.irfft2(torch.fft.rfft2(pressures) * response, s=pressures.shape[-2:])
+    depths: Tensor = torch.fft.irfft2(torch.fft.rfft2(pressures) * response, s=pressures.shape[-2:])
+    return depths
 
 
 def _total(values: Tensor, where: Tensor) -> Tensor:
@@ -151,7 +152,7 @@ class Ring:
         squared = to_x**2 + to_y**2 + to_z**2
         facing = to_z - slope[..., 0] * to_x - slope[..., 1] * to_y
         leaving = torch.clamp(-(to_x * axis_x + to_y * axis_y + to_z * axis_z), min=0)
-        lit = led_z**2 * upright * torch.clamp(facing, min=0)
+        lit: Tensor = led_z**2 * upright * torch.clamp(facing, min=0)
         exponent = self._geometry.emission_exponent
         if isclose(exponent, 1):
             lit *= leaving / squared**2

@@ -281,4 +281,5 @@ def _seen(board: SimulatedBoard, start_s: float, clock_us: Callable[[float], flo
 
 def digitised(picture: NDArray[np.float32], draw: np.random.Generator) -> NDArray[np.uint8]:
     """Return (H, W, 3) grey levels as a camera with some noise has them."""
-    return np.clip(picture + draw.integers(0, 3, picture.shape, np.uint8), 0, 255).astype(np.uint8)
+    noisy = picture + draw.integers(0, 3, picture.shape, np.uint8)
+    return np.asarray(np.clip(noisy, 0, 255), np.uint8)

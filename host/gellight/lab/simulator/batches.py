@@ -46,7 +46,7 @@ class BatchComputer:
         self.device = str(self._array())
         """what computes, by name"""
 
-    def seen(self, presses: Sequence[Press]) -> Iterator[tuple[NDArray[np.float32], Surface, Deformation]]:
+    def seen(self, presses: Sequence[Press]) -> Iterator[tuple[Array, Surface, Deformation]]:
         """Yield the (K, H, W, 3) irradiance of each press, and the gel; InputError where the child has ended."""
         self._ask([[press.object_name, press.depth_mm, press.x_mm, press.y_mm] for press in presses])
         for _ in presses:
