@@ -34,7 +34,7 @@ def test_every_sure_frame_is_of_the_light_it_says() -> None:
     camera = Watched(open_camera("sim://?strobe=1&fps=10&programme=0"))
     seen: list[int] = []
     with SequencedCamera(camera, GROUPS, mode=LightMode.EXT) as sequenced:
-        until_s = time.monotonic() + 60
+        until_s = time.monotonic() + 180  # a busy computer knows no light surely
         while len(seen) < 6 and time.monotonic() < until_s:
             label = sequenced.read().label
             assert label is not None
