@@ -131,7 +131,8 @@ def dataset(
         geometry=read_geometry(geometry),
         computed_by=computed_by,
     )
-    with sweeping.sweep_in(store_in(out), "presses", as_json=as_json) as options:
+    counted = "presses" if computed_by == "numpy" else "batches"
+    with sweeping.sweep_in(store_in(out), counted, as_json=as_json) as options:
         report = make_dataset(request, out, options)
     text = f"{report.presses} presses, {report.megabytes:.1f} MB, in {report.folder}: see its index.csv"
     show(report, as_json, text)

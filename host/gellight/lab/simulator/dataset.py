@@ -113,10 +113,12 @@ def make_dataset(request: DatasetRequest, folder: Path, options: SweepOptions) -
     """
     if request.gel == "fem" and options.scheduler is None:
         check_memory(request.resolution_mm, request.geometry, options.workers)
+    same = replace(request, presses=0)  # More presses do not change those that are there.
     try:
-        _sensor(request)  # first: where it cannot be computed so, nothing is begun
-        _describe(request, folder)
-        tasks = _tasks(request, folder)
+        if same.computed_by != "numpy":
+            _sensor(same)  # first: where it cannot be computed so, nothing is begun
+        _describe(same, folder)
+        tasks = _tasks(same, request.presses, folder)
         for task in tasks:
             if not all(_press_file(folder, number).exists() for number in task.arguments[2]):
                 options.store.path(task.key).unlink(missing_ok=True)
@@ -139,12 +141,11 @@ def store_in(folder: Path) -> ResultStore:
     return ResultStore(folder / "done")
 
 
-def _tasks(request: DatasetRequest, folder: Path) -> list[Task]:
+def _tasks(request: DatasetRequest, presses: int, folder: Path) -> list[Task]:
     """Return a task a press, or, where presses are computed in batches, a batch."""
-    same = replace(request, presses=0)  # More presses do not change those that are there.
-    numbers, many = range(request.presses), 1 if request.computed_by == "numpy" else BATCH
+    numbers, many = range(presses), 1 if request.computed_by == "numpy" else BATCH
     parts = [tuple(numbers[first : first + many]) for first in numbers[::many]]
-    return [Task(str(part[-1]), make_presses, (str(folder.resolve()), same, part)) for part in parts]
+    return [Task(str(part[-1]), make_presses, (str(folder.resolve()), request, part)) for part in parts]
 
 
 def make_presses(folder: str, request: DatasetRequest, numbers: tuple[int, ...]) -> list[dict[str, Any]]:
@@ -263,7 +264,8 @@ def _check_same(path: Path, described: dict[str, Any]) -> None:
         if there == described:
             return
         known = there.get("request", {}) if isinstance(there, dict) else {}
-        other = [name for name, value in described["request"].items() if known.get(name) != value]
+        wanted = described["request"]
+        other = [name for name in {**wanted, **known} if known.get(name) != wanted.get(name)]
     except ValueError:
         other = ["dataset.json"]
     how = f"another {', '.join(other)}" if other else "made by another version"

@@ -1,6 +1,7 @@
 """Data sets of simulated presses: what the files say is what was pressed, and a data set can be gone on with."""
 
 import csv
+import gc
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.lab.simulator import dataset
 from gellight.lab.simulator.batches import BatchComputer
 from gellight.lab.simulator.dataset import DatasetRequest, make_dataset, store_in
 from gellight.lab.simulator.sweep import Shard, SweepIncomplete, SweepOptions
@@ -157,6 +159,28 @@ def test_presses_computed_in_batches_by_torch_are_the_same(tmp_path: Path) -> No
         off = np.abs(one["images"].astype(int) - other["images"])
         assert off.max() <= 1
         assert (off > 0).mean() < 1e-3, "of grey levels that stood between two whole ones"
+    with pytest.raises(InputError, match=r"holds another data set \(another computed_by\)"):
+        make(tmp_path / "torch", many)
+
+
+def test_a_data_set_in_batches_has_one_child_which_ends_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[BatchComputer] = []
+
+    class Noted(BatchComputer):
+        def __init__(self, *given: Any) -> None:
+            super().__init__(*given)
+            begun.append(self)
+
+    monkeypatch.setattr(dataset, "BatchComputer", Noted)
+    make(tmp_path, replace(REQUEST, presses=2, computed_by="torch"))
+    (computer,) = begun
+    child = computer._child
+    begun.clear()
+    del computer
+    gc.collect()
+    assert child.poll() is not None
 
 
 def test_what_cannot_compute_begins_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
