@@ -31,7 +31,7 @@ from tests.soak.working import IN_FLIGHT, Calibrating, Scanning, Within, Work, W
 KEPT_FRAMES = 64
 POLL_S = 0.2
 DARK_GREY = 5.0
-READER_S = 60.0
+READER_S = 20.0
 """a reader is started, and has its first frames, within this"""
 
 

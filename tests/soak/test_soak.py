@@ -61,7 +61,7 @@ def test_everything_holds_under_faults_drawn_at_random() -> None:
     )
     assert ended.returncode == bool(report["not_judged"])
     assert set(report["faults"]) == set(FaultKind), "every kind of fault was made"
-    assert report["frames"] > 200
+    assert report["frames"] > 200, "three a second come while the sensor is calibrated"
 
 
 def test_what_was_not_judged_did_not_hold() -> None:
