@@ -71,10 +71,9 @@ class Presses:
             self._geometry.check_press(depth)
         gaps = [-(object_height(name, at[None, :], at[:, None]) + depth) for name, depth in wanted]
         found = contact_pressures(np.stack(gaps), SPACING_MM, self._geometry, self._device)
-        shape, gel = (GRID_SIZE, SPACING_MM), self._geometry
-        response = compliance(*shape, gel.gel_thickness_mm, gel.poisson_ratio) * coating(
-            *shape, gel.coating_smoothing_mm
-        )
+        gel = self._geometry
+        response = compliance(GRID_SIZE, SPACING_MM, gel.gel_thickness_mm, gel.poisson_ratio)
+        response *= coating(GRID_SIZE, SPACING_MM, gel.coating_smoothing_mm)
         for pressure in found:
             yield Deformation(deflection(pressure, response), pressure, SPACING_MM)
 
