@@ -54,6 +54,11 @@ class Judgement:
         return next(iter(self.by_reading.values()))
 
     @property
+    def best(self) -> Statement:
+        """The sentence under the first reading under which it holds; where there is none, that of the defaults."""
+        return next((one for one in self.by_reading.values() if one.reproduced), self.by_default)
+
+    @property
     def holds_under(self) -> list[str]:
         """The readings under which it holds."""
         return [reading for reading, one in self.by_reading.items() if one.reproduced]

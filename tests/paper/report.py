@@ -115,31 +115,33 @@ def _judgement_json(row: Judgement) -> dict[str, Any]:
 def _statements(results: AllResults) -> str:
     rows, body = results.judgements(), ""
     for row in rows:
-        one = row.by_default
+        one = row.best
         kind, verdict = ("yes", "reproduced") if row.reproduced else ("no", "not reproduced")
-        row_cells = [one.section, escape(one.claim), _under(row), escape(one.holds_if), verdict, escape(one.why)]
+        row_cells = [one.section, escape(one.claim), escape(one.measured), _readings(row), verdict]
         body += f'<tr class="{kind}">{html.cells(row_cells)}'
-    head = "<tr><th>section<th>the paper says<th>measured here<th>holds if<th>verdict<th>why"
+    head = "<tr><th>section<th>the paper says<th>measured here<th>holds under<th>verdict"
     return section(
         "The paper, line by line",
-        f"<p>{comparison.summary(rows)}. Where the text leaves open what was done, each reading stands with its "
-        "figure; those under which the statement holds are ticked. The numbers decide, not the author of this page. "
-        "In the coarse stage 29° comes out because the objects' measures, which the paper does not give, were chosen "
-        "so.</p>",
+        f"<p>{comparison.summary(rows)}. Where the text leaves open what was done, each statement is judged under "
+        "every reading: a click on how many it holds under shows them, and why. The numbers decide, not the author of "
+        "this page. In the coarse stage 29° comes out because the objects' measures, which the paper does not give, "
+        "were chosen so.</p>",
         box("wide", f'<table class="statements">{head}{body}</table>'),
     )
 
 
-def _under(row: Judgement) -> str:
-    """Return what was measured, once for all readings that give the same words."""
+def _readings(row: Judgement) -> str:
+    """Return under how many readings it holds; folded below: each one, the criterion and why."""
     readings: dict[tuple[bool, str], list[str]] = {}
     for reading, one in row.by_reading.items():
         readings.setdefault((one.reproduced, one.measured), []).append(reading)
-    if len(readings) == 1:
-        return escape(row.by_default.measured)
-    return "<br>".join(
+    each = "<br>".join(
         f"{'✓' if holds else '✗'} {escape(measured)} <small>({escape(' / '.join(names))})</small>"
         for (holds, measured), names in readings.items()
+    )
+    return (
+        f"<details><summary>{len(row.holds_under)} of {len(row.by_reading)} readings</summary>"
+        f"{each}<p>Holds if: {escape(row.best.holds_if)}. {escape(row.best.why)}</p></details>"
     )
 
 
