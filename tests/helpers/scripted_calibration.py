@@ -105,6 +105,7 @@ class Scripted:
             interrupted=self.interrupted,
             in_service="0123456789abcdef",
             bundles=tuple(self.bundles),
+            units=tuple(bundle for bundle in self.bundles if bundle.in_service),
             routine=self.routine,
             hand=self.hand,
             needs=self.needs,

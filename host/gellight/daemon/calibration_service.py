@@ -25,12 +25,13 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.camera import Camera
 from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View, view_in
-from gellight.lab.calibration.choices import RING_COLOURS, RoutineOptions
+from gellight.lab.calibration.choices import LEAST_WITH_LIKE, RING_COLOURS, RoutineOptions
 from gellight.lab.calibration.presets import PRESETS, Preset
 from gellight.lab.calibration.routine import Install, Routine
-from gellight.lab.calibration.state import discard, unfinished
+from gellight.lab.calibration.state import discard, kept_like, unfinished
 from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.simulator.virtual_hand import hand_of
+from gellight.lab.training.table import table_of_like
 
 Picture = NDArray[np.uint8]
 LARGEST_MM = {"ball_radius_mm": 50.0, "cylinder_diameter_mm": 50.0, "pin_pitch_mm": 20.0, "pixel_size_mm": 1.0}
@@ -55,7 +56,9 @@ class ViewFile(StrictModel):
 class CalibrationRequest(ToolSizes, StrictModel):
     """What a user chooses before a calibration begins."""
 
-    presses: int = Field(default=40, ge=8, le=400)
+    presses: int = Field(default=40, ge=LEAST_WITH_LIKE, le=400)
+    like: str = Field(default="", pattern="^[0-9a-f]{0,16}$")
+    """identity of the bundle of a like unit; empty: none, or the one that an interrupted calibration was begun with"""
     view: ViewFile | None = None
     """part and perspective of the picture that is the gel; None: all of it"""
     dots: bool = False
@@ -87,6 +90,8 @@ class CalibrationState(BaseModel):
     """identity of the running bundle"""
     bundles: tuple[ListedBundle, ...]
     """of this sensor"""
+    units: tuple[ListedBundle, ...]
+    """the one in service of every sensor, for `CalibrationRequest.like`"""
     routine: Mapping[str, object] | None
     """see `Routine.snapshot`; None before the first"""
     hand: bool = False
@@ -168,6 +173,7 @@ class CalibrationService:
             interrupted_picture=begun_picture,
             in_service=self._daemon.bundle.identity,
             bundles=tuple(self._store.bundles(self.sensor)),
+            units=tuple(bundle for bundle in self._store.bundles() if bundle.in_service and not bundle.problem),
             routine=self._routine.snapshot() if self._routine else None,
             hand=self._hand,
             needs=listed,
@@ -198,6 +204,8 @@ class CalibrationService:
             self._check_idle("begin another")
             back, before = self._prepare(request), self._routine
             try:
+                if request.like:
+                    table_of_like(self._store.find(request.like).load(), self._daemon.camera.image_shape)
                 if request.anew:
                     discard(self._folder)
                 self._routine = routine = self._make_routine(request, self._install)
@@ -297,6 +305,7 @@ class CalibrationService:
             sensor=self.sensor,
             tools=ToolSizes.of(request.sizes()),
             presses=request.presses,
+            like=self._store.find(request.like).load() if request.like else kept_like(self._folder),
             overwrite=True,
             led_colours=self._led_colours,
             gel_thickness_mm=self._gel_thickness_mm,

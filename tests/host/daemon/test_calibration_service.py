@@ -203,6 +203,16 @@ def test_an_interrupted_calibration_is_offered_and_forgotten_only_when_asked(ser
     assert not service.state().interrupted
 
 
+def test_what_is_no_like_unit_is_told_and_costs_no_interrupted_calibration(service: Service, tmp_path: Path) -> None:
+    begun_in(tmp_path / "state")
+    bare = BundleStore(tmp_path / "store").add(linear_bundle(tmp_path / "bare", SHAPE))
+    for wrong, told in (("0" * 16, "no bundle"), (bare.identity, r"has no presses\.npz")):
+        with pytest.raises(BundleError, match=told):
+            service.begin(Request(like=wrong, anew=True))
+    assert service.state().interrupted
+    assert not service.calibrating
+
+
 def test_beginning_anew_removes_no_folder_of_another_program(service: Service, tmp_path: Path) -> None:
     (tmp_path / "state").mkdir()
     (tmp_path / "state/state.json").write_text("{}")

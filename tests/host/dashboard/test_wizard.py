@@ -34,6 +34,7 @@ def test_a_calibration_begins_with_the_tools_that_were_named(opened: Open, calib
     page = opened()
     expect(page.get_by_test_id("sensor")).to_have_text("E6605838833A5D2F")
     expect(page.get_by_test_id("hand")).to_be_hidden()
+    expect(page.get_by_test_id("like")).to_be_hidden()
     page.get_by_test_id("ball").fill("2.5")
     page.get_by_test_id("presses").fill("24")
     page.get_by_test_id("action-begin").click()
@@ -50,6 +51,23 @@ def test_a_calibration_begins_with_the_tools_that_were_named(opened: Open, calib
     page.get_by_test_id("prism").fill("45")
     page.get_by_test_id("action-begin").click()
     assert wait_for(calibration, page, 3)[2][1].prism_angle_deg == 45
+
+
+@pytest.mark.browser
+def test_the_unit_whose_presses_are_begun_with_is_chosen_by_its_name(opened: Open, calibration: Scripted) -> None:
+    calibration.bundles = [
+        stored("aaaaaaaaaaaaaaaa", created="2026-11-01T10:00:00+00:00", name="<i>left</i>", in_service=True),
+        stored("bbbbbbbbbbbbbbbb", created="2026-11-02T10:00:00+00:00"),
+    ]
+    page = opened()
+    expect(page.get_by_test_id("like").locator("option")).to_have_count(2)
+    expect(page.get_by_test_id("like").locator("option").first).to_have_text("none")
+    page.get_by_test_id("like").select_option(index=1)
+    expect(page.get_by_test_id("like").locator("option:checked")).to_contain_text("<i>left</i>, ")
+    page.get_by_test_id("presses").fill("2")
+    page.get_by_test_id("action-begin").click()
+    request = wait_for(calibration, page, 1)[0][1]
+    assert (request.like, request.presses) == ("aaaaaaaaaaaaaaaa", 2)
 
 
 @pytest.mark.browser

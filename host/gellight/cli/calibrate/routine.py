@@ -11,11 +11,11 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
-from gellight.bundle.bundle import Bundle
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore
 from gellight.cli.calibrate.screen import follow
-from gellight.cli.calibrate.training import Training
+from gellight.cli.calibrate.training import Like, Training
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, Sensor, with_options
 from gellight.cli.showing import show
@@ -26,11 +26,13 @@ from gellight.frames.picture import PreparedCamera, chosen_steps
 from gellight.frames.view import read_view
 from gellight.lab.calibration.choices import RoutineOptions
 from gellight.lab.calibration.presets import PRESETS, preset_called
+from gellight.lab.calibration.readiness import check_target
 from gellight.lab.calibration.records import MeasuredLens, MeasuredPixelSize, PinGrid
 from gellight.lab.calibration.routine import Routine
-from gellight.lab.calibration.state import Identity, Steps, discard, unfinished
+from gellight.lab.calibration.state import Identity, Steps, discard, kept_like, unfinished
 from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.simulator.virtual_hand import hand_of
+from gellight.lab.training.training import like_words
 from gellight.opening import open_camera
 
 PRESS_S = 2.5
@@ -157,9 +159,10 @@ class Tools:
 
 @dataclass(frozen=True)
 class Presses:
-    """How many presses there are, and how well they have to be felt."""
+    """How many presses there are, what they begin with, and how well they have to be felt."""
 
     presses: Annotated[int, typer.Option(help="Ball presses to learn from.")] = 40
+    like: Like = None
     until_um: Annotated[
         float | None,
         typer.Option(
@@ -201,6 +204,7 @@ def command(
         out=target.out,
         presses=wanted.presses,
         until_um=wanted.until_um,
+        like=load_bundle(wanted.like) if wanted.like else kept_like(target.state) if begun else None,
         verifications=wanted.verifications,
         prism_presses=wanted.prism_presses,
         limits=wanted.limits(),
@@ -223,8 +227,6 @@ def _calibrate(
     settings = load_settings({"sensor.url": target.sensor})
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as opened:
         camera = target.camera(opened, begun)
-        if target.restart:
-            discard(target.state)
         colours = settings.geometry.led_colours or options.led_colours
         thickness_mm = settings.geometry.gel_thickness_mm or options.gel_thickness_mm
         options = replace(
@@ -234,6 +236,9 @@ def _calibrate(
             led_colours=colours,
             gel_thickness_mm=thickness_mm,
         )
+        if target.restart:
+            check_target(options, target.state, camera.image_shape)
+            discard(target.state)
         hand = None if hand_seed is None else hand_of(camera, seed=hand_seed)
         routine = Routine(camera, options, target.state, hand=hand, install=target.installing(camera, options))
         routine.act("start")
@@ -270,15 +275,17 @@ def _written(out: Path, installed: bool) -> list[str]:
 
 
 def _figures_text(steps: Steps) -> Iterator[str]:
-    size, gel, truth = steps.pixel_size, steps.reference, steps.verify
+    size, gel, fit, truth = steps.pixel_size, steps.reference, steps.fit, steps.verify
     assert size is not None
     assert gel is not None
+    assert fit is not None
     assert truth is not None
     origin = "given, not measured"
     if isinstance(size, MeasuredPixelSize):
         origin = f"cylinder {size.diameter_px:.2f} px, spread {size.spread_px:.2f} px"
     yield f"pixel {size.x_mm:.5f} x {size.y_mm:.5f} mm ({origin}); noise {gel.noise_grey:.2f} grey levels"
     yield _lens_text(steps.lens)
+    yield from like_words(fit.model_dump())
     if truth.true_depth_mm is not None:
         yield (
             f"against the simulator's truth: depth {1000 * truth.true_depth_mm:.1f} µm in contact, normals "

@@ -24,7 +24,7 @@ from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.prisms import PrismError, PrismPress, prism_errors, read_prisms
 from gellight.lab.training.synthetic import make_synthetic
 from gellight.lab.training.trainer import TrainerName
-from gellight.lab.training.training import LIKE, RECIPES, Learning, Reference, TrainingOptions, read_reference
+from gellight.lab.training.training import RECIPES, Learning, Reference, TrainingOptions, like_words, read_reference
 from gellight.lab.training.validation import AngleFigures, PressFigures
 
 Given = tuple[list[Press], Reference, Ball]
@@ -37,6 +37,7 @@ Prisms = Annotated[
     Path | None,
     typer.Option(help="csv of presses of prisms of known angle, as `detect --prism-angle-deg` writes it"),
 ]
+Like = Annotated[str | None, typer.Option(help="bundle of a like unit: with few presses of this one, its presses help")]
 Threads = Annotated[int, typer.Option(min=1, help="of its matrix products")]
 Trainer = Annotated[TrainerName, typer.Option(help="torch: PyTorch, where it is installed")]
 
@@ -79,9 +80,7 @@ class Recorded:
         bool, typer.Option("--refine", help="refit the circles together with the light before training")
     ] = False
     prisms: Prisms = None
-    like: Annotated[
-        str | None, typer.Option(help="bundle of a like unit: with few presses of this one, its presses help")
-    ] = None
+    like: Like = None
 
     def learning(self, untouched: Reference, how: "SizedTraining") -> Learning:
         """Return how is learnt from them, and from presses of prisms; InputError for a csv that cannot be used."""
@@ -261,17 +260,10 @@ def _fit_lines(metrics: Mapping[str, Any]) -> list[str]:
         f"normal error of networks that did not see the press that judges: {judged['normal_error_deg']['mean']:.2f} deg"
         if judged
         else "one press is all learnt from: how large the errors are, nobody knows",
-        *like_line(metrics.get(LIKE), trained),
+        *like_words(metrics),
         *ball_warning(metrics.get("likely_ball_radius_mm"), metrics["ball_radius_mm"]),
         *radius_line(metrics.get("refinement")),
     ]
-
-
-def like_line(sensor: str | None, trained: Mapping[str, Any]) -> list[str]:
-    """Return what a like unit's presses are worth by themselves; nothing without one."""
-    if sensor is None:
-        return []
-    return [f"begun with the presses of {sensor}, which alone are off by {trained['unlikeness']:.0%} of the slopes"]
 
 
 def radius_line(refinement: Mapping[str, Any] | None) -> list[str]:

@@ -121,6 +121,7 @@ function showRequest(state, running) {
   for (const id of ["view-row", "dots-row"]) element(id).hidden = state.simulated || goesOn || Boolean(prepared);
   element("picture-note").hidden = running || !prepared;
   element("picture-note").textContent = pictureNote(prepared);
+  offerUnits(state);
   if (filled) return;
   filled = true;
   const { defaults, presets } = state;
@@ -132,6 +133,20 @@ function showRequest(state, running) {
   element("prism").value = defaults.prism_angle_deg ?? "";
   element("presses").value = defaults.presses;
   element("hand").checked = defaults.hand;
+}
+
+let offeredUnits = "";
+
+/** The units whose presses a calibration can begin with. */
+function offerUnits({ units, interrupted }) {
+  const key = JSON.stringify([units, interrupted]);
+  if (key === offeredUnits) return;
+  offeredUnits = key;
+  const { value } = element("like");
+  const option = (text, identity) => Object.assign(node("option", text), { value: identity, selected: identity === value });
+  const known = units.map(({ name, sensor, created, identity }) => option(`${name || sensor}, ${new Date(created).toLocaleDateString()}`, identity));
+  element("like").replaceChildren(option(interrupted ? "as it was begun" : "none", ""), ...known);
+  element("like-row").hidden = !known.length;
 }
 
 /** The view file that was chosen, as the server reads it; throws, in words, for one that cannot be a view. */
@@ -158,6 +173,7 @@ async function request() {
     pixel_size_mm: element("pixel").value ? element("pixel").valueAsNumber : null,
     prism_angle_deg: element("prism").value ? element("prism").valueAsNumber : null,
     presses: element("presses").valueAsNumber,
+    like: element("like").value,
     hand: element("hand").checked,
     anew: element("anew").checked,
   };

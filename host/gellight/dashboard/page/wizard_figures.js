@@ -11,6 +11,7 @@ const FIGURES = [
   ["lens", ["corner_moves_px"], "the lens moves a corner by", (v) => `${v.toFixed(1)} px`],
   ["lens", ["rms_after_px"], "pins off the lens found", (v) => `${v.toFixed(2)} px`],
   ["fit", ["held_out", "normal_error_deg", "mean"], "normal error, presses not learnt from", (v) => `${v.toFixed(2)}°`],
+  ["fit", ["training", "unlikeness"], "the like unit's presses alone, slopes off by", (v) => `${(100 * v).toFixed(0)} %`],
   ["fit", ["training", "cpu_seconds"], "training", (v) => `${v.toFixed(1)} CPU s`],
   ["verify", ["true_depth_mm"], "depth error in contact, fresh presses", (v) => `${(v * 1000).toFixed(1)} µm`],
   ["verify", ["depth_mm"], "of it in the shape (the mean of each press is off)", (v) => `${(v * 1000).toFixed(1)} µm`],

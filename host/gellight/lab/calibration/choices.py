@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gellight.base.errors import InputError
+from gellight.bundle.bundle import Bundle
 from gellight.bundle.limits import Limits
 from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.training.training import TrainingOptions
@@ -12,8 +13,8 @@ from gellight.ring.wire import MOST_LEDS
 
 RING_COLOURS = "RRRRGGGGBBBB"
 """of the paper's ring, anticlockwise from the right"""
-LEAST_PRESSES = 8
-"""fewer ball presses than that are not fitted"""
+LEAST_PRESSES, LEAST_WITH_LIKE = 8, 2
+"""fewer ball presses than that are not fitted, without and with those of a like unit"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,12 +40,19 @@ class RoutineOptions:
     """presses of the prism, where there is one"""
     limits: Limits = field(default_factory=Limits)
     training: TrainingOptions = field(default_factory=lambda: TrainingOptions(recipe="thorough"))
+    like: Bundle | None = None
+    """of a unit of the same make, whose presses are begun with; None: as the interrupted calibration has it"""
     gel_thickness_mm: float = 0.0
     """of the soft gel; 0: nobody told. A simulated sensor knows its own"""
     led_colours: str = RING_COLOURS
     """of the ring, anticlockwise from the right"""
     overwrite: bool = False
     """replace an existing bundle of the same sensor"""
+
+    @property
+    def least_presses(self) -> int:
+        """Fewer ball presses than that are not fitted."""
+        return LEAST_WITH_LIKE if self.like else LEAST_PRESSES
 
     def __post_init__(self) -> None:
         """Refuse what cannot be done."""
@@ -55,7 +63,7 @@ class RoutineOptions:
             )
         if self.until_um is not None and not self.until_um > 0:
             raise InputError(f"until_um = {self.until_um}: give micrometres above 0")
-        least = {"presses": LEAST_PRESSES, "verifications": 2, "prism_presses": 1, "cylinder_presses": 2,
+        least = {"presses": self.least_presses, "verifications": 2, "prism_presses": 1, "cylinder_presses": 2,
                  "reference_frames": 8}  # fmt: skip
         for name, count in least.items():
             if getattr(self, name) < count:

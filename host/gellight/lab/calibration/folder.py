@@ -7,12 +7,14 @@ checks/*.png      fresh presses, never trained on
 prisms/*.png      fresh presses of the prism
 grids/*.png       the pin grid
 draft/            the bundle before it is verified
+like/             the bundle of a like unit, whose presses are begun with
 
 Each file is written whole or not at all, and is on the disk when the call that wrote it returns.
 """
 
 import io
 import json
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Self, TypeVar
@@ -22,11 +24,13 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, GellightError, InputError
 from gellight.base.writing import make_folder, write_file
+from gellight.bundle.bundle import Bundle, save_bundle
 from gellight.lab.calibration.display import Picture
 from gellight.lab.calibration.records import CheckErrors, Circle, Edge, PrismErrors, StepFigures
 from gellight.lab.calibration.state import (
     DRAFT,
     KINDS,
+    LIKE_UNIT,
     REFERENCE,
     STATE,
     CheckRecord,
@@ -36,6 +40,7 @@ from gellight.lab.calibration.state import (
     PrismRecord,
     State,
     discard,
+    kept_like,
     state_in,
     writing,
 )
@@ -133,6 +138,29 @@ class Folder:
         """The bundle is written: nothing is left to resume."""
         self.state.finished = True
         self.save()
+
+    def keep_like(self, given: Bundle | None) -> Bundle | None:
+        """Keep the bundle of a like unit, unless None is given, and return the one that is kept.
+
+        Raises InputError where the network is trained already with another one, or with none.
+        """
+        kept = kept_like(self.path)
+        if given is None or (kept is not None and kept.identity == given.identity):
+            return kept
+        if self.state.steps.fit is not None:
+            begun = f"with the presses of {kept.manifest.sensor}" if kept else "without another unit"
+            raise InputError(
+                f"the network in {self.path} is trained already, {begun}: go on with that, or begin anew to take those "
+                f"of {given.manifest.sensor}"
+            )
+        return save_bundle(given, self.path / LIKE_UNIT, overwrite=True)
+
+    def drop_like(self, least_presses: int) -> None:
+        """Forget the bundle of the like unit; without it fewer presses than `least_presses` are not enough."""
+        if len(self.state.presses) < least_presses:
+            self.state.steps.presses = None
+            self.save()
+        shutil.rmtree(self.path / LIKE_UNIT)
 
     def keep_reference(self, image: NDArray[np.float32]) -> None:
         """Keep the mean of the untouched gel."""

@@ -3,7 +3,6 @@
 from gellight.base.errors import BundleError, InputError
 from gellight.frames.image_files import read_image
 from gellight.lab.calibration import ball_radius
-from gellight.lab.calibration.choices import LEAST_PRESSES
 from gellight.lab.calibration.circle import circle_of, corrected_circle, drawn
 from gellight.lab.calibration.coverage import advice, coverage, coverage_picture
 from gellight.lab.calibration.display import Picture, Progress
@@ -86,9 +85,9 @@ class _Collector:
         return self.enough
 
     def stop(self) -> None:
-        count = len(self.run.folder.state.presses)
-        if count < LEAST_PRESSES:
-            raise InputError(f"{count} presses are too few: press at least {LEAST_PRESSES - count} more times")
+        count, least = len(self.run.folder.state.presses), self.run.options.least_presses
+        if count < least:
+            raise InputError(f"{count} presses are too few: press at least {least - count} more times")
         self.enough = True
 
     def take(self, image: Picture) -> None:
@@ -108,7 +107,7 @@ class _Collector:
         count, until_um = len(run.folder.state.presses), run.options.until_um
         if count == ball_radius.LEAST_PRESSES:
             self.check_radius()
-        if until_um is not None and count >= LEAST_PRESSES and self.live.reached(until_um):
+        if until_um is not None and count >= run.options.least_presses and self.live.reached(until_um):
             self.enough = True
 
     def drop(self, arguments: dict[str, float]) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.lab.calibration.choices import RoutineOptions
+from gellight.lab.training.table import table_of_like
 
 _BYTES_PER_PIXEL = 7
 """of every press: 3 for its picture, and 32 for each labelled pixel, which are an eighth of a picture at most"""
@@ -17,7 +18,7 @@ def check_target(options: RoutineOptions, folder: Path, image_shape: tuple[int, 
     """Refuse before any work what could not be written at its end; `folder` is where the state is kept.
 
     Raises InputError where a folder cannot be written or has too little room, BundleError for a bundle of another
-    sensor.
+    sensor; either for a bundle that is of no like unit.
     """
     if not options.sensor.strip():
         raise InputError("the sensor has an empty name: give it one")
@@ -25,6 +26,8 @@ def check_target(options: RoutineOptions, folder: Path, image_shape: tuple[int, 
     presses = options.presses + options.verifications + prism_presses
     for place in (folder, options.out, Path(tempfile.gettempdir()) / "calibration"):
         check_room(place, image_shape, presses)
+    if options.like:
+        table_of_like(options.like, image_shape)
     if options.out.exists():
         _check_replaceable(options, image_shape)
 

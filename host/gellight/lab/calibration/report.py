@@ -35,6 +35,7 @@ from gellight.lab.report.charts import Axes, Series, heat_map, line_chart
 from gellight.lab.report.html import box, section, table
 from gellight.lab.report.pictures import depth_picture, difference_picture, normal_picture
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
+from gellight.lab.training.training import like_words
 from gellight.reconstruction.integration import normals
 
 _SHAPE = "depth, mean taken off, µm"
@@ -291,9 +292,10 @@ def _training(found: Fit) -> str:
         if judged
         else ""
     )
+    begun = "".join(f" {escape(words.capitalize())}." for words in like_words(found.model_dump()))
     return section(
         "Network",
         f"<p>Trained on {training.images} presses by {escape(training.trainer)} in {training.cpu_seconds:.1f} CPU "
-        f"seconds.{error}</p>",
+        f"seconds.{error}{begun}</p>",
         box("figures", line_chart([curve], Axes(title="Training", x="epoch", y="loss"))),
     )

@@ -4,13 +4,14 @@ import queue
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from gellight.base.errors import CameraError, GellightError
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
 from gellight.frames.picture import steps_in
-from gellight.lab.calibration.choices import RoutineOptions
+from gellight.lab.calibration.choices import LEAST_PRESSES, RoutineOptions
 from gellight.lab.calibration.display import STEPS, Display
 from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.readiness import check_target
@@ -33,10 +34,10 @@ class CalibrationRun:
         if hand is not None and options.tools.prism_angle_deg is not None:
             prism_of(options.tools.prism_angle_deg)
         self.camera = camera
-        self.options = options
         self.hand = hand
         self.display = Display(steps=tuple(s for s in STEPS if s != "lens" or options.tools.pin_pitch_mm is not None))
         self.folder = Folder.open(folder, _identity(camera, options))
+        self.options = replace(options, like=self.folder.keep_like(options.like))
         if options.name:
             self.folder.state.name = options.name
             self.folder.save()
@@ -49,6 +50,11 @@ class CalibrationRun:
     def gel_thickness_mm(self) -> float:
         """Thickness of the soft gel; 0 where nobody told."""
         return self.camera.stage.gel_thickness_mm if self.camera.stage else self.options.gel_thickness_mm
+
+    def drop_like(self) -> None:
+        """Forget the like unit; without one fewer than `LEAST_PRESSES` are not enough."""
+        self.folder.drop_like(LEAST_PRESSES)
+        self.options = replace(self.options, like=None, presses=max(self.options.presses, LEAST_PRESSES))
 
     def submit(self, action: str, arguments: dict[str, float]) -> None:
         """Hand an action of the user to the thread of the routine."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gellight.base.errors import BundleError, InputError
-from gellight.bundle.bundle import load_bundle
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.manifest import MANIFEST
 from gellight.frames.picture import PictureSteps
 from gellight.lab.calibration.records import (
@@ -35,7 +35,7 @@ from gellight.lab.training.prisms import PrismPress, prism_angle_rad
 
 STATE = "state.json"
 REFERENCE = "reference.npy"
-DRAFT = "draft"
+DRAFT, LIKE_UNIT = "draft", "like"
 KINDS = ("presses", "checks", "prisms", "grids")
 """folders of pictures"""
 _SHOWN = ("press.png", "cylinder.png", "pins.png")
@@ -167,20 +167,30 @@ def discard(path: Path) -> None:
     if state is None:
         return
     pictures = [record.file for record in (*state.presses, *state.checks, *state.prisms, *state.grids)]
+    bundles = [*_files_of_bundle(path, DRAFT), *_files_of_bundle(path, LIKE_UNIT)]
     with writing(path):
-        for name in (*pictures, *_draft_files(path), *_SHOWN, REFERENCE, STATE):
+        for name in (*pictures, *bundles, *_SHOWN, REFERENCE, STATE):
             (path / name).unlink(missing_ok=True)
-    for name in (*KINDS, DRAFT, "."):
+    for name in (*KINDS, DRAFT, LIKE_UNIT, "."):
         with suppress(OSError):  # it is not there, or holds something else
             (path / name).resolve().rmdir()
 
 
-def _draft_files(path: Path) -> list[str]:
+def kept_like(path: Path) -> Bundle | None:
+    """Return the bundle of the like unit that the interrupted calibration in a folder was begun with; None without.
+
+    Raises as `unfinished`, and BundleError for a bundle that was damaged.
+    """
+    begun = unfinished(path) is not None and (path / LIKE_UNIT).is_dir()
+    return load_bundle(path / LIKE_UNIT) if begun else None
+
+
+def _files_of_bundle(path: Path, folder: str) -> list[str]:
     try:
-        draft = load_bundle(path / DRAFT)
+        bundle = load_bundle(path / folder)
     except BundleError:
         return []  # there is none, or no telling which files are its own
-    return [f"{DRAFT}/{name}" for name in (MANIFEST, *draft.files)]
+    return [f"{folder}/{name}" for name in (MANIFEST, *bundle.files)]
 
 
 def state_in(path: Path) -> State | None:

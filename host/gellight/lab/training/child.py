@@ -17,6 +17,12 @@ Check = Callable[[], None]
 """Called several times a second; what it raises ends the child."""
 _CHECK_S = 0.2
 _REMEDY = "reinstall gellight"
+_REFUSED = 2
+"""exit status with which a child refuses what it was given"""
+
+
+class RefusedTableError(TrainingError):
+    """GelNet cannot learn from these presses, or not with those of that like unit."""
 
 
 def silent(epoch: int, epochs: int, loss: float) -> None:
@@ -56,7 +62,7 @@ def _run_child(command: list[str], progress: Progress, *, threads: int = 1, chec
         complaints.seek(0)
         text = complaints.read().strip()
     if status:
-        raise TrainingError(_reason(text, status))
+        raise (RefusedTableError if status == _REFUSED else TrainingError)(_reason(text, status))
 
 
 def _lines(child: subprocess.Popen[bytes], check: Check) -> Iterator[bytes]:
@@ -80,4 +86,4 @@ def _reason(text: str, status: int) -> str:
         return f"training cannot start ({last}): {_REMEDY}"
     if status < 0:
         return f"training was ended by signal {-status} ({last}): is there enough memory?"
-    return last.split(": ", 1)[-1] if status == 2 else f"training failed with status {status}: {last}"
+    return last.split(": ", 1)[-1] if status == _REFUSED else f"training failed with status {status}: {last}"

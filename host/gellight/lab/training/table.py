@@ -130,18 +130,27 @@ def drift_of_presses(presses: Sequence[Press], reference: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(drifts))))
 
 
-def under_light_of(bundle: Bundle, untouched: Floats) -> PressTable:
-    """Return the presses that a bundle was trained on, each pixel as bright as another unit's untouched gel has it.
+def table_of_like(bundle: Bundle, image_shape: tuple[int, int]) -> PressTable:
+    """Return the presses that the bundle of a like unit was trained on; image_shape: (H, W) of this unit's pictures.
 
-    untouched: (H, W, 3) of that unit. Raises BundleError for a bundle that keeps no presses, InputError for pictures of
-    another size and for channels that are not red, green and blue.
+    Raises BundleError for a bundle that keeps no presses, InputError for pictures of another size and for channels that
+    are not red, green and blue.
     """
-    table, size = PressTable.of(bundle), untouched.shape[1::-1]
+    table, size = PressTable.of(bundle), image_shape[::-1]
     if table.image_size != size or table.rows.shape[1] != COLOURS + 4:
         raise InputError(
             f"{bundle.source} learnt from {table.rows.shape[1] - 4} channels of {table.image_size[0]} x "
             f"{table.image_size[1]} px, this unit has {COLOURS} of {size[0]} x {size[1]} px: it is no like unit"
         )
+    return table
+
+
+def under_light_of(bundle: Bundle, untouched: Floats) -> PressTable:
+    """Return the presses of a like unit, each pixel as bright as this unit's untouched gel, (H, W, 3), has it.
+
+    Raises as `table_of_like`.
+    """
+    table = table_of_like(bundle, (untouched.shape[0], untouched.shape[1]))
     x, y = table.rows[:, COLOURS : COLOURS + 2].astype(np.intp).T
     rows = table.rows.copy()
     rows[:, :COLOURS] *= np.maximum(untouched[y, x], DARKEST_GREY) / np.maximum(bundle.reference[y, x], DARKEST_GREY)

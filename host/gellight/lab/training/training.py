@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,6 +183,14 @@ def fit(
         metrics={**metrics, "prisms": len(how.prisms), "training": record},
         extra_files={**(extra_files or {}), **(steps.files() if steps else {})},
     )  # fmt: skip
+
+
+def like_words(metrics: Mapping[str, Any]) -> list[str]:
+    """Return what the presses of a like unit are worth by themselves; nothing for a bundle that began without one."""
+    if LIKE not in metrics:
+        return []
+    off = metrics["training"]["unlikeness"]
+    return [f"begun with the presses of {metrics[LIKE]}, which alone are off by {off:.0%} of the slopes"]
 
 
 def _match_of(presses: Sequence[Press], reference: Reference) -> float:

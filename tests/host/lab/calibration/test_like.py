@@ -1,0 +1,127 @@
+"""The guided routine that begins with the presses of a like unit."""
+
+import io
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import BundleError, InputError
+from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
+from gellight.bundle.limits import Limits
+from gellight.lab.calibration.choices import LEAST_PRESSES, LEAST_WITH_LIKE
+from gellight.lab.calibration.folder import Folder
+from gellight.lab.calibration.routine import Routine
+from gellight.lab.calibration.state import LIKE_UNIT, discard, kept_like, unfinished
+from gellight.lab.simulator.virtual_hand import VirtualHand
+from gellight.lab.training.training import LIKE
+from gellight.opening import open_camera
+from tests.helpers.begun_calibration import begun_in
+from tests.helpers.calibration_routine import URL, camera, finished, options, wait_for
+
+OTHER = f"{URL}&seed=7"
+ANY = Limits(depth_mm=10.0, normal_deg=90.0)
+"""which every calibration keeps: what is judged here is what it was made of"""
+
+
+def routine_of(folder: Path, url: str = URL, **changes: Any) -> Routine:
+    """Return a routine whose hand presses, and which closes its camera with the test's process."""
+    sensor = camera(url)
+    assert sensor.stage is not None
+    wanted = options(folder, limits=ANY, **changes)
+    return Routine(sensor, wanted, folder / "state", hand=VirtualHand(sensor.stage))
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """The calibration of the first unit, called "one"."""
+    folder = tmp_path_factory.mktemp("first")
+    routine = routine_of(folder)
+    assert finished(routine)["step"] == "finished", routine.error
+    return load_bundle(folder / "bundle")
+
+
+@pytest.fixture(scope="module")
+def unlike(first: Bundle, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """A unit whose colours are others: red answers where green did."""
+    arrays = first.presses()
+    arrays["rows"] = arrays["rows"][:, [1, 2, 0, *range(3, arrays["rows"].shape[1])]]
+    packed = io.BytesIO()
+    np.savez_compressed(packed, **arrays)
+    return extend_bundle(first, tmp_path_factory.mktemp("unlike") / "bundle", {"presses.npz": packed.getvalue()})
+
+
+def test_two_presses_are_enough_with_those_of_a_like_unit(first: Bundle, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"presses = 2: at least {LEAST_PRESSES} are needed"):
+        options(tmp_path, presses=2)
+    routine = routine_of(tmp_path, OTHER, presses=LEAST_WITH_LIKE, like=first)
+    snapshot = finished(routine)
+    assert snapshot["step"] == "finished", snapshot["problem"]
+    made = load_bundle(tmp_path / "bundle")
+    assert made.metrics[LIKE] == "one"
+    assert len(np.unique(made.presses()["image"])) == 2
+    assert 0 < snapshot["figures"]["fit"]["training"]["unlikeness"] < 0.5
+    assert "Begun with the presses of one, which alone are off by" in made.files["report.html"].decode()
+    assert unfinished(tmp_path / "state") is None
+
+
+def test_a_unit_that_is_unlike_is_dropped_and_its_own_presses_are_learnt_from(unlike: Bundle, tmp_path: Path) -> None:
+    routine = routine_of(tmp_path, presses=LEAST_PRESSES, like=unlike)
+    snapshot = finished(routine)
+    assert snapshot["step"] == "finished", snapshot["problem"]
+    assert LIKE not in load_bundle(tmp_path / "bundle").metrics
+    assert not (tmp_path / "state" / LIKE_UNIT).exists()
+
+
+def test_with_too_few_presses_an_unlike_unit_ends_it_and_going_on_presses_more(unlike: Bundle, tmp_path: Path) -> None:
+    refused = finished(routine_of(tmp_path, presses=2, like=unlike))
+    assert refused["step"] == "failed"
+    assert "it is no like unit, so learn without it; go on, and press at least 6 more times" in refused["problem"]
+    goes_on = routine_of(tmp_path, presses=LEAST_PRESSES)
+    assert finished(goes_on)["step"] == "finished", goes_on.error
+    assert len(np.unique(load_bundle(tmp_path / "bundle").presses()["image"])) == LEAST_PRESSES
+
+
+def test_an_interrupted_calibration_goes_on_with_the_unit_it_was_begun_with(first: Bundle, tmp_path: Path) -> None:
+    begun = routine_of(tmp_path, presses=2, like=first)
+    begun.act("start")
+    wait_for(begun, lambda shown: shown["step"] == "reference")
+    begun.act("abort")
+    begun.join(60)
+    kept = kept_like(tmp_path / "state")
+    assert kept is not None
+    assert kept.identity == first.identity
+    goes_on = routine_of(tmp_path, presses=2, like=kept)
+    assert finished(goes_on)["step"] == "finished", goes_on.error
+    assert load_bundle(tmp_path / "bundle").metrics[LIKE] == "one"
+
+
+def test_pictures_of_another_size_are_no_like_unit_and_nothing_is_begun(first: Bundle, tmp_path: Path) -> None:
+    with (
+        open_camera("sim://?board=0") as sensor,
+        pytest.raises(InputError, match="learnt from 3 channels of 320 x 240 px, this unit has 3 of 640 x 480 px"),
+    ):
+        Routine(sensor, options(tmp_path, like=first), tmp_path / "state")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bundle_without_presses_is_no_like_unit(first: Bundle, tmp_path: Path) -> None:
+    bare = replace(first, files={name: body for name, body in first.files.items() if name != "presses.npz"})
+    with pytest.raises(BundleError, match=r"has no presses\.npz: calibrate the sensor again"):
+        routine_of(tmp_path, like=bare)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_another_unit_is_refused_once_the_network_is_trained(first: Bundle, unlike: Bundle, tmp_path: Path) -> None:
+    folder = begun_in(tmp_path / "state")
+    assert folder.keep_like(first) is not None
+    again = Folder.open(tmp_path / "state", folder.state.identity)
+    assert (again.keep_like(None) or unlike).identity == first.identity
+    assert (again.keep_like(unlike) or first).identity == unlike.identity, "nothing is trained yet"
+    again.state.steps = again.state.steps.model_copy(update={"fit": object()})
+    with pytest.raises(InputError, match="is trained already, with the presses of one: go on with that, or begin anew"):
+        again.keep_like(first)
+    discard(tmp_path / "state")
+    assert not (tmp_path / "state").exists()
