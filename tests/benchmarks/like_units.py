@@ -1,7 +1,7 @@
 """What another unit's presses are worth to the guided routine: `python -m tests.benchmarks.like_units`.
 
-One simulated unit is calibrated by the virtual hand. Then others, whose LEDs are another draw, dimmer, or whose gel is
-another model, are calibrated with 2, 5, 10 ball presses, without and with that one's bundle (`--like`). The same
+One simulated unit is calibrated by the virtual hand. Then others, whose LEDs are another draw, or dimmer as well, are
+calibrated with 2, 5, 10 ball presses, without and with that one's bundle (`--like`). The same
 presses are taken both times; six fresh ones judge. Printed are the depth in contact and the normals in contact against
 the simulator's truth, how unlike the first unit's answers are, and why a calibration failed.
 """
@@ -24,7 +24,6 @@ FIRST = "sim://?fps=500&seed=11&led_spread=0.1"
 OTHERS = {
     "LEDs of another draw": "sim://?fps=500&seed=12&led_spread=0.1",
     "dimmer by 30 %": "sim://?fps=500&seed=13&led_spread=0.1&dim=0.3",
-    "gel of finite elements": "sim://?fps=500&seed=14&led_spread=0.1&gel=fem&resolution=0.6",
 }
 COUNTS = (2, 5, 10)
 ANY = Limits(depth_mm=10.0, normal_deg=90.0)

@@ -2,15 +2,16 @@
 
 speed: gap, layer and picture, ms of processor time, and how many a second on one core. truth: depth, force and picture
 against the simulated sensor's own (512 points a side). lift: a gripper holds balls, boxes, cylinders; hold: over 10^5
-steps, for hours, so only where it is named. energy: bodies are thrown at a gel; by how much kinetic and potential
-energy grow from one flight to the next. tasks: in what share of 50 episodes rules with touch and without do what the
-environments ask for. worlds: what a step of one costs among 16 and 64, and on two cores. tactile: depth and time beside
-MuJoCo's own sensor.
+steps. energy: bodies are thrown at a gel; by how much kinetic and potential energy grow from one flight to the next;
+fresh: others are thrown. tasks: in what share of 50 episodes rules with touch and without do what the environments ask
+for. worlds: what a step of one costs among 16 and 64, and on two cores. tactile: depth and time beside MuJoCo's own
+sensor. hold and fresh take an hour and more, and run only where they are named.
 """
 
 import argparse
+import itertools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -120,31 +121,36 @@ def lift(steps: int = 1500) -> Iterator[str]:
 
 
 def lifted(shape: str, mass_kg: float, steps: int) -> tuple[np.ndarray, float]:
-    """Return height (um), force upwards, grip, layer's force (N) and kinetic energy (J) of each step; ms a step."""
+    """Return the rows of `lifting`, (steps, 5), and how many ms a step takes."""
+    begun_s = time.process_time()
+    log = np.array(list(itertools.islice(lifting(shape, mass_kg), steps)))
+    return log, (time.process_time() - begun_s) / steps * 1e3
+
+
+def lifting(shape: str, mass_kg: float) -> Iterator[tuple[float, ...]]:
+    """Yield height (um), force upwards, grip, layer's force (N) and kinetic energy (J) of each step, for ever."""
     text = GRIPPER.read_text()
     geom = f'{SHAPES[shape]} mass="{mass_kg}"'
     model = mujoco.MjModel.from_xml_string(text.replace('type="sphere" size=".008" mass=".02"', geom))
-    data, log = mujoco.MjData(model), np.zeros((steps, 5))
+    data = mujoco.MjData(model)
     gels = MujocoGels(model, ["left", "right"], touching=["object"], sensor=lambda: TouchSensor(size=64, extent_mm=32))
-    carry, begun_s = Carrying(gels), time.process_time()
-    for step in range(steps):
-        now_s = step * STEP_S
+    carry = Carrying(gels)
+    for now_s in itertools.count(0.0, STEP_S):
         data.ctrl[:] = [np.clip((now_s - 0.8) * 0.05, 0, 0.05), *[2.0 * min(now_s / 0.5, 1)] * 2]
         held = carry.step(data)
         up_n = sum((gels[one.gel].gap.rotation(data) @ one.force_n)[2] for one in held)
         left = [(one.force_n[2], one.layer_force_n) for one in held if one.gel == "left"] or [(0, 0)]
         moving_j = mass_kg / 2 * float(np.sum(data.qvel[-6:-3] ** 2))
-        log[step] = data.body("object").xpos[2] * 1e6, up_n, *left[0], moving_j
-    return log, (time.process_time() - begun_s) / steps * 1e3
+        yield data.body("object").xpos[2] * 1e6, up_n, *left[0], moving_j
 
 
-def energy(scenes: int = 2000) -> Iterator[str]:
-    grown = {seed: grows(seed) for seed in range(scenes)}
+def energy(seeds: Sequence[int] = range(2000)) -> Iterator[str]:
+    grown = {seed: grows(seed) for seed in seeds}
     gained = {seed: growth for seed, growth in grown.items() if growth}
     again = [grows(seed, finer=2) or 0.0 for seed in gained]
     refused = sum(growth is None for growth in grown.values())
     yield (
-        f"{scenes - refused} bodies thrown: {len(gained)} gained energy between flights, at most "
+        f"{len(seeds) - refused} bodies thrown: {len(gained)} gained energy between flights, at most "
         f"{max(gained.values(), default=0):.1e} of that at the start; thrown again in half the step "
         f"{np.count_nonzero(again)}, at most {max(again, default=0):.1e}; {refused} more went deeper than 60 % of the "
         "gel and were refused"
@@ -300,13 +306,13 @@ def with_taxels(geom: str, at_m: np.ndarray) -> mujoco.MjModel:
 
 
 PARTS = {"speed": speed, "truth": truth, "lift": lift, "hold": partial(lift, 100_000), "energy": energy, "tasks": tasks,
-         "worlds": worlds, "tactile": tactile}  # fmt: skip
+         "worlds": worlds, "tactile": tactile, "fresh": partial(energy, range(2000, 4000))}  # fmt: skip
 
 
 def main() -> None:
     """Print what was asked for."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.touch", description=__doc__)
-    usual = [part for part in PARTS if part != "hold"]
+    usual = [part for part in PARTS if part not in ("hold", "fresh")]
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], default=usual)
     for part in parser.parse_args().parts or usual:
         for line in PARTS[part]():
