@@ -40,6 +40,8 @@ def examine(image: bytes, check: str) -> list[str]:
 def _colours(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     if board.usb_text("serial") != board.unique_id.hex().upper():
         yield "unique number"
+    if [board.usb_text(name) for name in ("manufacturer", "product")] != ["GelLight", "GelLight light ring"]:
+        yield "its name"
     ring.set_leds(PATTERN)
     ring.set_leds(PATTERN)
     board.run(3_000)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from gellight.lab.emulator.usb_rules import AVAILABLE, DATA1, STALL, BufferRules, endpoint_kinds
+from gellight.lab.emulator.usb_rules import AVAILABLE, DATA1, STALL, BufferRules, endpoint_kinds, is_descriptor
 from gellight.ring import usb_numbers as numbers
 
 SET_INTERFACE = 11
@@ -160,17 +160,25 @@ class UsbHost:
         self._descriptor("device", numbers.DEVICE, 0, 18)
         self._descriptor("head", numbers.CONFIGURATION, 0, 9)
         self._descriptor("configuration", numbers.CONFIGURATION, 0, 255)
-        for index, name in enumerate(("languages", "manufacturer", "product", "serial")):
-            self._descriptor(name, numbers.STRING, index, 255)
-        self.control(0, numbers.SET_CONFIGURATION, 1, 0, 0, self._configured)
 
     def _descriptor(self, name: str, kind: int, index: int, length: int) -> None:
         language = 0x409 if kind == numbers.STRING and index else 0
 
         def keep(data: bytes | None) -> None:
             self.descriptors[name] = data or b""
+            if data is not None and not is_descriptor(data, kind):
+                self._report(f"USB: {data.hex()} is no {name} descriptor")
+            if name == "configuration":
+                self._choose()
 
         self.control(0x80, numbers.GET_DESCRIPTOR, kind << 8 | index, language, length, keep)
+
+    def _choose(self) -> None:
+        """Ask for the texts that the device has by the numbers that it gives them, and choose its configuration."""
+        numbered = self.descriptors["device"][14:17]
+        for index, name in zip((0, *numbered), ("languages", "manufacturer", "product", "serial"), strict=False):
+            self._descriptor(name, numbers.STRING, index, 255)
+        self.control(0, numbers.SET_CONFIGURATION, 1, 0, 0, self._configured)
 
     def _configured(self, _: bytes | None) -> None:
         self.configured = True

@@ -11,6 +11,7 @@ CYCLE_NS = 1e9 / 48e6
 ENABLED, TYPE_AT = 1 << 31, 26
 """of the control word of an endpoint"""
 BUFFERS, DPRAM_BYTES, PACKET = 0x180, 4096, 64
+CONFIGURATION_BYTES = 9
 
 
 def endpoint_kinds(configuration: bytes) -> dict[int, int]:
@@ -21,6 +22,14 @@ def endpoint_kinds(configuration: bytes) -> dict[int, int]:
             kinds[rest[2]] = rest[3] & 3
         rest = rest[rest[0] :]
     return kinds
+
+
+def is_descriptor(data: bytes, kind: int) -> bool:
+    """Say whether an answer tells its own kind, and its length (USB 2.0, 9.5); a configuration has others behind it."""
+    whole = len(data) >= 2 and (
+        data[0] == len(data) or (kind == numbers.CONFIGURATION and data[0] == CONFIGURATION_BYTES)
+    )
+    return whole and data[1] == kind
 
 
 class BufferRules:
