@@ -11,7 +11,10 @@ together:
 
     f = f0 + dt K J v0 - (dt + tau) K J v',   v' = v0 + dt M^-1 J' f
 
-with the layer's force f0 there, and tau the gel's loss time. A gel pushes only, tilts a body by no more than its
+with the layer's force f0 there, and tau the gel's loss time. Where MuJoCo's own contacts act too (a table under what a
+gel presses), they answer the gels' forces within the step: M then is M + Jc' D Jc with the rows Jc that act and their
+stiffness D, as MuJoCo's solver has them (Todorov, ICRA 2014), v0 is with them, and both are found anew until the
+velocities come out as expected. A gel pushes only, tilts a body by no more than its
 pressure can move, and holds it by no more than friction. What is cut away would have turned and stopped the body too,
 so the other forces are solved for again until all agree (projected Gauss-Seidel: Jourdan, Alart and Jean, Comput.
 Methods Appl. Mech. Eng. 155, 1998). Cut once and left, they give a light body energy.
@@ -38,6 +41,9 @@ MOST_SWEEPS, AGREED = 200, 1e-9
 """until no force changes by more, N and N m"""
 AT_LIMIT = 1 - 1e-6
 """of what friction holds, from where a body slips"""
+MOST_LOOKS, AS_EXPECTED = 20, 1e-9
+"""at MuJoCo's contacts, until no velocity is off by more, m/s and rad/s"""
+HALVED = (1, 1 / 2, 1 / 4, 1 / 8, 1 / 16)
 DEEPER_MM = 0.05
 """over which the stiffness is found; over less the layer's tolerance shows"""
 
@@ -130,15 +136,71 @@ class Carrying:
 
     def _apply(self, data: mujoco.MjData) -> list[Held]:
         mujoco.mj_fwdActuation(self._model, data)
-        mujoco.mj_fwdAcceleration(self._model, data)
-        free = np.asarray(data.qvel + self._model.opt.timestep * data.qacc_smooth)
+        free = self._ahead(data)
         springs = [spring for name, gel in self.gels.items() for spring in self._springs(name, gel, data, free)]
         there = {(spring.gel, spring.body) for spring in springs}
         self._bristles = {key: bristle for key, bristle in self._bristles.items() if key in there}
         if not springs:
             return []
-        forces = self._solve(data, springs, free)
-        return [self._give(data, spring, force) for spring, force in zip(springs, forces, strict=True)]
+        forces = self._answered(data, springs, free)
+        return [self._held(spring, force) for spring, force in zip(springs, forces, strict=True)]
+
+    def _ahead(self, data: mujoco.MjData) -> Floats:
+        """Return the velocities at the end of the step, with MuJoCo's contacts and the forces that are applied now."""
+        mujoco.mj_fwdAcceleration(self._model, data)
+        if data.nefc:
+            mujoco.mj_fwdConstraint(self._model, data)
+        return np.asarray(data.qvel + self._model.opt.timestep * (data.qacc if data.nefc else data.qacc_smooth))
+
+    def _answered(self, data: mujoco.MjData, springs: list[_Spring], free: Floats) -> Floats:
+        """Apply the forces (n, 6) of the gels, and return them; MuJoCo's contacts answer them.
+
+        Newton's method. Contacts come and go with the forces, so a step is halved until it brings the forces nearer to
+        what the gels give at the velocities that come of them.
+        """
+        others, dt = data.xfrc_applied.copy(), self._model.opt.timestep
+        jacobian = np.vstack([spring.jacobian for spring in springs])
+        alone = dt * self._by_inertia(data, jacobian)
+
+        def off(forces: Floats) -> tuple[float, Floats]:
+            """Apply forces; return how far they are off, as a velocity, and the velocities that come of them."""
+            data.xfrc_applied[:] = others
+            for spring, force in zip(springs, forces, strict=True):
+                _push(data, spring, force)
+            came = self._ahead(data)
+            given = self._solve(springs, jacobian, np.zeros_like(jacobian), came)
+            return float(np.abs((given - forces).ravel() @ alone).max()), came
+
+        forces, came, left = np.zeros((len(springs), 6)), free, np.inf
+        for _ in range(MOST_LOOKS):
+            moved = self._moved(data, jacobian)
+            wanted = self._solve(springs, jacobian, moved, came - dt * forces.ravel() @ moved)
+            if not data.nefc:
+                off(wanted)
+                return wanted
+            for share in HALVED:
+                tried = forces + share * (wanted - forces)
+                found, met = off(tried)
+                if found < left:
+                    break
+            forces, came, left = tried, met, found
+            if left <= AS_EXPECTED:
+                break
+        return forces
+
+    def _moved(self, data: mujoco.MjData, jacobian: Floats) -> Floats:
+        """Return the accelerations (n, nv) by a unit of each force, with the contacts of MuJoCo's that act now."""
+        moved = self._by_inertia(data, jacobian)
+        if not data.nefc:
+            return moved
+        rows = _acting(self._model, data)
+        answer = self._by_inertia(data, rows)  # the identity of Woodbury, for the inertia's inverse alone is at hand
+        return moved - moved @ rows.T @ np.linalg.solve(np.eye(len(rows)) + rows @ answer.T, answer)
+
+    def _by_inertia(self, data: mujoco.MjData, forces: Floats) -> Floats:
+        moved = np.zeros_like(forces)
+        mujoco.mj_solveM(self._model, data, moved, forces)
+        return moved
 
     def _springs(self, name: str, gel: MujocoGel, data: mujoco.MjData, free: Floats) -> list[_Spring]:
         now, layer, bodies = gel.gap.gap_mm(data), gel.sensor.layer, gel.gap.bodies()
@@ -199,12 +261,9 @@ class Carrying:
             parts.append(np.vstack([axes.T @ move, axes.T @ turn]))
         return np.asarray(parts[0] - parts[1])
 
-    def _solve(self, data: mujoco.MjData, springs: list[_Spring], free: Floats) -> Floats:
+    def _solve(self, springs: list[_Spring], jacobian: Floats, moved: Floats, free: Floats) -> Floats:
         dt = self._model.opt.timestep
-        jacobian = np.vstack([spring.jacobian for spring in springs])
         damping = (dt + self._loss_time_s) * np.concatenate([spring.stiffness for spring in springs])
-        moved = np.zeros_like(jacobian)
-        mujoco.mj_solveM(self._model, data, moved, jacobian)
         at_rest = np.concatenate([spring.at_rest for spring in springs])
         system = np.eye(len(damping)) + dt * damping[:, None] * (jacobian @ moved.T)
         wanted = at_rest - damping * (jacobian @ free)
@@ -245,20 +304,41 @@ class Carrying:
         limit = self._friction * float(force[2])
         return limit, 2 / 3 * limit * spring.radius
 
-    def _give(self, data: mujoco.MjData, spring: _Spring, force: Floats) -> Held:
-        """Let the bristle slip as far as friction does not hold it, and give the force to both bodies."""
+    def _held(self, spring: _Spring, force: Floats) -> Held:
+        """Let the bristle slip as far as friction does not hold it, and tell what the gel does."""
         limit, most = self._limits(spring, force)
         sticks = bool(np.linalg.norm(force[:2]) < AT_LIMIT * limit and abs(force[5]) < AT_LIMIT * most)
         bristle, stiffness = self._bristles[spring.gel, spring.body], spring.stiffness
         _shorten(bristle[:2], limit / max(stiffness[0], 1e-9))
         bristle[2] = np.clip(bristle[2], *(np.array([-1, 1]) * most / max(stiffness[5], 1e-9)))
-        push, turn = spring.axes @ force[:3], spring.axes @ force[3:]
-        for body, sign in ((spring.body, 1), (spring.holder, -1)):
-            data.xfrc_applied[body, :3] += sign * push
-            data.xfrc_applied[body, 3:] += sign * (np.cross(spring.point - data.xipos[body], push) + turn)
         return Held(
             spring.gel, spring.body, force[:3].copy(), force[3:] / MM, float(spring.at_rest[2]), sticks, spring.point
         )
+
+
+def _push(data: mujoco.MjData, spring: _Spring, force: Floats) -> None:
+    """Give a force (6,) to the body and to the gel's."""
+    push, turn = spring.axes @ force[:3], spring.axes @ force[3:]
+    for body, sign in ((spring.body, 1), (spring.holder, -1)):
+        data.xfrc_applied[body, :3] += sign * push
+        data.xfrc_applied[body, 3:] += sign * (np.cross(spring.point - data.xipos[body], push) + turn)
+
+
+def _acting(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
+    """Return the rows (k, nv) of MuJoCo's constraints that act, each times the root of its stiffness.
+
+    A contact that slides in an elliptic cone is as stiff as ever along its normal, and not at all along its surface.
+    """
+    count, rows = data.nefc, np.zeros((data.nefc, model.nv))
+    if mujoco.mj_isSparse(model):
+        mujoco.mju_sparse2dense(rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
+    else:
+        rows[:] = data.efc_J.reshape(count, model.nv)
+    states = data.efc_state[:count]
+    acts = states == mujoco.mjtConstraintState.mjCNSTRSTATE_QUADRATIC
+    normals = [contact.efc_address for contact in data.contact if contact.efc_address >= 0]
+    acts[normals] |= states[normals] == mujoco.mjtConstraintState.mjCNSTRSTATE_CONE
+    return np.asarray(rows[acts] * np.sqrt(data.efc_D[:count][acts])[:, None])
 
 
 def _shorten(vector: Floats, longest: float) -> None:

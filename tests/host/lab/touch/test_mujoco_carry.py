@@ -105,6 +105,24 @@ def test_what_lies_on_a_slope_rests_or_slides_as_coulomb_says(slides: bool) -> N
     assert held.sticks != slides
 
 
+@pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
+@pytest.mark.parametrize("step_s", [0.001, 0.002])
+def test_what_a_gel_presses_onto_a_table_is_pressed_as_the_layer_says(step_s: float, cone: str) -> None:
+    model = mujoco.MjModel.from_xml_string(
+        f'''<mujoco><option timestep="{step_s}" integrator="implicitfast" cone="{cone}"/><worldbody>
+        <geom type="plane" size="1 1 .1" solref="-30000 -100"/>
+        <body name="finger" pos="0 0 .0075" euler="180 0 0"><site name="gel"/></body>
+        <body name="object" pos="0 0 .004"><freejoint/>
+        <geom type="sphere" size=".004" mass=".02" solref="-30000 -100"/></body></worldbody></mujoco>'''
+    )
+    data, carry, table = mujoco.MjData(model), carrying(model, sites=("gel",)), np.zeros(6)
+    for _ in range(int(0.3 / step_s)):
+        (held,) = carry.step(data)
+    mujoco.mj_contactForce(model, data, 0, table)
+    assert held.force_n[2] == pytest.approx(carry.gels["gel"].feel(data).force_n, rel=0.025)
+    assert table[0] == pytest.approx(held.force_n[2] + 0.02 * 9.81, rel=1e-4)
+
+
 def test_an_integrator_that_cannot_be_halved_is_refused() -> None:
     model = mujoco.MjModel.from_xml_string(MODEL.replace('"implicitfast"', '"RK4"'))
     with pytest.raises(InputError, match='gels cannot carry under integrator="RK4": use "implicitfast"'):
