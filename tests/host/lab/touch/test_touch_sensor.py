@@ -5,14 +5,16 @@ from functools import partial
 
 import numpy as np
 import pytest
+from scipy.interpolate import RectBivariateSpline
 
 from gellight.base.errors import InputError
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.touch import TouchSensor
 from gellight.lab.touch.layer import NOTHING
+from gellight.lab.touch.picture import Splines
 from sim_reference import gel
 from sim_reference.camera import CameraResponse
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.objects import object_height
 
 GEOMETRY = SensorGeometry(image_width_px=160, image_height_px=120, pixel_size_mm=0.2352)
@@ -137,3 +139,14 @@ def test_what_another_sensor_felt_is_refused(touch: TouchSensor) -> None:
 def test_a_grid_that_cannot_be_is_refused() -> None:
     with pytest.raises(InputError, match="a grid of 3 points"):
         TouchSensor(size=3)
+
+
+def test_the_spline_of_the_picture_has_no_weights_that_change_nothing() -> None:
+    geometry, at = SensorGeometry(), (np.arange(128) - 63.5) / 2
+    splines, depth = Splines(geometry, at), np.random.default_rng(0).random((128, 128), np.float32)
+    x, y = pixel_grid(geometry)
+    exact = RectBivariateSpline(at, at, depth)(y[:, 0], x[0])
+    inside = (slice(100, -100), slice(100, -100))  # which of the two ends is taken shows beyond
+    assert np.abs(splines.surface(depth)[0] - exact)[inside].max() < 1e-5
+    for weights in vars(splines).values():
+        assert np.abs(weights[weights != 0]).min() > 1e-13, "denormal numbers are slow"
