@@ -13,11 +13,13 @@ together:
 
 with the layer's force f0 there, and tau the gel's loss time. Where MuJoCo's own contacts act too (a table under what a
 gel presses), they answer the gels' forces within the step: M then is M + Jc' D Jc with the rows Jc that act and their
-stiffness D, as MuJoCo's solver has them (Todorov, ICRA 2014), v0 is with them, and both are found anew until the
-velocities come out as expected. A gel pushes only, tilts a body by no more than its
-pressure can move, and holds it by no more than friction. What is cut away would have turned and stopped the body too,
-so the other forces are solved for again until all agree (projected Gauss-Seidel: Jourdan, Alart and Jean, Comput.
-Methods Appl. Mech. Eng. 155, 1998). Cut once and left, they give a light body energy.
+stiffness D, as MuJoCo's solver has them (Todorov, ICRA 2014), v0 is with them, and both are found anew until the gels
+give what was solved for.
+
+A gel pushes only, tilts a body by no more than its pressure can move, and holds it by no more than friction. What is
+cut away would have turned and stopped the body too, so the other forces are solved for again until all agree (projected
+Gauss-Seidel: Jourdan, Alart and Jean, Comput. Methods Appl. Mech. Eng. 155, 1998). Cut once and left, they give a light
+body energy.
 """
 
 from dataclasses import dataclass
@@ -44,6 +46,7 @@ AT_LIMIT = 1 - 1e-6
 MOST_LOOKS, AS_EXPECTED = 20, 1e-9
 """at MuJoCo's contacts, until no velocity is off by more, m/s and rad/s"""
 HALVED = (1, 1 / 2, 1 / 4, 1 / 8, 1 / 16)
+"""shares of a step of Newton's that are tried"""
 DEEPER_MM = 0.05
 """over which the stiffness is found; over less the layer's tolerance shows"""
 
@@ -142,7 +145,8 @@ class Carrying:
         self._bristles = {key: bristle for key, bristle in self._bristles.items() if key in there}
         if not springs:
             return []
-        forces = self._answered(data, springs, free)
+        forces = (self._answered if data.nefc else self._alone)(data, springs, free)
+        _push(data, springs, forces)
         return [self._held(spring, force) for spring, force in zip(springs, forces, strict=True)]
 
     def _ahead(self, data: mujoco.MjData) -> Floats:
@@ -152,32 +156,33 @@ class Carrying:
             mujoco.mj_fwdConstraint(self._model, data)
         return np.asarray(data.qvel + self._model.opt.timestep * (data.qacc if data.nefc else data.qacc_smooth))
 
+    def _alone(self, data: mujoco.MjData, springs: list[_Spring], free: Floats) -> Floats:
+        """Return the forces (n, 6) of the gels where nothing else touches."""
+        jacobian = np.vstack([spring.jacobian for spring in springs])
+        return self._solve(springs, jacobian, self._by_inertia(data, jacobian), free)
+
     def _answered(self, data: mujoco.MjData, springs: list[_Spring], free: Floats) -> Floats:
-        """Apply the forces (n, 6) of the gels, and return them; MuJoCo's contacts answer them.
+        """Return the forces (n, 6) of the gels, which MuJoCo's contacts answer.
 
         Newton's method. Contacts come and go with the forces, so a step is halved until it brings the forces nearer to
         what the gels give at the velocities that come of them.
         """
         others, dt = data.xfrc_applied.copy(), self._model.opt.timestep
         jacobian = np.vstack([spring.jacobian for spring in springs])
-        alone = dt * self._by_inertia(data, jacobian)
+        unmet = dt * self._by_inertia(data, jacobian)
 
         def off(forces: Floats) -> tuple[float, Floats]:
-            """Apply forces; return how far they are off, as a velocity, and the velocities that come of them."""
+            """Return how far forces are off, as a velocity, and the velocities that come of them."""
             data.xfrc_applied[:] = others
-            for spring, force in zip(springs, forces, strict=True):
-                _push(data, spring, force)
+            _push(data, springs, forces)
             came = self._ahead(data)
             given = self._solve(springs, jacobian, np.zeros_like(jacobian), came)
-            return float(np.abs((given - forces).ravel() @ alone).max()), came
+            return float(np.abs((given - forces).ravel() @ unmet).max()), came
 
         forces, came, left = np.zeros((len(springs), 6)), free, np.inf
         for _ in range(MOST_LOOKS):
             moved = self._moved(data, jacobian)
             wanted = self._solve(springs, jacobian, moved, came - dt * forces.ravel() @ moved)
-            if not data.nefc:
-                off(wanted)
-                return wanted
             for share in HALVED:
                 tried = forces + share * (wanted - forces)
                 found, met = off(tried)
@@ -186,14 +191,12 @@ class Carrying:
             forces, came, left = tried, met, found
             if left <= AS_EXPECTED:
                 break
+        data.xfrc_applied[:] = others
         return forces
 
     def _moved(self, data: mujoco.MjData, jacobian: Floats) -> Floats:
         """Return the accelerations (n, nv) by a unit of each force, with the contacts of MuJoCo's that act now."""
-        moved = self._by_inertia(data, jacobian)
-        if not data.nefc:
-            return moved
-        rows = _acting(self._model, data)
+        moved, rows = self._by_inertia(data, jacobian), _acting(self._model, data)
         answer = self._by_inertia(data, rows)  # the identity of Woodbury, for the inertia's inverse alone is at hand
         return moved - moved @ rows.T @ np.linalg.solve(np.eye(len(rows)) + rows @ answer.T, answer)
 
@@ -316,12 +319,13 @@ class Carrying:
         )
 
 
-def _push(data: mujoco.MjData, spring: _Spring, force: Floats) -> None:
-    """Give a force (6,) to the body and to the gel's."""
-    push, turn = spring.axes @ force[:3], spring.axes @ force[3:]
-    for body, sign in ((spring.body, 1), (spring.holder, -1)):
-        data.xfrc_applied[body, :3] += sign * push
-        data.xfrc_applied[body, 3:] += sign * (np.cross(spring.point - data.xipos[body], push) + turn)
+def _push(data: mujoco.MjData, springs: list[_Spring], forces: Floats) -> None:
+    """Give forces (n, 6) to the bodies and to the gels'."""
+    for spring, force in zip(springs, forces, strict=True):
+        push, turn = spring.axes @ force[:3], spring.axes @ force[3:]
+        for body, sign in ((spring.body, 1), (spring.holder, -1)):
+            data.xfrc_applied[body, :3] += sign * push
+            data.xfrc_applied[body, 3:] += sign * (np.cross(spring.point - data.xipos[body], push) + turn)
 
 
 def _acting(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
