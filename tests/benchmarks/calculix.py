@@ -7,11 +7,11 @@ block is solved: what is pressed and how it moves is its own mirror image in y =
 calculix-ccx`. Processor time: two minutes for the presses, five for the drags.
 """
 
+import argparse
 import re
 import resource
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -227,8 +227,11 @@ def spent() -> float:
 
 def main() -> None:
     """Judge what is asked for."""
-    for what in sys.argv[1:] or ["drag", "press"]:
-        {"drag": judge_drags, "press": judge_presses}[what]()
+    judges = {"drag": judge_drags, "press": judge_presses}
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.calculix", description=__doc__)
+    parser.add_argument("what", nargs="*", choices=[*judges, []], default=[*judges])
+    for what in parser.parse_args().what:
+        judges[what]()
 
 
 BLOCK = block()

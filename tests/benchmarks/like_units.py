@@ -1,9 +1,9 @@
 """What another unit's presses are worth to the guided routine: `python -m tests.benchmarks.like_units`.
 
 One simulated unit is calibrated by the virtual hand. Then others, whose LEDs are another draw, or dimmer as well, are
-calibrated with 2, 5, 10 ball presses, without and with that one's bundle (`--like`). The same
-presses are taken both times; six fresh ones judge. Printed are the depth in contact and the normals in contact against
-the simulator's truth, how unlike the first unit's answers are, and why a calibration failed.
+calibrated with 2, 5, 10 ball presses, without and with that one's bundle (`--like`). The same presses are taken both
+times; six fresh ones judge. Printed are the depth in contact and the normals in contact against the simulator's truth,
+how unlike the first unit's answers are, and why a calibration failed.
 """
 
 import shutil

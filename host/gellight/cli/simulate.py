@@ -20,6 +20,7 @@ from gellight.lab.simulator.one_press import PressRequest, press_once
 from gellight.lab.simulator.sequence import read_sequence, write_sequence
 from gellight.lab.simulator.sweep import ResultStore, default_folder
 from sim_reference.fem.newton import Step
+from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import OBJECT_NAMES
 
 TAKES = "about a minute by finite elements 0.3 mm apart, longer with finer ones"
@@ -70,16 +71,21 @@ def press(
     refuse_existing(out / ("report.json" if path else "press.npz"), overwrite)
     request = PressRequest(object_name=object_name, depth_mm=depth, force_n=force, gel=gel, resolution_mm=resolution,
                      friction=friction, free_at_mm=(load_at or (0.0, 0.0)) if free else None)  # fmt: skip
-    with progress(object_name, TAKES if gel == "fem" else "") as tell:
+    _press(request, path, out, read_geometry(geometry), as_json)
+
+
+def _press(request: PressRequest, path: Path | None, out: Path, geometry: SensorGeometry, as_json: bool) -> None:
+    """Press, drag where there is a path, and show what came of it."""
+    with progress(request.object_name, TAKES if request.gel == "fem" else "") as tell:
 
         def on_step(step: Step) -> None:
             tell(None, None, in_words(step))
 
         if path:
-            dragged = drag_once(request, read_path(path), out, read_geometry(geometry), on_step)
+            dragged = drag_once(request, read_path(path), out, geometry, on_step)
             show(dragged, as_json)
         else:
-            show(press_once(request, out, read_geometry(geometry), on_step), as_json)
+            show(press_once(request, out, geometry, on_step), as_json)
 
 
 def _check_load(depth: float | None, force: float | None, free: bool, load_at: tuple[float, float] | None) -> None:

@@ -67,4 +67,7 @@ class RoutineOptions:
                  "reference_frames": 8}  # fmt: skip
         for name, count in least.items():
             if getattr(self, name) < count:
-                raise InputError(f"{name} = {getattr(self, name)}: at least {count} are needed")
+                fewer = (
+                    f", or {LEAST_WITH_LIKE} with a like unit" if count == LEAST_PRESSES and name == "presses" else ""
+                )
+                raise InputError(f"{name} = {getattr(self, name)}: at least {count} are needed{fewer}")
