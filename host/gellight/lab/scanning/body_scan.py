@@ -59,7 +59,7 @@ class TouchReport:
     @property
     def worth_saying(self) -> bool:
         """Whether a user needs to hear of it: several come a second."""
-        return not self.placed or self.number % SAID_EVERY == 0
+        return not self.placed or (self.number + 1) % SAID_EVERY == 0
 
     def in_words(self) -> str:
         """Return what became of it, and what to do."""
