@@ -99,7 +99,9 @@ def _scan_recording(scan: Scan | BodyScan, found: Recording, calibration: str | 
 
 def _taken(scan: Scan | BodyScan, frames: Iterator[TactileFrame], most: int) -> Iterator[ContactView | Touch]:
     """Yield the presses in frames, or the touches of a body, up to `most`, 0: all."""
-    return islice(touches_in(frames), most or None) if isinstance(scan, BodyScan) else presses_in(frames, most, _tell)
+    if isinstance(scan, BodyScan):
+        return islice(touches_in(frames), min(most, scan.room) if most else scan.room)
+    return presses_in(frames, most, _tell)
 
 
 def _live(daemon: SensorSession, frames: int) -> Iterator[TactileFrame]:

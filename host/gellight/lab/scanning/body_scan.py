@@ -17,12 +17,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import InputError
 from gellight.base.writing import write_file
 from gellight.lab.report.pictures import mesh_picture, write_png
 from gellight.lab.scanning.body import Mesh, fused, mesher
 from gellight.lab.scanning.pairs import Joint
-from gellight.lab.scanning.pose_graph import LEFT_OUT, solve
+from gellight.lab.scanning.pose_graph import LEFT_OUT, Solved, solve
 from gellight.lab.scanning.scan_files import KeptPresses
 from gellight.lab.scanning.touches import Touch, covered, view_of
 from gellight.tracking.information import agreement, information
@@ -44,6 +43,8 @@ TRIED = 4
 SAID_EVERY = 10
 """touches that went well"""
 MOST_TOUCHES = 400
+FEW, SOLVED_EVERY = 40, 10
+"""all places are found anew with each touch while there are few, and then with every so manieth"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,20 +92,24 @@ class BodyScan(KeptPresses):
     def add(self, touch: Touch, source: str = "this touch") -> TouchReport:
         """Take a touch; say what became of it.
 
-        Raises InputError for one of another sensor, for one too many, and where it cannot be written.
+        Raises InputError for one of another sensor, and where it cannot be written.
         """
         self.refuse_other(touch.contact, source)
-        if len(self.views) >= MOST_TOUCHES:
-            raise InputError(f"{self.folder} has {MOST_TOUCHES} touches, which is as many as are fused: end the scan")
         number = self.next_number
         joints = list(self._joints(number, touch))
         self.keep(number, touch.contact, joints)
         self._tracked[number] = touch
-        self.solved = solve(self.joints, self.first)
+        self._place(number, joints)
         return TouchReport(number=number, joined_to=len(joints), placed=number in self.solved.poses)
+
+    @property
+    def room(self) -> int:
+        """How many more touches may come."""
+        return max(MOST_TOUCHES - len(self.views), 0)
 
     def mesh(self) -> Mesh:
         """Return the surface of all touches that hang together."""
+        self.solved = solve(self.joints, self.first)
         return fused([(self.views[number], self.solved.poses[number]) for number in self.placed])
 
     def write_mesh(self, mesh: Mesh) -> None:
@@ -119,6 +124,16 @@ class BodyScan(KeptPresses):
         return sum(weight < LEFT_OUT for weight in self.solved.weights)
 
     # ---- where a touch lies ----
+
+    def _place(self, number: int, joints: list[Joint]) -> None:
+        """Find the place of a touch: with those of all others while they are few, else by one joint most times."""
+        placing, poses = self._placing(joints), self.solved.poses
+        connects = any(joint.one not in poses for joint in joints)
+        if placing is None or connects or number < FEW or number % SOLVED_EVERY == 0:
+            self.solved = solve(self.joints, self.first)
+        else:
+            placed = {**poses, number: poses[placing.one] @ inverse(placing.pose)}
+            self.solved = Solved(placed, (*self.solved.weights, *[1.0] * len(joints)))
 
     def _joints(self, number: int, touch: Touch) -> Iterator[Joint]:
         """Yield what a new touch has in common with others: with those that the tracker says, or with any."""

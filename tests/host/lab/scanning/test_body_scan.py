@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -147,7 +148,7 @@ def test_two_rolls_that_nothing_connects_are_one_when_a_touch_does(rolled: tuple
     assert worst(scan, [touches[0], *apart, *between], true) < (0.02, np.radians(0.5))
 
 
-def test_rubbish_is_refused_in_one_sentence(rolled: tuple, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rubbish_is_refused_in_one_sentence(rolled: tuple, tmp_path: Path) -> None:
     touches, _ = rolled
     scan = BodyScan(tmp_path / "body")
     scan.add(touches[0])
@@ -156,9 +157,24 @@ def test_rubbish_is_refused_in_one_sentence(rolled: tuple, tmp_path: Path, monke
         scan.add(replace(touches[1], contact=small))
     with pytest.raises(InputError, match="holds the scan of a body, this is one of a flat part"):
         Scan(tmp_path / "body")
-    monkeypatch.setattr(body_scan, "MOST_TOUCHES", 1)
-    with pytest.raises(InputError, match="has 1 touches, which is as many"):
-        scan.add(touches[1])
+
+
+def test_with_many_touches_places_are_found_anew_from_time_to_time(
+    rolled: tuple, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    touches, true = rolled
+    monkeypatch.setattr(body_scan, "FEW", 2)
+    monkeypatch.setattr(body_scan, "MOST_TOUCHES", len(touches) + 1)
+    monkeypatch.setattr(body_scan, "solve", Mock(wraps=body_scan.solve))
+    scan = BodyScan(tmp_path)
+    for touch in touches:
+        scan.add(touch)
+    assert body_scan.solve.call_count == 2
+    assert (scan.room, scan.placed) == (1, list(range(len(touches))))
+    assert len(scan.solved.weights) == len(scan.joints)
+    scan.mesh()
+    assert body_scan.solve.call_count == 3
+    assert worst(scan, touches, true) < (0.015, np.radians(0.4))
 
 
 def test_the_verb_makes_a_mesh_of_a_recording_and_goes_on_with_it(pressed: Path, tmp_path: Path) -> None:
