@@ -31,6 +31,11 @@ def relief(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     )
 
 
+def faint(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The ball with the relief a twentieth as high: waves of 2 um."""
+    return ball(x, y) + 0.05 * (relief(x, y) - ball(x, y))
+
+
 def other(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """The ball with another relief."""
     return ball(x, y) + 0.05 * (np.sin(2.8 * x - 1.7 * y + 2) + np.sin(2.2 * y + 2.1 * x) + np.sin(3.1 * x + 1))

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.tracking.registration import Keyframe, Registration, jacobian_of
+from gellight.tracking.registration import HELD_STEPS, SCALE, Keyframe, Registration, jacobian_of, register
+from gellight.tracking.rigid import pose_of
 from gellight.tracking.view import View, at_pixels
 
 Array = NDArray[np.float64]
@@ -25,11 +26,15 @@ SHARED = np.array([0.4, 0.6, 0.6])
 """errors of depth and slopes that all of the contact shares, over what a good pixel is out by"""
 LEAST_MM = 0.01
 """no pose is better known, along any twist"""
+LEAST_PX = 0.25
+"""of the maps at working size, along x and y: a keyframe may be out by as much, and with it all that is told by it"""
 TELLING = 1.0
 """J1'J2 of a pixel, over its usual residual: a twist that has less is not told"""
 VAGUE_MM = 10.0
 """standard deviation along a twist that is not told: anything may be"""
 FEWEST_INSIDE = 40
+FAR_MM, UNLIKE = 1.5, 0.5
+"""moved so far along what is not told, a plain object differs in slope by less, over what a good pixel is out by"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +66,29 @@ def information(key: Keyframe, view: View, found: Registration) -> Information:
     covariance = np.diag(np.where(told, 0.0, VAGUE_MM**2))
     if told.any():
         inverse = np.linalg.inv(across[np.ix_(told, told)])
-        known = inverse @ pull[np.ix_(told, told)] @ inverse.T + LEAST_MM**2 * np.eye(len(inverse))
-        covariance[np.ix_(told, told)] = known
+        least = np.array([*np.maximum(LEAST_PX * np.array(view.pixel_mm), LEAST_MM), *[LEAST_MM] * 4])
+        floor = (directions.T * least**2 @ directions)[np.ix_(told, told)]
+        covariance[np.ix_(told, told)] = inverse @ pull[np.ix_(told, told)] @ inverse.T + floor
     return Information(directions @ covariance @ directions.T, directions[:, told], float(telling[0] / TELLING))
+
+
+def looks_alike(key: Keyframe, view: View, found: Registration, told: Array) -> bool:
+    """Say whether the object looks the same elsewhere along the twists that are not told, as a ball and a bar do.
+
+    A faint relief tells nothing of a small step, and shows after a large one.
+    """
+    here = _slopes_off(found)
+    untold = np.linalg.svd(told, full_matrices=True)[0][:, told.shape[1] :]
+    for step in np.hstack([untold, -untold]).T * FAR_MM / SCALE:
+        moved = register(key, view, found.pose @ pose_of(step, key.centre_mm), most_steps=HELD_STEPS, along=told)
+        if moved is not None and _slopes_off(moved) > here + UNLIKE**2 * max(here, 1.0):
+            return False
+    return True
+
+
+def _slopes_off(found: Registration) -> float:
+    """Return the mean square of the slopes' residuals, over what a good pixel is out by."""
+    return float((found.compared.residuals[found.compared.seen, 1:] ** 2).mean())
 
 
 def _told(first: Array, weights: Array, second: Array) -> tuple[Array, Array]:

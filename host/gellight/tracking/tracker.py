@@ -2,7 +2,8 @@
 
 Every frame is registered to a keyframe, the oldest that shows the same part of the object: errors do not add up while
 it does. A new keyframe is made where the contact has moved on. What a registration found is believed where the relief
-of both frames agrees; else other starts are tried, and where none agrees the object is lost.
+of both frames agrees; else other starts are tried, and where none agrees the object is lost. So it is where its relief
+is too faint to tell where it is, and where the errors of keyframes have added up: what may be wrong is no pose.
 """
 
 from collections import deque
@@ -12,8 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.pose import ObjectPose
-from gellight.tracking.information import VAGUE_MM, Agreement, Information, agreement, information
+from gellight.frames.pose import DOUBTFUL_MM, DOUBTFUL_RAD, ObjectPose
+from gellight.tracking.information import VAGUE_MM, Agreement, Information, agreement, information, looks_alike
 from gellight.tracking.registration import LEAST_POINTS, SCALE, Keyframe, Registration, hold, register
 from gellight.tracking.rigid import carried, inverse, moved_twists, pose_of, twist_of, upheld
 from gellight.tracking.starts import guesses, spins
@@ -39,6 +40,8 @@ HOLDS = 0.8
 """of the last motion is expected again"""
 UNTELLABLE_MM = VAGUE_MM / 3
 """standard deviation of a twist that is untellable, mm"""
+MARGIN = 1.5
+"""standard deviations that have to fit into the limits of what is doubtful, or the object is lost"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +68,8 @@ class Found:
     registration: Registration
     agreement: Agreement
     information: Information
+    plain: bool
+    """whether the object looks the same wherever it is along what is not told; never where all is told"""
 
     @property
     def motion(self) -> Array:
@@ -108,6 +113,8 @@ class Tracker:
         self._before: View | None = None
         """the last view in which the object was found"""
         self._missed = 0
+        self._relief = False
+        """whether the object has looked different along what was not told"""
         self._residuals: deque[float] = deque(maxlen=OWN_FRAMES)
 
     @property
@@ -123,7 +130,10 @@ class Tracker:
             return self._begin(view, sequence)
         found = self._find(view)
         if found is not None:
-            return self._note(view, found)
+            covariance = self._covariance(view, found)
+            if self._known_well(covariance):
+                return self._note(view, found, covariance)
+            self._missed = max(self._missed, GIVE_UP - 2)  # it has drifted: only a way back would help
         self._missed += 1
         self._step = np.zeros(6)
         return self._lost() if self._missed < GIVE_UP else self._begin(view, sequence)
@@ -143,6 +153,7 @@ class Tracker:
             return None
         self._number, self._since, self._missed = self._number + 1, sequence, 0
         self._residuals.clear()
+        self._relief = False
         self._known = [Known(keyframe, np.eye(4), np.zeros((6, 6)))]
         self._motion, self._step, self._before = np.eye(4), np.zeros(6), view
         return self._pose(view, np.eye(4), np.zeros((6, 6)))
@@ -156,9 +167,9 @@ class Tracker:
         known = self._chosen(view, expected)
         found = self._registered(known, view, expected @ inverse(known.motion))
         if found is not None and sure(found.agreement, self._own):
-            return found
+            return found if self._tells(found) else None
         candidates = [found, *(self._registered(one, view, start) for one, start in self._best_starts(view, known))]
-        agreed = [one for one in candidates if one is not None and right(one.agreement)]
+        agreed = [one for one in candidates if one is not None and right(one.agreement) and self._tells(one)]
         return min(agreed, key=lambda one: score(one.agreement), default=None)
 
     def _chosen(self, view: View, expected: Array) -> Known:
@@ -192,17 +203,34 @@ class Tracker:
         if found is None:
             return None
         told = information(key, view, found)
-        if 0 < told.told.shape[1] < 6:
+        if not told.told.shape[1]:
+            return None
+        if told.told.shape[1] < 6:
             found = hold(key, view, start, found, told.told) or found
             told = information(key, view, found)
-        return Found(known, found, agreement(key, view, found), told)
+        plain = 0 < told.told.shape[1] < 6 and not self._relief and looks_alike(key, view, found, told.told)
+        return Found(known, found, agreement(key, view, found), told, plain)
+
+    def _tells(self, found: Found) -> bool:
+        """Say whether all is told, or the object never had a relief: else it may have moved unseen."""
+        self._relief = self._relief or not found.plain
+        return found.information.told.shape[1] == 6 or not self._relief
 
     # ---- what is known then ----
 
-    def _note(self, view: View, found: Found) -> ObjectPose:
+    def _known_well(self, covariance: Array) -> bool:
+        """Say whether a pose may be believed: along all twists, or where the object is plain along those told."""
+        variances, twists = np.linalg.eigh(covariance * SCALE[:, None] * SCALE)
+        told = variances < UNTELLABLE_MM**2
+        if self._relief and not told.all():
+            return False
+        known = twists[:, told] * np.sqrt(variances[told]) * MARGIN / SCALE[:, None]
+        moved, turned = (float(np.linalg.eigvalsh(part @ part.T)[-1]) for part in (known[:3], known[3:]))
+        return moved < DOUBTFUL_MM**2 and turned < DOUBTFUL_RAD**2
+
+    def _note(self, view: View, found: Found, covariance: Array) -> ObjectPose:
         """Take in where the object is, and return it."""
         assert self._before is not None
-        covariance = self._covariance(view, found)
         self._step = np.zeros(6)
         if not self._missed:
             self._step = twist_of(found.motion @ inverse(self._motion), self._before.centre_mm)

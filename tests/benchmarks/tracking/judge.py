@@ -106,7 +106,7 @@ def judge(name: str, folder: Path, every: int) -> tuple[str, Array]:
         f"objects {len(starts)}",
         f"wrong {len(wrong)}, of these untellable {sum(len(pose.untellable) > 0 for pose in wrong)}",
         f"not doubtful {unsaid}  (doubtful {doubtful} of {len(errors)})",
-        f"within {np.mean(inside):.2f}",
+        f"within {np.mean(inside or [np.nan]):.2f}",
         f"{1e3 * spent / (len(errors) + lost):.1f} ms",
     )
     row = "  ".join(parts)

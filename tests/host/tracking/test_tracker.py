@@ -9,7 +9,9 @@ from gellight.frames.pose import ObjectPose, PoseFigures
 from gellight.tracking.rigid import inverse, twist_of
 from gellight.tracking.tracker import GIVE_UP, Tracker
 from gellight.tracking.view import touching
-from tests.helpers.moving import moved, nothing, other, relief, seen
+from tests.helpers.moving import Height, ball, bar, faint, moved, nothing, other, relief, seen
+
+DRIFTED_DEG = 4.0
 
 
 def way(count: int) -> list[np.ndarray]:
@@ -72,6 +74,35 @@ def test_a_lifted_object_is_lost_once_and_found_again() -> None:
     assert (again.number, again.lost) == (1, False)
     tracker.forget()
     assert tracker.follow(seen(relief), 4).number == 2
+
+
+@pytest.mark.parametrize("plain", [ball, bar])
+def test_a_plain_object_is_held_where_it_tells_nothing(plain: Height) -> None:
+    tracker = Tracker()
+    for number in range(6):
+        pose = tracker.follow(seen(plain, moved(0.1 * number, 0.1, (0, 0, 0)), noise=0.003, seed=number), number)
+        assert pose is not None
+        assert (pose.number, pose.lost) == (1, False)
+    assert pose.doubtful
+
+
+def test_an_object_with_a_relief_too_faint_to_tell_its_turn_is_lost_and_not_held() -> None:
+    """It looks like a ball from one frame to the next, and rolls unseen."""
+    tracker = Tracker()
+    views = [seen(faint, moved(0, 0, (0, 2.0 * number, 0)), noise=0.003, seed=number) for number in range(3)]
+    first, *later = (tracker.follow(view, number) for number, view in enumerate(views))
+    assert first is not None
+    assert all(pose is not None and pose.lost for pose in later)
+
+
+def test_an_object_is_lost_where_the_errors_of_its_keyframes_may_have_added_up() -> None:
+    """And what touches from the next frame on but one is another: the errors begin anew."""
+    tracker = Tracker()
+    tracker.follow(seen(relief), 0)
+    first = tracker._known[0]
+    tracker._known = [replace(first, covariance=np.eye(6) * np.radians(DRIFTED_DEG) ** 2)]
+    poses = [tracker.follow(seen(relief, moved(0.05, 0, (0, 0, 1))), number) for number in (1, 2)]
+    assert [(pose.number, pose.lost) for pose in poses if pose] == [(1, True), (2, False)]
 
 
 @pytest.mark.parametrize(
