@@ -58,13 +58,19 @@ def bead(radius_mm: float, relief_mm: float, waves: tuple[float, float], seed: i
     `waves` are the least and largest number of waves on 2 pi radii; the standard deviation of the relief is 0.38 of
     `relief_mm`.
     """
+    unit, faces = _unit_ball(round(radius_mm / MESH_MM))
+    return Body(unit * bead_radius_mm(radius_mm, relief_mm, waves, seed)(unit)[:, None], faces)
+
+
+def bead_radius_mm(
+    radius_mm: float, relief_mm: float, waves: tuple[float, float], seed: int
+) -> Callable[[Array], Array]:
+    """Return the function that gives the radius (N,) of a `bead` along directions (N, 3) of unit length."""
     random = np.random.default_rng(seed)
     directions = random.normal(size=(WAVES, 3))
     directions *= random.uniform(*waves, (WAVES, 1)) / np.linalg.norm(directions, axis=1, keepdims=True)
     phases = random.uniform(0, 2 * np.pi, WAVES)
-    unit, faces = _unit_ball(round(radius_mm / MESH_MM))
-    relief = 2 * np.sin(unit @ directions.T + phases).mean(axis=1)
-    return Body(unit * (radius_mm + relief_mm * relief)[:, None], faces)
+    return lambda unit: radius_mm + relief_mm * 2 * np.sin(unit @ directions.T + phases).mean(axis=1)
 
 
 def peg(x: Array, y: Array) -> Array:

@@ -79,6 +79,7 @@ DOORS = {
     "rich": ("cli/",),
     "ezdxf": ("lab/design/",),
     "shapely": ("lab/boards/pour.py",),
+    "mcubes": ("lab/scanning/body.py",),
     "x3pio": ("lab/scanning/map_files.py",),
     "OCP": ("lab/housing/solids.py",),
     "rp2040py": ("lab/emulator/",),

@@ -21,11 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
 
+from gellight.reconstruction.force import Layer, indenting
 from sim_reference.deformation import grid
 from sim_reference.fem.dragging import Dragged, Pose, drag
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import object_height
+from tests.benchmarks.shear_fem import PIXEL_MM, depth_map, felt
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -43,6 +45,8 @@ PENALTY, STICK = 1000.0, 500.0
 GEL = FemGel(resolution_mm=0.4, dense_radius_mm=3.0)
 FRICTION, DEPTH_MM = 0.4, 0.4
 DRAGS_MM = (0.1, 0.2, 0.35)
+LATTICES = 12
+"""of dots, each lying beside the contact as chance has it"""
 JUDGED_MM = 5.0
 """radius around the middle in which surfaces are compared"""
 
@@ -187,7 +191,40 @@ def judge_drags() -> None:
     forces, moved = solved(deck(BLOCK, ball, moves, FRICTION))
     for one, force, by in zip(ours, forces, moved, strict=False):
         compare(f"{one.pose.move_mm[0]:.2f} mm", one, force, by)
+    judge_dots([(each.surface_mm, each.moved_mm, each.force_n) for each in ours], "our finite elements")
+    judge_dots([(*mirrored(by), force) for force, by in zip(forces, moved, strict=True)], "CalculiX")
     print(f"processor time: ours {took:.0f} s, CalculiX {spent() - begun - took:.0f} s")
+
+
+def mirrored(moved: Array) -> tuple[Array, Array]:
+    """Return the points (S, 3) of the whole surface, z down, and how far they moved, of the half that was solved."""
+    at = BLOCK.nodes[FREE]
+    beyond = at[:, 1] > 0
+    rest, moves = (np.concatenate([each, each[beyond] * [1, -1, 1]]) for each in (at, moved))
+    return rest + moves, moves
+
+
+def judge_dots(poses: list[tuple[Array, Array, Array]], whose: str) -> None:
+    """Print the force along the gel that dots tell on surfaces, beside the true one; the first pose is the press.
+
+    Young's modulus is from the press alone, as in `tests.benchmarks.shear_fem`.
+    """
+    layer, random = Layer(GEOMETRY.gel_thickness_mm, GEOMETRY.poisson_ratio), np.random.default_rng(5)
+    depth = depth_map(poses[0][0])
+    modulus = poses[0][2][2] / indenting(depth, (PIXEL_MM, PIXEL_MM), layer).integral_mm2
+    off = []
+    for surface, moved, force in poses[1:]:
+        told = [felt(surface, moved, modulus, random).force_n for _ in range(LATTICES)]
+        shares = np.array([one for one in told if one is not None]) / np.hypot(*force[:2])
+        off += list(np.hypot(shares[:, 0] - 1, shares[:, 1]))
+        print(
+            f"dots on {whose}: Fx {shares[:, 0].mean():.3f} of the true one, from {shares[:, 0].min():.3f} to "
+            f"{shares[:, 0].max():.3f}; Fy {shares[:, 1].mean():+.3f}; {LATTICES - len(shares)} of {LATTICES} unknown",
+            flush=True,
+        )
+    print(
+        f"dots on {whose}: off by {100 * np.median(off):.1f} % in the median, p90 {100 * np.percentile(off, 90):.1f} %"
+    )
 
 
 def judge_presses() -> None:

@@ -59,18 +59,18 @@ def drags(press: tuple[float, float], random: np.random.Generator) -> Iterator[D
             print(f"ball of {press[0]} mm, {pose}: {error}", flush=True)
 
 
-def depth_map(dragged: Dragged) -> NDArray[np.float32]:
-    """Return the depth on the pixels of the picture, mm."""
+def depth_map(surface_mm: Array) -> NDArray[np.float32]:
+    """Return the depth on the pixels of the picture, mm, of the points (S, 3) of a surface."""
     x, y = ((np.arange(size) - (size - 1) / 2) * PIXEL_MM for size in SHAPE[::-1])
-    surface = CloughTocher2DInterpolator(dragged.surface_mm[:, :2], dragged.surface_mm[:, 2], fill_value=0.0)
+    surface = CloughTocher2DInterpolator(surface_mm[:, :2], surface_mm[:, 2], fill_value=0.0)
     return np.asarray(surface(x[None, :], y[:, None]), np.float32)
 
 
-def felt(dragged: Dragged, modulus_mpa: float, random: np.random.Generator) -> Shear:
-    """Return what dots tell of a drag."""
+def felt(surface_mm: Array, moved_mm: Array, modulus_mpa: float, random: np.random.Generator) -> Shear:
+    """Return what dots tell of a surface (S, 3) whose points moved by (S, 3)."""
     lattice = np.meshgrid(np.arange(COLUMNS) - COLUMNS // 2, np.arange(ROWS) - ROWS // 2)
     rest = PITCH_MM * (np.stack(lattice, axis=-1).reshape(-1, 2) + random.uniform(-0.5, 0.5, 2))
-    of_gel = CloughTocher2DInterpolator((dragged.surface_mm - dragged.moved_mm)[:, :2], dragged.moved_mm[:, :2])
+    of_gel = CloughTocher2DInterpolator((surface_mm - moved_mm)[:, :2], moved_mm[:, :2])
     now = rest + of_gel(rest) + random.normal(0, NOISE_MM, rest.shape)
     seen = DotsSeen(
         rest_px=rest / PIXEL_MM + MIDDLE_PX,
@@ -79,7 +79,7 @@ def felt(dragged: Dragged, modulus_mpa: float, random: np.random.Generator) -> S
     )
     gel = Gel(pixel_size_mm=(PIXEL_MM, PIXEL_MM), camera_height_mm=None, to_gel=lambda px: (px - MIDDLE_PX) * PIXEL_MM)
     layer = Layer(GEOMETRY.gel_thickness_mm, GEOMETRY.poisson_ratio)
-    depth = depth_map(dragged)
+    depth = depth_map(surface_mm)
     force = ForceScale(
         layer=layer, youngs_modulus_mpa=modulus_mpa, error_share=0.05, error_floor_n=0.0, heaviest_n=np.inf
     ).force(depth, (PIXEL_MM, PIXEL_MM))
@@ -93,10 +93,10 @@ def main() -> None:
     found = [list(drags(press, random)) for press in PRESSES]
     weighed = found[WEIGHED][0]
     layer = Layer(GEOMETRY.gel_thickness_mm, GEOMETRY.poisson_ratio)
-    modulus = weighed.force_n[2] / indenting(depth_map(weighed), (PIXEL_MM, PIXEL_MM), layer).integral_mm2
+    modulus = weighed.force_n[2] / indenting(depth_map(weighed.surface_mm), (PIXEL_MM, PIXEL_MM), layer).integral_mm2
     print(f"{time.process_time() - begun:.0f} s of processor time; Young's modulus {modulus:.4f} MPa")
     told = [
-        _judged(press, one, felt(one, modulus, random))
+        _judged(press, one, felt(one.surface_mm, one.moved_mm, modulus, random))
         for press, (_, *dragged) in zip(PRESSES, found, strict=True)
         for one in dragged
     ]

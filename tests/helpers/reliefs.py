@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, CaptureStamp
+from gellight.frames.image_files import read_image
 from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.simulator.scene import Scene, under_light
 from gellight.recording.recording_file import RecordingWriter
@@ -138,3 +139,12 @@ def record(path: Path, pictures: Iterable[np.ndarray], *, bundle: str = "synthet
                 number = next(numbers)
                 frame = CameraFrame(image=shown, time_s=number / 10, sequence=number)
                 writer.add(frame, CaptureStamp(zeroed=used, unix_s=1e9 + frame.time_s))
+
+
+def record_rolled(path: Path, sequence: Path, *, bundle: str = "synthetic") -> None:
+    """Write a recording of the pictures in the folder of a sequence, the untouched gel before them."""
+    used = load_bundle(bundle)
+    with RecordingWriter(path, "sim") as writer:
+        for number, image in enumerate([untouched(), *map(read_image, sorted(sequence.glob("*.png")))]):
+            frame = CameraFrame(image=image, time_s=number / 10, sequence=number)
+            writer.add(frame, CaptureStamp(zeroed=used, unix_s=1e9 + frame.time_s))

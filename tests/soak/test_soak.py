@@ -1,6 +1,7 @@
 """Some minutes of faults, and that the soak notices a product that does not stand them: each weakness is planted."""
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -156,7 +157,7 @@ def test_handles_that_stay_open_are_noticed(tmp_path: Path, monkeypatch: pytest.
     enter = shift.Shift.__enter__
 
     def leak(opened: shift.Shift) -> shift.Shift:
-        kept.extend(Path("/dev/null").open() for _ in range(50))
+        kept.extend(os.fdopen(os.open(os.devnull, os.O_RDONLY)) for _ in range(50))
         return enter(opened)
 
     monkeypatch.setattr(shift.Shift, "__enter__", leak)

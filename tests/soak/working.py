@@ -171,7 +171,7 @@ class Scanning:
             self._scan.begin(self._folder.name)
             while not ended.is_set() and self._press(ended, within):
                 pass
-        found = list(read_presses(self._folder)[0].values())
+        found = list(read_presses(self._folder, "press")[0].values())
         judge_presses(self._judge, self._work, found, self._made)
 
     def _press(self, ended: threading.Event, within: Within) -> bool:

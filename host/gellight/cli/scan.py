@@ -1,9 +1,11 @@
-"""`gellight scan`: presses side by side become one map of a surface larger than the view."""
+"""`gellight scan`: presses side by side become one map of a surface larger than the view, touches of a body a mesh."""
 
 import sys
 from collections.abc import Iterator
+from functools import partial
+from itertools import islice
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,11 +21,17 @@ from gellight.cli.showing import show
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
+from gellight.lab.scanning.body_scan import MESH, BodyScan
+from gellight.lab.scanning.body_scan import PICTURE as BODY_PICTURE
 from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.presses import Phase, ahead, presses_in
 from gellight.lab.scanning.scan import MAP, PICTURE, Scan
 from gellight.lab.scanning.scan_files import alone
+from gellight.lab.scanning.touches import Touch, touches_in
 from gellight.recording.recording_file import Recording
+
+PRESS = "press the part into the gel, hold it still, lift it; press again, over half of that place"
+ROLL = "press the body into the gel and roll it slowly, without lifting it"
 
 
 @with_options
@@ -36,9 +44,14 @@ def command(
     sensor: Annotated[
         str | None, typer.Option(help="As `gellight run` has it.", show_default="auto, or the settings")
     ] = None,
-    presses: Annotated[int, typer.Option(min=0, help="End after this number of presses; 0: at Ctrl-C.")] = 0,
+    presses: Annotated[
+        int, typer.Option(min=0, help="End after this number of presses, or touches of a body; 0: at Ctrl-C.")
+    ] = 0,
     curved: Annotated[
         bool, typer.Option("--curved", help="The part is not flat as a whole: take only its plane off.")
+    ] = False,
+    body: Annotated[
+        bool, typer.Option("--body", help="The part is round: it is rolled in the gel, and becomes a mesh.")
     ] = False,
     dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = False,
     as_json: AsJson = False,
@@ -47,33 +60,48 @@ def command(
 
     After each press it is said to which ones it could be joined and where no press has been. FOLDER has map.npz, the
     heights with their errors where the gel reached the part, and map.png, a picture of it; both grow with every press.
+    --body: press it and roll it slowly, without lifting it; what was lifted is found again where it was touched before.
+    FOLDER has body.ply, the surface with its errors, body.stl and body.png.
     Ends with status 1 where presses could not be joined.
     """
     if recording is not None and sensor is not None:
         raise InputError("give --recording or --sensor, one of the two")
+    if body and curved:
+        raise InputError("--curved is of flat parts: a body keeps its shape in any case; leave it out")
     found = Recording(recording) if recording is not None else None
+    begin = partial(BodyScan, folder) if body else partial(Scan, folder, curved=curved)
     with alone(folder):
-        scan = Scan(folder, curved=curved)
+        scan = begin()
         if found is not None:
             _scan_recording(scan, found, options.calibration, presses)
         else:
             settings = load_settings({"sensor.url": sensor, **options.flags()})
             with opened(settings, dashboard=dashboard) as (daemon, _), until_interrupted():
-                logs.say("press the part into the gel, hold it still, lift it; press again, over half of that place")
-                for view in ahead(presses_in(_live(daemon, options.frames), presses, _tell)):
+                logs.say(ROLL if body else PRESS)
+                for view in ahead(_taken(scan, _live(daemon, options.frames), presses)):
                     _add(scan, view, "the sensor")
-            scan = Scan(folder, curved=curved)  # Ctrl-C may have come in the middle of a press
-    _end(scan, as_json)
+            scan = begin()  # Ctrl-C may have come in the middle of a press
+    if isinstance(scan, BodyScan):
+        _end_body(scan, as_json)
+    else:
+        _end_map(scan, as_json)
 
 
-def _scan_recording(scan: Scan, found: Recording, calibration: str | None, most: int) -> None:
+def _scan_recording(scan: Scan | BodyScan, found: Recording, calibration: str | None, most: int) -> None:
     frames = felt_frames(found, load_bundle(calibration) if calibration else None)
     view = None
-    for view in presses_in(frames, most):
-        if not scan.has(view):
+    for view in _taken(scan, frames, most):
+        if not scan.has(view.contact if isinstance(view, Touch) else view):
             _add(scan, view, str(found.path))
     if view is None:
         raise InputError(f"{found.path} has no press that was held still: press 0.1 mm deep or more, for some frames")
+
+
+def _taken(scan: Scan | BodyScan, frames: Iterator[TactileFrame], most: int) -> Iterator[ContactView | Touch]:
+    """Yield the presses in frames, or the touches of a body, up to `most`, 0: all."""
+    if isinstance(scan, BodyScan):
+        return islice(touches_in(frames), min(most, scan.room) if most else scan.room)
+    return presses_in(frames, most, _tell)
 
 
 def _live(daemon: SensorSession, frames: int) -> Iterator[TactileFrame]:
@@ -95,11 +123,47 @@ def _tell(phase: Phase) -> None:
         logs.say("held: lift it")
 
 
-def _add(scan: Scan, view: ContactView, source: str) -> None:
-    logs.say(scan.add(view, source).in_words())
+def _add(scan: Any, view: ContactView | Touch, source: str) -> None:
+    report = scan.add(view, source)
+    if report.worth_saying:
+        logs.say(report.in_words())
 
 
-def _end(scan: Scan, as_json: bool) -> None:
+def _end_body(scan: BodyScan, as_json: bool) -> None:
+    """Write the surface, and say what it is; refuse one of which no two touches hang together."""
+    if not scan.views:
+        raise InputError(
+            f"no body was followed in the gel, so {scan.folder} has no surface: press it 0.3 mm deep or more"
+        )
+    lost = sorted(set(scan.views) - set(scan.placed))
+    if len(scan.placed) == 1:
+        raise InputError(
+            f"none of the {len(scan.views)} touches in {scan.folder} could be joined to the first one: roll the body "
+            "more slowly, pressed deeper; what is smooth cannot be scanned"
+        )
+    mesh = scan.mesh()
+    scan.write_mesh(mesh)
+    size = [round(float(side), 2) for side in mesh.size_mm]
+    result = {
+        "mesh": str(scan.folder / MESH),
+        "picture": str(scan.folder / BODY_PICTURE),
+        "touches": len(scan.views),
+        "not_joined": lost,
+        "overlaps_left_out": scan.contradicted,
+        "size_mm": size,
+        "area_mm2": round(mesh.area_mm2, 2),
+        "error_um": round(float(mesh.error_mm.mean()) * 1e3, 2),
+        "seam_um": round(mesh.seam_mm * 1e3, 2),
+    }
+    text = (
+        f"{result['mesh']}: {len(scan.placed)} of {len(scan.views)} touches, {mesh.area_mm2:.1f} mm2 of a surface of "
+        f"{' x '.join(map(str, size))} mm; touches lie {mesh.seam_mm * 1e3:.1f} um off it where several touched\n"
+        f"{result['picture']}: a picture of it"
+    )
+    _show(result, as_json, text, lost)
+
+
+def _end_map(scan: Scan, as_json: bool) -> None:
     """Say what the scan is; refuse one of which no two presses hang together."""
     if not scan.views or scan.fused is None:
         raise InputError(f"no press was held still, so {scan.folder} has no map: press 0.1 mm deep or more, then lift")
@@ -126,6 +190,10 @@ def _end(scan: Scan, as_json: bool) -> None:
         "where two reached the part\n"
         f"{result['picture']}: a picture of it"
     )
+    _show(result, as_json, text, lost)
+
+
+def _show(result: dict[str, object], as_json: bool, text: str, lost: list[int]) -> None:
     show(result, as_json, text)
     if lost:
         print(f"gellight: not joined: {', '.join(map(str, lost))}", file=sys.stderr)

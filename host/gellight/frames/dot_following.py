@@ -10,7 +10,7 @@ the reason is told; its place is then a guess from its neighbours.
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.dot_places import DARKNESS_SHARE, Spots, find_spots
+from gellight.frames.dot_places import DARKNESS_SHARE, Spots, border_px, find_spots
 from gellight.frames.shear import DotsSeen, Unseen
 
 Floats = NDArray[np.float64]
@@ -156,7 +156,8 @@ class DotFollower:
     def _reasons(self, seen: Bools, moved: Floats, spots: Spots, size_px: tuple[int, int]) -> NDArray[np.uint8]:
         places = self.rest_px + moved
         reasons = np.where(seen, Unseen.SEEN, Unseen.MISSING)
-        beyond = ((places < self._diameter_px) | (places > np.array(size_px) - 1 - self._diameter_px)).any(axis=1)
+        border = border_px(self._diameter_px)
+        beyond = ((places < border) | (places > np.array(size_px) - 1 - border)).any(axis=1)
         reasons[~seen & beyond] = Unseen.BEYOND_VIEW
         if len(spots.places_px):
             taken = np.hypot(*np.moveaxis(places[:, None] - spots.places_px[None], 2, 0)).min(axis=1)

@@ -42,7 +42,7 @@ class Spots:
 def find_spots(image: NDArray[np.uint8], diameter_px: float, least_darkness: float = _LEAST_DARKNESS) -> Spots:
     """Return the dark spots of a (H, W, 3) picture that are about as wide as dots and lie wholly in it."""
     bright = cv2.max(cv2.max(image[..., 0], image[..., 1]), image[..., 2])
-    shrink = max(1, int(diameter_px / _USUAL_PX))
+    shrink = _shrink(diameter_px)
     height, width = (size // shrink for size in bright.shape)
     part = np.ascontiguousarray(bright[: height * shrink, : width * shrink])
     small = np.asarray(cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
@@ -55,6 +55,20 @@ def find_spots(image: NDArray[np.uint8], diameter_px: float, least_darkness: flo
             darkness = darkness[inside]
     level = float(around[::8, ::8].mean())
     return Spots(places_px=(places + 0.5) * shrink - 0.5, darkness=darkness, brightness_grey=level)
+
+
+def border_px(diameter_px: float) -> int:
+    """Return how near to the border of the picture no spot is found, as it may lie beyond it in part."""
+    shrink = _shrink(diameter_px)
+    return shrink * (_reach(diameter_px / shrink) + 1)
+
+
+def _shrink(diameter_px: float) -> int:
+    return max(1, int(diameter_px / _USUAL_PX))
+
+
+def _reach(diameter_px: float) -> int:
+    return int(np.ceil(_REACH * diameter_px))
 
 
 def _gel_around(small: NDArray[np.uint8], diameter_px: float) -> NDArray[np.float32]:
@@ -79,7 +93,7 @@ def _peaks(dark: NDArray[np.float32], diameter_px: float, least: float) -> tuple
 
 def _middles(dark: NDArray[np.float32], places: Floats, diameter_px: float) -> tuple[Floats, NDArray[np.bool_]]:
     """Return the centroids of the darkness around (M, 2) places, of those whose window is in the picture, and which."""
-    reach = int(np.ceil(_REACH * diameter_px))
+    reach = _reach(diameter_px)
     nearest = np.rint(places).astype(np.intp)
     beside = (nearest < reach) | (nearest >= np.array(dark.shape[::-1]) - reach)
     inside = np.asarray(~beside.any(axis=1))

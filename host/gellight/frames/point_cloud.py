@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 VERTEX = np.dtype([("xyz", "<f4", 3), ("rgb", "u1", 3)])
 STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+UNSURE_VERTEX = np.dtype([("xyz", "<f4", 3), ("error_mm", "<f4")])
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
@@ -29,14 +30,24 @@ def ply(depth_mm: NDArray[np.float32], pixel_size_mm: tuple[float, float], image
     known = np.isfinite(depth_mm)
     vertices = np.empty(np.count_nonzero(known), VERTEX)
     vertices["xyz"], vertices["rgb"] = points_of(depth_mm, pixel_size_mm)[known], image[known]
-    corners = _triangles(known)
-    faces = np.empty(len(corners), FACE)
-    faces["count"], faces["corners"] = 3, corners
+    return _ply(vertices, ["uchar red", "uchar green", "uchar blue"], _triangles(known))
+
+
+def mesh_ply(points_mm: NDArray[np.floating], triangles: NDArray[np.integer], error_mm: NDArray[np.floating]) -> bytes:
+    """Return a PLY file of (T, 3) triangles between points (V, 3), each with its error, mm."""
+    vertices = np.empty(len(points_mm), UNSURE_VERTEX)
+    vertices["xyz"], vertices["error_mm"] = points_mm, error_mm
+    return _ply(vertices, ["float error_mm"], triangles)
+
+
+def _ply(vertices: NDArray[np.void], properties: list[str], triangles: NDArray[np.integer]) -> bytes:
+    """Return a PLY file of vertices, which have x, y, z and other properties, and (T, 3) triangles."""
+    faces = np.empty(len(triangles), FACE)
+    faces["count"], faces["corners"] = 3, triangles
+    named = "".join(f"property {one}\n" for one in ("float x", "float y", "float z", *properties))
     header = (
         "ply\nformat binary_little_endian 1.0\ncomment mm, x right, y up, z towards the camera\n"
-        f"element vertex {len(vertices)}\n"
-        "property float x\nproperty float y\nproperty float z\n"
-        "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+        f"element vertex {len(vertices)}\n{named}"
         f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
     )
     return header.encode() + vertices.tobytes() + faces.tobytes()
@@ -67,7 +78,12 @@ def solid_stl(height_mm: NDArray[np.floating], pixel_mm: float, floor_mm: float)
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
     a, b = edges[~np.isin(edges @ [below, 1], edges @ [1, below])].T
     walls = [np.stack([b, a, a + below], axis=1), np.stack([b, a + below, b + below], axis=1)]
-    placed = corners[np.concatenate([faces, faces[:, ::-1] + below, *walls])]
+    return mesh_stl(corners, np.concatenate([faces, faces[:, ::-1] + below, *walls]))
+
+
+def mesh_stl(points_mm: NDArray[np.floating], triangles: NDArray[np.integer]) -> bytes:
+    """Return a binary STL file of (T, 3) triangles between points (V, 3), mm."""
+    placed = points_mm[triangles]
     across = np.cross(placed[:, 1] - placed[:, 0], placed[:, 2] - placed[:, 0])
     records = np.zeros(len(placed), STL_RECORD)
     records["corners"] = placed

@@ -69,15 +69,15 @@ def along_a_bar(pose: Array) -> Array:
     return np.concatenate([slide, about(pose[:3, 3] - 3 * pose[:3, 2], axis[None])], axis=1)
 
 
-def rolled(radius_mm: float, frames: int, name: str) -> Moving:
-    """Return a bead that rolls once about y without slipping."""
-    length = 2 * np.pi * radius_mm
+def rolled(radius_mm: float, frames: int, name: str, aslant_rad: float = 0.0) -> Moving:
+    """Return a bead that rolls once without slipping: about y, or an axis that is turned from it towards x."""
+    length, c, s = 2 * np.pi * radius_mm, np.cos(aslant_rad), np.sin(aslant_rad)
     return Moving(
         object_name=name,
         frames=frames,
-        depth=lambda s: 0.8 + 0 * s,
-        place=lambda s: (length * (s - 0.5), 0 * s),
-        turn=lambda s: (0 * s, 360 * s, 0 * s),
+        depth=lambda t: 0.8 + 0 * t,
+        place=lambda t: (c * length * (t - 0.5), -s * length * (t - 0.5)),
+        turn=lambda t: (s * 360 * t, c * 360 * t, 0 * t),
     )
 
 
@@ -151,16 +151,22 @@ SEQUENCES = {
 TUNED_ON = tuple(name for name in SEQUENCES if name not in HELD_OUT)
 
 
-def press(name: str, folder: Path, gel: GelKind = "layer", every: int = 1) -> Path:
-    """Return the folder of a sequence, or of every so many of its frames; pressed unless it is there."""
+def press(
+    name: str, folder: Path, gel: GelKind = "layer", every: int = 1, *, moving: Moving | None = None, seed: int = 0
+) -> Path:
+    """Return the folder of a sequence, or of every so many of its frames; pressed unless it is there.
+
+    moving: of another sequence than those here, with the seed of its noise.
+    """
     target = folder / f"{name}-{gel}-{every}"
     if not (target / "poses.csv").exists():
-        moving, geometry = SEQUENCES[name], SensorGeometry()
+        seed = seed if moving else list(SEQUENCES).index(name)
+        moving, geometry = moving or SEQUENCES[name], SensorGeometry()
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / f"{name}-{every}.json"
         steps = moving.steps()[::every]
         file.write_text(json.dumps({"object": moving.object_name, "within_mm": moving.within_mm, "steps": steps}))
-        write_sequence(read_sequence(file, geometry), target, geometry, gel=gel, seed=list(SEQUENCES).index(name))
+        write_sequence(read_sequence(file, geometry), target, geometry, gel=gel, seed=seed)
     return target
 
 

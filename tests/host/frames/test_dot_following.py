@@ -7,7 +7,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.frames.dot_following import DotFollower
-from gellight.frames.dot_places import dots_at_rest
+from gellight.frames.dot_places import border_px, dots_at_rest, find_spots
 from gellight.frames.shear import DotsSeen, Unseen
 
 WIDTH, HEIGHT, PITCH, DIAMETER = 320, 240, 24.0, 9.0
@@ -97,6 +97,19 @@ def test_a_dot_that_leaves_the_picture_is_beyond_the_view() -> None:
     last = number[rest[:, 0] == rest[:, 0].max()]
     assert set(found.reasons[last].tolist()) == {Unseen.BEYOND_VIEW}
     assert not found.problem
+
+
+@pytest.mark.parametrize("diameter", [8.0, 9.0, 11.0, 13.0, 17.0])
+def test_a_dot_that_is_no_nearer_to_the_border_than_that_is_found(
+    diameter: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So what is not found there is missing, and what is nearer may be beyond."""
+    monkeypatch.setitem(globals(), "DIAMETER", diameter)
+    border, y = border_px(diameter), HEIGHT / 2
+    found = {by: len(find_spots(picture(np.array([[by, y]])), diameter, 0.3).places_px) for by in range(WIDTH // 2)}
+    assert all(found[by] for by in range(border, WIDTH // 2))
+    assert not any(found[by] for by in range(border // 2))
+    assert border < 1.3 * diameter
 
 
 def test_two_dots_that_touch_are_not_told_apart() -> None:

@@ -170,3 +170,30 @@ def _contact_line(contact: Contact) -> str:
     return (
         f"{contact.indentation_mm * 1000:.0f} um deep, {contact.area_mm2:.1f} mm2 at ({x:+.2f}, {y:+.2f}) mm, outlined"
     )
+
+
+def mesh_picture(
+    points_mm: NDArray[np.float64], triangles: NDArray[np.integer], size_px: int = 480
+) -> NDArray[np.uint8]:
+    """Draw (T, 3) triangles between points (V, 3), x right, y down, z up, from above and, turned about y, from below.
+
+    The light comes from the upper left. Returns (size, 2 size, 3) uint8 RGB.
+    """
+    centred = points_mm - (points_mm.max(axis=0) + points_mm.min(axis=0)) / 2
+    return np.hstack([_from_above(centred * turn, triangles, size_px) for turn in ([1, 1, 1], [-1, 1, -1])])
+
+
+def _from_above(points: NDArray[np.float64], triangles: NDArray[np.integer], size_px: int) -> NDArray[np.uint8]:
+    """Draw triangles about the origin, the nearest ones last."""
+    corners = points[triangles]
+    across = np.cross(corners[:, 2] - corners[:, 0], corners[:, 1] - corners[:, 0])  # y is down: left-handed
+    normal = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    light = np.clip(normal @ (np.array([-0.5, -0.5, 0.7]) / np.sqrt(0.99)), 0, 1)
+    scale = 0.9 * size_px / max(float(np.ptp(points[:, :2], axis=0).max()), 1e-6)
+    at = np.rint((corners[..., :2] * scale + size_px / 2) * 16).astype(np.int32)
+    picture = np.full((size_px, size_px, 3), 255, np.uint8)
+    for number in np.argsort(corners[..., 2].mean(axis=1)):
+        if normal[number, 2] > 0:
+            grey = 90 + 150 * light[number]
+            cv2.fillConvexPoly(picture, at[number], (grey, grey, grey), shift=4)
+    return picture

@@ -1,4 +1,4 @@
-"""Surfaces larger than the view: presses side by side become one map of heights, which can be measured.
+"""Surfaces larger than the view: presses side by side become a map of heights, which can be measured, or a mesh.
 
 contact_view.py  one press as the tracker sees it, and its height
 presses.py       settled presses in a stream of frames
@@ -9,6 +9,9 @@ levelling.py     height, tilt and common bend of the presses
 fusion.py        presses in their places, as one map
 scan.py          a scan that grows press by press
 scan_files.py    its folder
+touches.py       touches of a body that is rolled, in a stream of frames
+body_scan.py     a scan of a body that grows touch by touch
+body.py          touches in their places, as one mesh
 beside.py        a scan beside the stream of a running sensor, for the page
 height_map.py    `HeightMap`: heights on a grid, with their errors, and where nothing is known
 press_map.py     one press as a map, without the valleys that the gel spans

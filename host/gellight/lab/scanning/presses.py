@@ -5,7 +5,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from math import isnan
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ MOST_FRAMES = 8
 """whose mean is taken"""
 STEP_PX = 4
 """between the pixels that are compared"""
+T = TypeVar("T")
 Phase = Literal["press", "hold", "lift"]
 """what a hand has to do next"""
 
@@ -99,9 +100,9 @@ def presses_in(
         yield last
 
 
-def ahead(views: Iterator[ContactView]) -> Iterator[ContactView]:
+def ahead(views: Iterator[T]) -> Iterator[T]:
     """Yield the presses that a thread looks for: none is missed while another one is joined."""
-    found: queue.SimpleQueue[ContactView | BaseException | None] = queue.SimpleQueue()
+    found: queue.SimpleQueue[T | BaseException | None] = queue.SimpleQueue()
 
     def look() -> None:
         try:

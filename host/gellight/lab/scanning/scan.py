@@ -8,7 +8,7 @@ Every file is written whole or not at all, the press first. So what ends the pro
 press under way, and the same folder goes on later.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.fusion import Fused, fuse
 from gellight.lab.scanning.pairs import Joint, joined
 from gellight.lab.scanning.pose_graph import LEFT_OUT, Solved, solve
-from gellight.lab.scanning.scan_files import make_scan_folder, path_of, read_presses, write_press
+from gellight.lab.scanning.scan_files import KeptPresses, path_of
 from gellight.tracking.rigid import carried, inverse
 
 Array = NDArray[np.float64]
@@ -51,6 +51,8 @@ class PressReport:
     missing: tuple[str, ...]
     """sides of it where no press has been: right, left, below, above, as the picture of the first press has them"""
 
+    worth_saying = True
+
     def in_words(self) -> str:
         """Return what became of it, and where to press next."""
         reached = f"press {self.number}: the gel reached {self.reached:.0%} of the view"
@@ -63,46 +65,27 @@ class PressReport:
         return f"{reached}{to}{against if self.contradicted else ''}{harder}{beside}"
 
 
-class Scan:
+class Scan(KeptPresses):
     """Presses of one part by one sensor, kept in a folder."""
+
+    kind = "press"
 
     def __init__(self, folder: Path, *, curved: bool = False) -> None:
         """Go on with the scan in `folder`, or begin one; InputError where it cannot be read or made.
 
         curved: the part is not flat as a whole; see `fusion`.
         """
-        self.folder, self._curved = folder, curved
-        make_scan_folder(folder)
-        self.views, self.joints = read_presses(folder)
-        self.solved = Solved({}, ())
+        super().__init__(folder)
+        self._curved = curved
         self.fused: Fused | None = None
         if self.views:
-            for number, view in self.views.items():
-                self._refuse_other(view, path_of(folder, number).name)
             self._solve()
-
-    @property
-    def first(self) -> int:
-        """The press in whose axes the map is: that with the lowest number."""
-        return min(self.views)
-
-    @property
-    def placed(self) -> list[int]:
-        """The presses whose place is known."""
-        return sorted(self.solved.poses)
-
-    def has(self, view: ContactView) -> bool:
-        """Say whether a press is there already, as where a recording is taken again."""
-        return any(np.array_equal(view.depth_mm, one.depth_mm) for one in self.views.values())
 
     def add(self, view: ContactView, source: str = "this press") -> PressReport:
         """Take a press; say what became of it. InputError for one of another sensor, and where it cannot be written."""
-        self._refuse_other(view, source)
-        number = max(self.views, default=-1) + 1
-        joints = list(self._joints(number, view))
-        self._write(lambda: write_press(path_of(self.folder, number), view, joints))
-        self.views[number] = view
-        self.joints += joints
+        self.refuse_other(view, source)
+        number = self.next_number
+        self.keep(number, view, list(self._joints(number, view)))
         self._solve()
         self.write_map()
         return self._report(number)
@@ -112,7 +95,7 @@ class Scan:
         if not self.views:
             raise InputError("there is no press to take back")
         number = max(self.views)
-        self._write(path_of(self.folder, number).unlink)
+        self.write(path_of(self.folder, number, self.kind).unlink)
         del self.views[number]
         self.joints = [joint for joint in self.joints if number not in (joint.one, joint.other)]
         if self.views:
@@ -128,28 +111,9 @@ class Scan:
         """Write the map of what is placed, and its picture."""
         if self.fused is not None:
             fused = self.fused
-            self._write(lambda: fused.height_map.save(self.folder / MAP))
+            self.write(lambda: fused.height_map.save(self.folder / MAP))
             if fused.height_map.reached.any():
-                self._write(lambda: write_png(self.folder / PICTURE, map_picture(fused)))
-
-    def _write(self, write: Callable[[], None]) -> None:
-        try:
-            write()
-        except OSError as error:
-            raise InputError(f"{self.folder} cannot be written ({error.strerror}): make room, and go on") from error
-
-    def _refuse_other(self, view: ContactView, source: str) -> None:
-        """Refuse what another sensor felt, or this one with other pixels."""
-        first = self.views[self.first] if self.views else view
-        if view.depth_mm.shape != first.depth_mm.shape or not np.allclose(view.pixel_size_mm, first.pixel_size_mm):
-            raise InputError(
-                f"{source} has {_pixels(view)}, the scan in {self.folder} {_pixels(first)}: give it another folder"
-            )
-        if view.calibration != first.calibration:
-            raise InputError(
-                f"{source} is of another sensor or calibration ({view.calibration[:12]}) than the scan in "
-                f"{self.folder} ({first.calibration[:12]}): give it another folder"
-            )
+                self.write(lambda: write_png(self.folder / PICTURE, map_picture(fused)))
 
     # ---- where a press lies ----
 
@@ -228,8 +192,3 @@ class Scan:
 def map_picture(fused: Fused) -> NDArray[np.uint8]:
     """Draw the heights; hatched where a press saw the part and did not reach it. ValueError where none did."""
     return height_picture(fused.height_map.height_mm, fused.height_map.pixel_mm, unseen=~fused.seen)
-
-
-def _pixels(view: ContactView) -> str:
-    height, width = view.depth_mm.shape
-    return f"{width} x {height} pixels of {view.pixel_size_mm[0]:g} mm"

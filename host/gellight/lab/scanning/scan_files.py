@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
@@ -17,9 +17,11 @@ from gellight.base.writing import make_folder, write_file
 from gellight.bundle.contents import UNZIPPING, arrays_of, read_file
 from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.pairs import Joint
+from gellight.lab.scanning.pose_graph import Solved
 
 LOCK = "scan.lock"
-NAME = re.compile(r"press-(\d{3,6})\.npz")
+KINDS = {"press": "a flat part", "touch": "a body"}
+"""what files are called, and what they are of"""
 _JOINT = [field.name for field in fields(Joint)]
 
 
@@ -50,9 +52,9 @@ def alone(folder: Path) -> Iterator[None]:
             folder.rmdir()
 
 
-def path_of(folder: Path, number: int) -> Path:
+def path_of(folder: Path, number: int, kind: str) -> Path:
     """Return where a press is kept."""
-    return folder / f"press-{number:03}.npz"
+    return folder / f"{kind}-{number:03}.npz"
 
 
 def write_press(path: Path, view: ContactView, joints: Sequence[Joint]) -> None:
@@ -68,12 +70,18 @@ def write_press(path: Path, view: ContactView, joints: Sequence[Joint]) -> None:
     write_file(path, content.getvalue())
 
 
-def read_presses(folder: Path) -> tuple[dict[int, ContactView], list[Joint]]:
-    """Return the presses of a folder by number, and all joints between them; InputError for a damaged file."""
+def read_presses(folder: Path, kind: str) -> tuple[dict[int, ContactView], list[Joint]]:
+    """Return the presses of a folder by number, and all joints between them.
+
+    Raises InputError for a damaged file, and for a folder with presses of another kind.
+    """
+    for other, of in KINDS.items():
+        if other != kind and any(folder.glob(f"{other}-*.npz")):
+            raise InputError(f"{folder} holds the scan of {of}, this is one of {KINDS[kind]}: give another folder")
     views: dict[int, ContactView] = {}
     joints: list[Joint] = []
-    for path in sorted(folder.glob("press-*.npz")):
-        if named := NAME.fullmatch(path.name):
+    for path in sorted(folder.glob(f"{kind}-*.npz")):
+        if named := re.fullmatch(rf"{kind}-(\d{{3,6}})\.npz", path.name):
             views[int(named[1])], told = _read(path)
             joints += told
     return views, [joint for joint in joints if joint.one in views and joint.other in views]
@@ -96,3 +104,68 @@ def _joint(row: tuple[Any, ...]) -> Joint:
     if pose.shape != (4, 4) or centre.shape != (3,) or covariance.shape != (6, 6):
         raise ValueError(f"a joint with a pose of shape {pose.shape}")
     return Joint(int(one), int(other), pose, centre, covariance, float(common), float(correlation))
+
+
+class KeptPresses:
+    """The presses of one sensor in a folder, what pairs of them told, and where they lie."""
+
+    kind: str
+
+    def __init__(self, folder: Path) -> None:
+        """Read what is there; InputError where it cannot be read or made."""
+        self.folder = folder
+        make_scan_folder(folder)
+        self.views, self.joints = read_presses(folder, self.kind)
+        self.solved = Solved({}, ())
+        for number, view in self.views.items():
+            self.refuse_other(view, path_of(folder, number, self.kind).name)
+
+    @property
+    def next_number(self) -> int:
+        """Of the press that comes next."""
+        return max(self.views, default=-1) + 1
+
+    @property
+    def first(self) -> int:
+        """The press in whose axes the map is: that with the lowest number."""
+        return min(self.views)
+
+    @property
+    def placed(self) -> list[int]:
+        """The presses whose place is known."""
+        return sorted(self.solved.poses)
+
+    def has(self, view: ContactView) -> bool:
+        """Say whether a press is there already, as where a recording is taken again."""
+        return any(np.array_equal(view.depth_mm, one.depth_mm) for one in self.views.values())
+
+    def keep(self, number: int, view: ContactView, joints: Sequence[Joint]) -> None:
+        """Write a press and its joints with those before it; InputError where it cannot be written."""
+        self.write(lambda: write_press(path_of(self.folder, number, self.kind), view, joints))
+        self.views[number] = view
+        self.joints += joints
+
+    def write(self, write: Callable[[], None]) -> None:
+        """Write a file; InputError where it cannot be."""
+        try:
+            write()
+        except OSError as error:
+            raise InputError(f"{self.folder} cannot be written ({error.strerror}): make room, and go on") from error
+
+    def refuse_other(self, view: ContactView, source: str) -> None:
+        """Refuse what another sensor felt, or this one with other pixels."""
+        first = self.views[self.first] if self.views else view
+        if view.depth_mm.shape != first.depth_mm.shape or not np.allclose(view.pixel_size_mm, first.pixel_size_mm):
+            raise InputError(
+                f"{source} has {_pixels(view)}, the scan in {self.folder} {_pixels(first)}: give it another folder"
+            )
+        if view.calibration != first.calibration:
+            raise InputError(
+                f"{source} is of another sensor or calibration ({view.calibration[:12]}) than the scan in "
+                f"{self.folder} ({first.calibration[:12]}): give it another folder"
+            )
+
+
+def _pixels(view: ContactView) -> str:
+    height, width = view.depth_mm.shape
+    return f"{width} x {height} pixels of {view.pixel_size_mm[0]:g} mm"

@@ -33,6 +33,8 @@ MOST_FRICTION = 1.5
 """force along the gel over the normal force, three times what `inverse.SAME` expects; few things grip a gel better"""
 UNEXPLAINED_MM, UNEXPLAINED_SHARE = 0.05, 0.5
 """rms of what the contact does not explain of the dots' motion, and its share of all: beyond both there is no force"""
+TOGETHER_MM = 0.02
+"""by which all dots together have moved where no contact is felt: beyond it one is there that fills the view"""
 UNEXPLAINED = "the dots have moved more than the contact that is felt explains: it may fill the view or reach beyond"
 LEAST_PRESSURE = 0.02
 """of the largest: what is pressed less pulls nothing"""
@@ -101,10 +103,29 @@ def felt_shear(
         return replace(known, unknown=NO_CONSTANT)
     cells = _cells(force.pressure_mpa / scale.youngs_modulus_mpa, gel.pixel_size_mm, scale.layer)
     if cells is None:
-        if _unexplained(moved[dots.seen], moved[dots.seen]):
-            return replace(known, unknown=UNEXPLAINED)
-        return replace(known, force_n=(0.0, 0.0), force_error_n=(0.0, 0.0), torque_nmm=0.0, torque_error_nmm=0.0)
+        return _untouched(known, depth_mm.size * gel.pixel_size_mm[0] * gel.pixel_size_mm[1], scale)
     return _pulled(known, rest, moved, cells, scale, force)
+
+
+def _untouched(known: Shear, view_mm2: float, scale: ShearScale) -> Shear:
+    """Return no force, where no contact is felt, with the error that one has which fills the view and is not felt.
+
+    It shears the gel as a block: a force of G A u / t moves all dots by u, where the gel is t thick.
+    """
+    moved = known.field_mm[known.dots.seen]
+    together = float(np.hypot(*moved.mean(axis=0)))
+    if together > TOGETHER_MM or _unexplained(moved, moved):
+        return replace(known, unknown=UNEXPLAINED)
+    stiffness = scale.youngs_modulus_mpa * scale.side_scale / (2 * (1 + scale.layer.poisson_ratio))
+    unsure_mm = float(np.hypot(together, ERROR_MM / np.sqrt(len(moved))))
+    error_n = stiffness * view_mm2 / scale.layer.thickness_mm * unsure_mm
+    return replace(
+        known,
+        force_n=(0.0, 0.0),
+        force_error_n=(error_n, error_n),
+        torque_nmm=0.0,
+        torque_error_nmm=error_n * float(np.sqrt(view_mm2 / (2 * np.pi))),
+    )
 
 
 def _pulled(known: Shear, rest: Array, moved: Array, cells: _Cells, scale: ShearScale, force: Force) -> Shear:

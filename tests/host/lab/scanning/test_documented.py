@@ -11,10 +11,10 @@ from tests.helpers.places import CHECKOUT
 TEXT = (CHECKOUT / "docs/scanning.md").read_text()
 
 
-def block(language: str) -> str:
-    found = re.search(rf"```{language}\n(.*?)```", TEXT, re.DOTALL)
+def block(language: str, number: int = 0) -> str:
+    found = re.findall(rf"```{language}\n(.*?)```", TEXT, re.DOTALL)
     assert found
-    return found[1]
+    return found[number]
 
 
 def test_the_simulated_part_is_scanned_and_the_program_reads_its_map(tmp_path: Path) -> None:
@@ -30,6 +30,17 @@ def test_the_simulated_part_is_scanned_and_the_program_reads_its_map(tmp_path: P
     assert done.returncode == 0, done.stderr
     height, width = map(int, re.findall(r"\d+", done.stdout)[:2])
     assert (height, width) > (505, 780), "larger than a view of 480 x 640 by the shift of 2 and 9 mm"
+
+
+def test_a_body_that_rolls_becomes_a_mesh(tmp_path: Path) -> None:
+    """Without the board."""
+    (tmp_path / "roll.json").write_text(block("json", 1))
+    command = re.search(r'^gellight scan bead --body --sensor "(sim://\?)(.*)" --presses 3$', TEXT, re.MULTILINE)
+    assert command
+    url = f"{command[1]}board=0&{command[2]}"
+    done = gellight("scan", "bead", "--body", "--sensor", url, "--presses", "3", "--port", "0", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "bead/body.ply: 3 of 3 touches" in done.stdout
 
 
 def test_a_plate_is_measured_and_written(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.lab.scanning import scan as scan_module
+from gellight.lab.scanning import scan_files
 from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.height_map import load_height_map
 from gellight.lab.scanning.pairs import Joint
@@ -125,7 +126,7 @@ def test_a_press_that_cannot_be_written_is_not_there(tmp_path: Path, monkeypatch
     scan = Scan(tmp_path / "scan")
     scan.add(small())
     with monkeypatch.context() as full:
-        full.setattr(scan_module, "write_press", Mock(side_effect=OSError(28, "No space left on device")))
+        full.setattr(scan_files, "write_press", Mock(side_effect=OSError(28, "No space left on device")))
         with pytest.raises(InputError, match="No space left on device"):
             scan.add(small())
     scan.add(small())

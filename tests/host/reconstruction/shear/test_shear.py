@@ -224,3 +224,23 @@ def test_dots_that_no_felt_contact_moves_give_no_force(scene: Scene, bundle: Bun
     assert shear.force_n is None
     assert "fill the view" in shear.unknown
     assert np.nanmedian(np.abs(shear.field_mm)) > 0.15
+
+
+@pytest.mark.parametrize(("by_mm", "known"), [(0.0, True), (0.008, True), (0.03, False)])
+def test_what_is_not_felt_and_may_fill_the_view_is_in_the_error_or_makes_it_unknown(
+    scene: Scene, bundle: Bundle, by_mm: float, known: bool
+) -> None:
+    """A block of the view's area, sheared by what all dots have moved: G A u / t."""
+    dots = seen_dots(scene, None, np.random.default_rng(0))
+    dots = replace(dots, places_px=dots.places_px + np.array([by_mm, 0.0]) / GEOMETRY.pixel_size_mm)
+    shear = felt(scene, bundle, None, dots).shear
+    assert shear is not None
+    if not known:
+        assert (shear.force_n, "fill the view" in shear.unknown) == (None, True)
+        return
+    record = ForceRecord.model_validate_json(bundle.files[FILE_NAME])
+    area = np.prod(GEOMETRY.image_shape) * GEOMETRY.pixel_size_mm**2
+    pull = record.side.youngs_modulus_mpa / 2.98 * area * by_mm / GEOMETRY.gel_thickness_mm
+    assert shear.force_n == (0.0, 0.0)
+    assert shear.force_error_n is not None
+    assert 0 < shear.force_error_n[0] == pytest.approx(pull, rel=0.25, abs=0.05)
