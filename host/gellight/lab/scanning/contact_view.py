@@ -24,8 +24,8 @@ LEAST_SHARE = 0.05
 RIM_MM = 0.18
 """of each contact's rim that is left out: what the coating blurs there differs from press to press"""
 STEEP, STEEP_RIM_MM = 1.5, 0.36
-"""where the height is so many times as uncertain as usual, the rim is as wide as the coating's blur reaches: blurred gel
-beside a steep edge looks pressed, and the map would run down the side of the part"""
+"""where the height is so many times as uncertain as usual, the rim is as wide as the coating's blur reaches: beside a
+steep edge the blurred gel looks pressed, and the map would run down the side of the part"""
 BORDER_PX = 3
 """of the picture, where the filters of the frame path see one side alone"""
 HALF = 0.5

@@ -196,6 +196,16 @@ def test_a_recording_becomes_a_map(recording: Path, tmp_path: Path) -> None:
     assert (tmp_path / "part/map.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_one_press_has_no_seams(recording: Path, tmp_path: Path) -> None:
+    """JSON has no NaN, and a sentence needs none."""
+    done = gellight("scan", tmp_path / "part", "--recording", recording, "--presses", "1", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout, parse_constant=pytest.fail)["seam_um"] is None
+    again = gellight("scan", tmp_path / "again", "--recording", recording, "--presses", "1")
+    assert "the gel reached" in again.stdout
+    assert "differ by" not in again.stdout
+
+
 def test_a_scan_that_was_killed_goes_on(recording: Path, tmp_path: Path) -> None:
     """By SIGKILL, as soon as the first press is there: the same command adds the second one, and none twice."""
     folder = tmp_path / "part"
