@@ -40,12 +40,13 @@
  * Erratum RP2040-E15: a bulk IN transfer near the end of a frame hangs the controller behind some hosts and hubs. None is
  * armed from 800 to 998 us after the start of a frame, and packets of 48 bytes at most are over sooner. They are shorter
  * than the endpoint allows too, so each ends a transfer, and the host never waits for the next one. A frame that was noted
- * 60 ms ago tells its place to 40 us (USB 2.0 allows the host 500 ppm, the crystal has 100).
+ * 60 ms ago tells its place to 40 us (USB 2.0 allows the host 500 ppm, the crystal has 100), and interrupts of the light,
+ * which come first, may hold up its note or the arming for as long again.
  */
 #define IN_PACKET 48u
 #define FRAME_US 1000u
 #define FRAME_BEGINS_US 40u
-#define FRAME_ENDS_US 760u
+#define FRAME_ENDS_US 700u
 
 static struct byte_ring incoming, outgoing;
 static bool configured;

@@ -77,7 +77,7 @@ IMAGE = (
     Mutation("reason of a start kept through the boot loader", f"{BOARD}/rom.c", "    watchdog_forget();\n", "", "reflash"),
     Mutation("every restart is the watchdog's", f"{SHARED}/watchdog.c", "(uint8_t)note : RESET_REASON_COMMAND;",
              "(uint8_t)note : RESET_REASON_WATCHDOG;", "reflash"),
-    Mutation("IN armed near the end of a frame", f"{SHARED}/usb.c", "#define FRAME_ENDS_US 760u", "#define FRAME_ENDS_US 1000u", "short_packets"),
+    Mutation("IN armed near the end of a frame", f"{SHARED}/usb.c", "#define FRAME_ENDS_US 700u", "#define FRAME_ENDS_US 1000u", "short_packets"),
     Mutation("hung controller left alone", f"{SHARED}/usb.c", "if (!hung) {", "if (!hung || 1) {", "bus"),
     Mutation("a rest taken for a hang", f"{SHARED}/usb.c", "    progress_us = now_us(); /* nothing", "    /* nothing", "long_rest"),
     Mutation("packets that end no transfer", f"{SHARED}/usb.c", "#define IN_PACKET 48u", "#define IN_PACKET 64u", "short_packets"),
