@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterator
 from functools import partial
 from itertools import islice
+from math import isnan
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -182,12 +183,12 @@ def _end_map(scan: Scan, as_json: bool) -> None:
         "not_joined": lost,
         "size_mm": [round(width, 2), round(height, 2)],
         "reached": round(fused.reached, 4),
-        "seam_um": round(fused.seam_mm * 1e3, 2),
+        "seam_um": None if isnan(fused.seam_mm) else round(fused.seam_mm * 1e3, 2),
     }
+    differ = f"; presses differ by {fused.seam_mm * 1e3:.1f} um where two reached the part"
     text = (
         f"{result['map']}: {len(scan.placed)} of {len(scan.views)} presses, {width:.1f} x {height:.1f} mm, of which "
-        f"the gel reached {fused.reached:.0%}; presses differ by {fused.seam_mm * 1e3:.1f} um "
-        "where two reached the part\n"
+        f"the gel reached {fused.reached:.0%}{differ if result['seam_um'] is not None else ''}\n"
         f"{result['picture']}: a picture of it"
     )
     _show(result, as_json, text, lost)

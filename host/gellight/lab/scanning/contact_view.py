@@ -23,6 +23,9 @@ LEAST_SHARE = 0.05
 """of the pressure that a tenth of what is pressed exceeds: gel under less may hang free"""
 RIM_MM = 0.18
 """of each contact's rim that is left out: what the coating blurs there differs from press to press"""
+STEEP, STEEP_RIM_MM = 1.5, 0.36
+"""where the height is so many times as uncertain as usual, the rim is as wide as the coating's blur reaches: beside a
+steep edge the blurred gel looks pressed, and the map would run down the side of the part"""
 BORDER_PX = 3
 """of the picture, where the filters of the frame path see one side alone"""
 HALF = 0.5
@@ -68,16 +71,8 @@ class ContactView:
 
     @cached_property
     def error_mm(self) -> Floats:
-        """(H, W) standard deviation of the height of the part, mm, where it was reached.
-
-        The coating blurs the surface by a Gaussian of s = `COATING_MM`, which is off by s^2 / 2 times the curvature:
-        by that of the surroundings, since where a rough surface is straight by chance the next order counts.
-        """
-        curved = surface_gradient(self.depth_mm, self.pixel_size_mm)
-        bend = surface_gradient(curved[..., 0], self.pixel_size_mm)[..., 0]
-        bend += surface_gradient(curved[..., 1], self.pixel_size_mm)[..., 1]
-        around = gaussian_filter(bend**2, [AROUND_MM / size for size in self.pixel_size_mm[::-1]])
-        return np.asarray(np.sqrt(BASE_MM**2 + COATING_MM**4 / 4 * around), np.float32)
+        """(H, W) standard deviation of the height of the part, mm, where it was reached."""
+        return _error_mm(self.depth_mm, self.pixel_size_mm)
 
     @property
     def share(self) -> float:
@@ -100,7 +95,25 @@ def reached_by(depth_mm: Floats, pixel_size_mm: tuple[float, float]) -> Bools:
     contact = between_blocks(np.where(depth > LEAST_MM, pressure, 0), factor, depth_mm.shape) > level
     border = BORDER_PX * factor
     contact[:border] = contact[-border:] = contact[:, :border] = contact[:, -border:] = False
-    return eroded(contact, RIM_MM, pixel_size_mm)
+    reached = eroded(contact, RIM_MM, pixel_size_mm)
+    if not reached.any():
+        return reached
+    error = _error_mm(depth_mm, pixel_size_mm)
+    usual = error < STEEP * float(np.median(error[reached]))
+    return reached & (usual | eroded(contact, STEEP_RIM_MM, pixel_size_mm))
+
+
+def _error_mm(depth_mm: Floats, pixel_size_mm: tuple[float, float]) -> Floats:
+    """Return the (H, W) standard deviation of the height of a part that gel of this depth lies on.
+
+    The coating blurs the surface by a Gaussian of s = `COATING_MM`, which is off by s^2 / 2 times the curvature: by
+    that of the surroundings, since where a rough surface is straight by chance the next order counts.
+    """
+    curved = surface_gradient(depth_mm, pixel_size_mm)
+    bend = surface_gradient(curved[..., 0], pixel_size_mm)[..., 0]
+    bend += surface_gradient(curved[..., 1], pixel_size_mm)[..., 1]
+    around = gaussian_filter(bend**2, [AROUND_MM / size for size in pixel_size_mm[::-1]])
+    return np.asarray(np.sqrt(BASE_MM**2 + COATING_MM**4 / 4 * around), np.float32)
 
 
 def _factor(depth_mm: Floats) -> int:

@@ -16,9 +16,10 @@ from gellight.lab.scanning.height_map import load_height_map
 from gellight.lab.scanning.pairs import Joint
 from gellight.lab.scanning.scan import MAP, Scan
 from gellight.tracking.rigid import pose_of
+from sim_reference.surface import press_object, sample
 from tests.benchmarks.scan import Part, errors_mm
 from tests.helpers.children import GELLIGHT, gellight, started
-from tests.helpers.reliefs import felt, picture, press, record, untouched
+from tests.helpers.reliefs import GEOMETRY, felt, picture, press, record, untouched
 from tests.helpers.waiting import eventually
 
 PART = Part(rms_mm=0.06, seed=11, columns=2, rows=2, steps_mm=(15, 13), deep_mm=0.45)
@@ -58,6 +59,14 @@ def test_only_gel_that_reached_the_part_counts(surfaces: list, views: list[Conta
         wrong, deep = (float((~surface.contact[mask]).mean()) for mask in (view.reached, view.depth_mm > 0.02))
         assert wrong < 0.03
         assert deep > 5 * wrong, "a threshold of the depth would not do"
+
+
+def test_a_map_ends_where_the_part_falls_off_steeply() -> None:
+    """The coating's blur makes gel beside a steep edge look pressed."""
+    surface = sample(press_object("TSTEP", 0.6, GEOMETRY), GEOMETRY, 0.0, 0.0)
+    reached = felt(surface, 5).reached
+    assert (reached & ~surface.contact).sum() < 0.002 * reached.sum()
+    assert reached.sum() > 0.9 * surface.contact.sum()
 
 
 def test_the_map_is_the_part_and_says_how_far(views: list[ContactView], tmp_path: Path) -> None:
@@ -185,6 +194,16 @@ def test_a_recording_becomes_a_map(recording: Path, tmp_path: Path) -> None:
     assert "press 1: " in done.stderr
     assert load_height_map(tmp_path / "part" / MAP).reached.any()
     assert (tmp_path / "part/map.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_one_press_has_no_seams(recording: Path, tmp_path: Path) -> None:
+    """JSON has no NaN, and a sentence needs none."""
+    done = gellight("scan", tmp_path / "part", "--recording", recording, "--presses", "1", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout, parse_constant=pytest.fail)["seam_um"] is None
+    again = gellight("scan", tmp_path / "again", "--recording", recording, "--presses", "1")
+    assert "the gel reached" in again.stdout
+    assert "differ by" not in again.stdout
 
 
 def test_a_scan_that_was_killed_goes_on(recording: Path, tmp_path: Path) -> None:
