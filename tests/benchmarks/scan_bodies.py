@@ -75,6 +75,13 @@ def frames(pressed: Path) -> Iterator[tuple[Array, TactileFrame]]:
         yield pose, replace(frame, provenance=MADE)
 
 
+def _tracked(touches: list[Touch], true: list[Array]) -> str:
+    """Return by how much the tracker is off by itself, over what it follows as one object."""
+    count = sum(touch.number == touches[0].number for touch in touches)
+    motions = [touch.motion @ inverse(touches[0].motion) for touch in touches[:count]]
+    return f"{off(motions, true[:count], touches[:count])} over {count} touches, then lost or at the end"
+
+
 def judge(name: str, moving: Moving, folder: Path) -> str:
     """Return the row of a bead."""
     poses_of, felt_frames = zip(*frames(press(name, folder, moving=moving)), strict=True)
@@ -91,7 +98,7 @@ def judge(name: str, moving: Moving, folder: Path) -> str:
     return (
         f"{name:16} {len(touches)} touches, {len(scan.joints)} joints, {len(placed)} placed, "
         f"{scan.contradicted} left out\n"
-        f"    tracker {off([one.motion @ inverse(placed[0].motion) for one in placed], poses, placed)}; "
+        f"    tracker {_tracked(placed, poses)}; "
         f"overlaps {off([inverse(scan.solved.poses[number]) for number in scan.placed], poses, placed)}\n"
         f"    mesh {np.sqrt((error**2).mean()):.1f} um rms, 95 % within {np.percentile(np.abs(error), 95):.1f}; stated "
         f"{np.sqrt((mesh.error_mm**2).mean()) * 1e3:.1f}, touches {mesh.seam_mm * 1e3:.1f} off it; "

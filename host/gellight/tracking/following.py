@@ -15,10 +15,10 @@ GAP_S = 1.0
 class ObjectFollower:
     """Gives frames their pose while it is on, and does nothing while it is off."""
 
-    def __init__(self, *, on: bool = False) -> None:
-        """Begin with no object."""
-        self._lock = threading.Lock()
-        self._tracker = Tracker() if on else None
+    def __init__(self, *, on: bool = False, doubts: bool = True) -> None:
+        """Begin with no object; `doubts` as `Tracker` has it."""
+        self._lock, self._doubts = threading.Lock(), doubts
+        self._tracker = Tracker(doubts=doubts) if on else None
         self._seen: tuple[object, ...] = ()
         """what the maps of the last frame were made with"""
         self._seen_s = 0.0
@@ -32,7 +32,7 @@ class ObjectFollower:
         """Begin with object number 1, or stop; where nothing changes, go on."""
         with self._lock:
             if on != self.on:
-                self._tracker = Tracker() if on else None
+                self._tracker = Tracker(doubts=self._doubts) if on else None
 
     def follow(self, frame: TactileFrame) -> TactileFrame:
         """Return the frame with the pose of its object; as it is where nobody asks or nothing is felt.

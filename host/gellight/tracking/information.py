@@ -26,8 +26,6 @@ SHARED = np.array([0.4, 0.6, 0.6])
 """errors of depth and slopes that all of the contact shares, over what a good pixel is out by"""
 LEAST_MM = 0.01
 """no pose is better known, along any twist"""
-LEAST_PX = 0.25
-"""of the maps at working size, along x and y: a keyframe may be out by as much, and with it all that is told by it"""
 TELLING = 1.0
 """J1'J2 of a pixel, over its usual residual: a twist that has less is not told"""
 VAGUE_MM = 10.0
@@ -66,9 +64,8 @@ def information(key: Keyframe, view: View, found: Registration) -> Information:
     covariance = np.diag(np.where(told, 0.0, VAGUE_MM**2))
     if told.any():
         inverse = np.linalg.inv(across[np.ix_(told, told)])
-        least = np.array([*np.maximum(LEAST_PX * np.array(view.pixel_mm), LEAST_MM), *[LEAST_MM] * 4])
-        floor = (directions.T * least**2 @ directions)[np.ix_(told, told)]
-        covariance[np.ix_(told, told)] = inverse @ pull[np.ix_(told, told)] @ inverse.T + floor
+        known = inverse @ pull[np.ix_(told, told)] @ inverse.T + LEAST_MM**2 * np.eye(len(inverse))
+        covariance[np.ix_(told, told)] = known
     return Information(directions @ covariance @ directions.T, directions[:, told], float(telling[0] / TELLING))
 
 

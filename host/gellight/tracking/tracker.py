@@ -101,8 +101,12 @@ def score(a: Agreement) -> float:
 class Tracker:
     """Follows the objects of one sensor; one thread uses it."""
 
-    def __init__(self) -> None:
-        """Begin with object number 1."""
+    def __init__(self, *, doubts: bool = True) -> None:
+        """Begin with object number 1.
+
+        doubts: an object whose place may be wrong is lost. Else it is followed on, for who has other means to judge it.
+        """
+        self._doubts = doubts
         self._number = 0
         self._known: list[Known] = []
         """the keyframes of the object, the first one first; none: nothing is followed"""
@@ -214,12 +218,14 @@ class Tracker:
     def _tells(self, found: Found) -> bool:
         """Say whether all is told, or the object never had a relief: else it may have moved unseen."""
         self._relief = self._relief or not found.plain
-        return found.information.told.shape[1] == 6 or not self._relief
+        return found.information.told.shape[1] == 6 or not self._relief or not self._doubts
 
     # ---- what is known then ----
 
     def _known_well(self, covariance: Array) -> bool:
         """Say whether a pose may be believed: along all twists, or where the object is plain along those told."""
+        if not self._doubts:
+            return True
         variances, twists = np.linalg.eigh(covariance * SCALE[:, None] * SCALE)
         told = variances < UNTELLABLE_MM**2
         if self._relief and not told.all():

@@ -10,7 +10,7 @@ tracker drifts by while a body rolls once around is found when it comes back to 
 loss, or in a scan that goes on, is looked for in all touches that are there.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from gellight.lab.scanning.pairs import Joint
 from gellight.lab.scanning.pose_graph import LEFT_OUT, Solved, solve
 from gellight.lab.scanning.scan_files import KeptPresses
 from gellight.lab.scanning.touches import Touch, covered, view_of
-from gellight.tracking.information import agreement, information
+from gellight.tracking.information import Agreement, agreement, information
 from gellight.tracking.registration import SCALE, Keyframe, register
 from gellight.tracking.rigid import inverse
 from gellight.tracking.starts import guesses, spins
@@ -39,12 +39,18 @@ STEEPEST = np.cos(np.radians(35.0))
 """between two touches that are asked"""
 SEARCHED_EVERY = 5
 """touches of an object that has no place yet; each search takes a second"""
-TRIED = 4
+TRIED, LAST = 4, 3
+"""starts that are followed to the end; touches that a body which was just lost is looked for in first"""
 SAID_EVERY = 10
 """touches that went well"""
 MOST_TOUCHES = 400
 FEW, SOLVED_EVERY = 40, 10
 """all places are found anew with each touch while there are few, and then with every so manieth"""
+
+
+def alike(a: Agreement) -> bool:
+    """Say whether two views agree so well that nothing else needs to tell that they show one place."""
+    return right(a) and a.overlap >= 0.7 and a.unlike <= 0.05 and a.curvature >= 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,8 +146,7 @@ class BodyScan(KeptPresses):
         view = touch.view
         found = list(self._where(number, view, dict(self._by_tracker(touch))))
         if not self._placing(found) and (number % SEARCHED_EVERY == 0 or not self._follows(touch)):
-            joint = self._searched(number, view, set(self.views) - {joint.one for joint in found})
-            found += [joint] if joint is not None else []
+            found += self._found(number, view, set(self.views) - {joint.one for joint in found})
         yield from found
         placing = self._placing(found)
         if placing is not None:
@@ -172,21 +177,31 @@ class BodyScan(KeptPresses):
                 if joint is not None:
                     yield joint
 
-    def _joined(self, one: int, number: int, view: View, start: Array) -> Joint | None:
+    def _joined(
+        self, one: int, number: int, view: View, start: Array, believed: Callable[[Agreement], bool] = right
+    ) -> Joint | None:
         """Return what two touches have in common; None where it is not to be believed, or leaves a direction open."""
         key = self._key(one)
         found = register(key, view, start) if key.registrable else None
         if found is None:
             return None
         agreed, told = agreement(key, view, found), information(key, view, found)
-        if not right(agreed) or told.told.shape[1] < len(SCALE):
+        if not believed(agreed) or told.told.shape[1] < len(SCALE):
             return None
         covariance = told.covariance / SCALE[:, None] / SCALE
         common = agreed.overlap * key.view.area_mm2
         return Joint(one, number, found.pose, key.centre_mm, covariance, common, agreed.slope)
 
-    def _searched(self, number: int, view: View, among: set[int]) -> Joint | None:
-        """Return what a touch that nobody knows has in common with the one that it is likest to, of those `among`."""
+    def _found(self, number: int, view: View, among: set[int]) -> list[Joint]:
+        """Return the joint of a touch that nobody knows, with one of the last touches, or of all; none: no joint."""
+        near = self._searched(number, view, set(sorted(among)[-LAST:]), right)
+        joint = near or self._searched(number, view, among, alike)
+        return [joint] if joint is not None else []
+
+    def _searched(
+        self, number: int, view: View, among: set[int], believed: Callable[[Agreement], bool]
+    ) -> Joint | None:
+        """Return what a touch has in common with the one that it is likest to, of those `among`."""
         tried: list[tuple[float, int, Array]] = []
         for one in sorted(among):
             coarse = Keyframe(self._key(one).view, COARSE_POINTS)
@@ -196,7 +211,7 @@ class BodyScan(KeptPresses):
                 if found is not None:
                     tried.append((score(agreement(coarse, view, found)), one, found.pose))
         best = sorted(tried, key=lambda each: each[0])[:TRIED]
-        joints = (self._joined(one, number, view, pose) for _, one, pose in best)
+        joints = (self._joined(one, number, view, pose, believed) for _, one, pose in best)
         return next((joint for joint in joints if joint is not None), None)
 
     def _key(self, number: int) -> Keyframe:

@@ -55,7 +55,7 @@ def covered(one: View, other: View, motion: Array) -> float:
 
 def touches_in(frames: Iterator[TactileFrame]) -> Iterator[Touch]:
     """Yield touches of an object that is followed through frames; InputError for a frame without depth."""
-    follower, last, last_view = ObjectFollower(on=True), None, None
+    follower, last, last_view = ObjectFollower(on=True, doubts=False), None, None
     for frame in frames:
         if isnan(frame.contact.indentation_mm) or frame.provenance is None:
             raise InputError("the sensor has no calibration, so there is no depth to scan: calibrate it first")
