@@ -15,6 +15,7 @@ PANELS = {
     "Limits": "largest-depth-error-um largest-normal-error-deg verifications until-um calibrate/presses",
     "Files": "surface/frame folder resume restart overwrite install",
     "Simulation": "gel resolution-mm friction path noise coarse/size design/size",
+    "Shape of the part": "curved body",
     "Pins": "data-pin trigger-pin output-pin status-pin switch-pin",
 }
 """by title: the options, or VERB/OPTION where one name means different things"""
