@@ -154,11 +154,12 @@ def _end_body(scan: BodyScan, as_json: bool) -> None:
         "size_mm": size,
         "area_mm2": round(mesh.area_mm2, 2),
         "error_um": round(float(mesh.error_mm.mean()) * 1e3, 2),
-        "seam_um": round(mesh.seam_mm * 1e3, 2),
+        "seam_um": None if isnan(mesh.seam_mm) else round(mesh.seam_mm * 1e3, 2),
     }
+    seam = "" if isnan(mesh.seam_mm) else f"; touches lie {mesh.seam_mm * 1e3:.1f} um off it where several touched"
     text = (
         f"{result['mesh']}: {len(scan.placed)} of {len(scan.views)} touches, {mesh.area_mm2:.1f} mm2 of a surface of "
-        f"{' x '.join(map(str, size))} mm; touches lie {mesh.seam_mm * 1e3:.1f} um off it where several touched\n"
+        f"{' x '.join(map(str, size))} mm{seam}\n"
         f"{result['picture']}: a picture of it"
     )
     _show(result, as_json, text, lost)

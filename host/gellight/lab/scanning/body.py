@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
+from gellight.base.errors import InputError
 from gellight.base.packages import needed
 from gellight.frames.point_cloud import mesh_ply, mesh_stl
 from gellight.lab.scanning.contact_view import ContactView
@@ -144,11 +145,13 @@ def distance_to(view: ContactView, points_mm: Array) -> tuple[Array, Array]:
 def fused(touches: Sequence[tuple[ContactView, Array]]) -> Mesh:
     """Return the surface that touches lie on; each pose (4, 4) carries its touch to the body.
 
-    Raises InputError where PyMCubes is not installed.
+    Raises InputError where PyMCubes is not installed, and where no touch reached the body.
     """
     mcubes = mesher()
     laid = [carried(pose, surface_of(view)) for view, pose in touches]
     every = np.concatenate(laid)
+    if not len(every):
+        raise InputError("the gel reached nothing in any touch: press the body deeper")
     step_mm = max(FINEST_MM, float(np.cbrt(np.prod(np.ptp(every, axis=0) + 2 * BAND * FINEST_MM) / MOST_POINTS)))
     grid = Distances.over(every, step_mm)
     for (view, pose), surface in zip(touches, laid, strict=True):

@@ -101,6 +101,15 @@ def test_it_is_seen_from_above_and_not_from_below(mesh: Mesh) -> None:
     assert left > above[rows, columns, 0][columns > 130].mean() + 20, "the light comes from the left"
 
 
+def test_one_touch_has_no_seam_and_none_that_reached_nothing_is_fused() -> None:
+    alone = fused(rolled([0.0]))
+    assert np.isnan(alone.seam_mm)
+    assert np.isfinite(alone.error_mm).all()
+    empty = ContactView(np.zeros(SHAPE, np.float32), (PIXEL_MM,) * 2, "a")
+    with pytest.raises(InputError, match="press the body deeper"):
+        fused([(empty, np.eye(4))])
+
+
 def test_without_pymcubes_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mcubes", None)
     with pytest.raises(InputError, match=r"pip install 'gellight\[metrology\]'"):
