@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -40,8 +41,17 @@ def wait_for(shown: Path, pattern: str, count: int = 1) -> list[str]:
 
 
 def fetch(url: str) -> Any:
-    with urllib.request.urlopen(url, timeout=20) as answer:
-        return json.loads(answer.read())
+    """What the page answers, once a sensor that it says is being started has said where its own page is."""
+    end_s = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            with urllib.request.urlopen(url, timeout=20) as answer:
+                return json.loads(answer.read())
+        except urllib.error.HTTPError as error:
+            said = error.read().decode()
+            if error.code != 502 or "it is being started" not in said or time.monotonic() > end_s:
+                raise AssertionError(f"{error}: {said}") from error
+        time.sleep(0.1)
 
 
 def children(process: int) -> list[int]:
