@@ -7,6 +7,7 @@ all that the product waits for take the time that they take.
 import logging
 import math
 import random
+import re
 import resource
 import signal
 import subprocess
@@ -213,13 +214,18 @@ class Soak:
 
     def _recover(self, kind: FaultKind | None, shift: Shift) -> float:
         """Wait for a sound frame that was exposed from now on; return how long that took, without starved time."""
-        began = self._moment()
+        began, told = self._moment(), dict[str, None]()
         while (taken_s := self._since(began)) < GIVE_UP_S:
-            if self.judge.newest_start_s > began.time_s and not shift.daemon.status()["error"]:
+            error = shift.daemon.status()["error"]
+            if error is not None:
+                told[re.sub(r"since [0-9.]+ s", "for a while", str(error))] = None
+            elif self.judge.newest_start_s > began.time_s:
                 break
             time.sleep(POLL_S)
         if kind and taken_s > RECOVERY_S:
-            self.judge.broken(Invariant.RECOVERY, f"{taken_s:.1f} s after {kind}: {shift.daemon.status()['error']}")
+            how = "sequence" if shift.sequenced else "still"
+            why = "; ".join(told) or "no error was told"
+            self.judge.broken(Invariant.RECOVERY, f"{taken_s:.1f} s after {kind}, {how}: {why}")
         return taken_s
 
     def _moment(self) -> "_Moment":

@@ -31,6 +31,8 @@ SILENCE_S = 0.5
 """a board that was heard of within this time has not made its LEDs dark for silence: it waits 1 s for the host"""
 BY_ITSELF = {Dark.BOOT, Dark.HOST_SILENT, Dark.PORT_CLOSED, Dark.SUSPENDED, Dark.FAULT}
 """why a board ends a light or a sequence that nobody has told it to end"""
+LOST_S = 0.5
+"""after so long the board is asked for a light of which no event came: one may have been lost"""
 LATCH_TIMEOUT_S = 5.0
 """a board latches a light within milliseconds; an emulated one on a busy machine takes longer"""
 
@@ -254,12 +256,27 @@ class LightRing(BoardLink):
             if colours is not None and reply.scale != protocol.FULL_SCALE:
                 self._refuse_scaled(reply.scale)
             self.still = None if colours is None else self.still
-            latched = self.wait_for_light(reply.light_id, timeout_s)
+            shown = self._await_light(reply.light_id, timeout_s)
             with self._lock:
-                since = itertools.takewhile(lambda event: event is not latched, reversed(self.events))
+                since = itertools.takewhile(lambda event: event is not shown, reversed(self.events))
                 if not any(isinstance(event, protocol.DarkEvent | protocol.DimmedEvent) for event in since):
                     self._dark, self.lit_s = None, time.monotonic()
             return reply.light_id
+
+    def _await_light(self, light_id: int, timeout_s: float) -> Record | None:
+        """Wait until the LEDs have latched a still light; return the last event that came before it was known to be on.
+
+        Raises BoardError where they do not latch it.
+        """
+        end_s = time.monotonic() + timeout_s
+        while (left_s := end_s - time.monotonic()) > 0:
+            try:
+                return self.wait_for_light(light_id, min(LOST_S, left_s))
+            except BoardError:
+                newest, status = next(reversed(self.events), None), self.status()
+            if status.light_id == light_id and shows_still(status):
+                return newest
+        raise _not_latched(light_id, timeout_s)
 
     def _refuse_scaled(self, scale: int) -> None:
         """Raise BoardError for a light that is not the one that was asked for."""
@@ -382,7 +399,16 @@ class LightRing(BoardLink):
         event = self._wait_for_event(latched, timeout_s)
         if isinstance(event, protocol.LightEvent):
             return event
-        raise BoardError(f"light {light_id} was not latched within {timeout_s} s: see `gellight ring info`")
+        raise _not_latched(light_id, timeout_s)
+
+
+def _not_latched(light_id: int, timeout_s: float) -> BoardError:
+    return BoardError(f"light {light_id} was not latched within {timeout_s} s: see `gellight ring info`")
+
+
+def shows_still(status: protocol.StatusReply) -> bool:
+    """Whether a board shows the still light that it latched last, and has not made it dark or dimmed it by itself."""
+    return status.state == State.STILL and status.dark in (Dark.NOT_DARK, Dark.COMMAND) and not status.dimmed
 
 
 def colour_bytes(colours: NDArray[np.uint8], led_count: int) -> bytes:

@@ -21,8 +21,7 @@ from gellight.base.errors import BoardError, CameraError
 from gellight.frames.camera import Camera, set_controls
 from gellight.frames.frames import CameraFrame
 from gellight.frames.timing import CameraTiming
-from gellight.ring.enumerations import Dark, State
-from gellight.ring.light_ring import LightRing
+from gellight.ring.light_ring import LightRing, shows_still
 
 logger = logging.getLogger(__name__)
 MOST_DISCARDED = 60
@@ -79,5 +78,4 @@ def _first_after(camera: Camera, lit_s: float, timing: CameraTiming) -> CameraFr
 def _still_on(ring: LightRing, light_id: int) -> bool:
     """Ask the board whether this still light is the one that its LEDs show, and has been all the time."""
     status = ring.status()
-    gone = status.dark not in (Dark.NOT_DARK, Dark.COMMAND)
-    return status.light_id == light_id and status.state == State.STILL and not gone
+    return status.light_id == light_id and shows_still(status)

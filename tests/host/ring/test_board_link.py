@@ -155,6 +155,8 @@ def test_the_ring_forgets_a_light_that_was_never_latched() -> None:
     def answer(request: Packet) -> bytes:
         if request.type == p.COMMANDS["SET_LEDS"].code:
             return packet(request.type | p.REPLY, request.sequence, p.LightReply(9, 20, p.FULL_SCALE))
+        if request.type == p.COMMANDS["STATUS"].code:
+            return packet(request.type | p.REPLY, request.sequence, replace(STATUS, light_id=8))
         return empty(request)
 
     ring = LightRing(ScriptedBoard(answer), keep_alive_s=None)
@@ -163,23 +165,38 @@ def test_the_ring_forgets_a_light_that_was_never_latched() -> None:
 
 
 class ForgettingBoard(ScriptedBoard):
-    """Latches every light at once; its event of the dark gets lost."""
+    """Latches every light at once; its event of the dark gets lost, and with `mute` those of its lights."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, mute: bool = False) -> None:
         super().__init__(self._say)
-        self.dark, self.lights = Dark.NOT_DARK, 0
+        self.dark, self.lights, self._mute = Dark.NOT_DARK, 0, mute
 
     def _say(self, request: Packet) -> bytes:
         names = {command.code: name for name, command in p.COMMANDS.items()}
-        records: dict[str, Record] = {"CLOCK": CLOCK, "STATUS": replace(STATUS, dark=self.dark)}
+        status = replace(STATUS, dark=self.dark, light_id=self.lights)
+        records: dict[str, Record] = {"CLOCK": CLOCK, "STATUS": status}
         if names[request.type] != "SET_LEDS":
             return packet(request.type | p.REPLY, request.sequence, records.get(names[request.type], p.Empty()))
         self.lights, self.dark = self.lights + 1, Dark.NOT_DARK
         latched = replace(p.LightEvent.unpack(bytes(p.LightEvent.codec().size)), light_id=self.lights)
         reply = p.LightReply(light_id=self.lights, current_ma=100, scale=p.FULL_SCALE)
-        return packet(request.type | p.REPLY, request.sequence, reply) + packet(
-            p.EVENTS["LIGHT"][0], 0, latched, reply=False
-        )
+        told = b"" if self._mute else packet(p.EVENTS["LIGHT"][0], 0, latched, reply=False)
+        return packet(request.type | p.REPLY, request.sequence, reply) + told
+
+
+def test_a_light_whose_event_was_lost_is_known_by_the_status() -> None:
+    ring = LightRing(ForgettingBoard(mute=True), keep_alive_s=None)
+    assert ring.light(np.full((12, 3), 50, np.uint8)) == 1
+    assert np.isfinite(ring.lit_since_s())
+
+
+def test_a_light_that_was_latched_and_went_out_is_not_taken_for_one_that_shines() -> None:
+    board = ForgettingBoard(mute=True)
+    ring = LightRing(board, keep_alive_s=None)
+    ring.status = lambda: replace(STATUS, dark=Dark.FAULT, light_id=board.lights)  # type: ignore[method-assign]
+    with pytest.raises(BoardError, match=r"light 1 was not latched within"):
+        ring.light(np.full((12, 3), 50, np.uint8), timeout_s=1.1)
+    assert ring.lit_s == -np.inf
 
 
 @pytest.mark.parametrize("lost_by", ["silence", "damage"])
