@@ -1,5 +1,6 @@
 """A daemon with all that stands around it: a recording, a reader in a process of its own, and the judge."""
 
+import os
 import subprocess
 import sys
 import threading
@@ -104,7 +105,7 @@ class Shift:
             self.judge.begin_stream()
             self.daemon = stack.enter_context(session_of(camera, Reconstructor(self._bundle), watch=watch))
             self.daemon.track(on=True)
-            publisher = stack.enter_context(Publisher(self.daemon, name=f"{SERIAL}-{id(self):x}"))
+            publisher = stack.enter_context(Publisher(self.daemon, name=f"{SERIAL}-{os.getpid()}-{id(self):x}"))
             self.name = publisher.name
             thread = threading.Thread(target=self._judge_frames, name="judge", daemon=True)
             thread.start()
