@@ -80,6 +80,8 @@ def command(
             with opened(settings, dashboard=dashboard) as (daemon, _), until_interrupted():
                 logs.say(ROLL if body else PRESS)
                 for view in ahead(_taken(scan, _live(daemon, options.frames), presses)):
+                    if _full(scan):
+                        break
                     _add(scan, view, "the sensor")
             scan = begin()  # Ctrl-C may have come in the middle of a press
     if isinstance(scan, BodyScan):
@@ -92,8 +94,11 @@ def _scan_recording(scan: Scan | BodyScan, found: Recording, calibration: str | 
     frames = felt_frames(found, load_bundle(calibration) if calibration else None)
     view = None
     for view in _taken(scan, frames, most):
-        if not scan.has(view.contact if isinstance(view, Touch) else view):
-            _add(scan, view, str(found.path))
+        if scan.has(view.contact if isinstance(view, Touch) else view):
+            continue
+        if _full(scan):
+            break
+        _add(scan, view, str(found.path))
     if view is None:
         raise InputError(f"{found.path} has no press that was held still: press 0.1 mm deep or more, for some frames")
 
@@ -101,7 +106,7 @@ def _scan_recording(scan: Scan | BodyScan, found: Recording, calibration: str | 
 def _taken(scan: Scan | BodyScan, frames: Iterator[TactileFrame], most: int) -> Iterator[ContactView | Touch]:
     """Yield the presses in frames, or the touches of a body, up to `most`, 0: all."""
     if isinstance(scan, BodyScan):
-        return islice(touches_in(frames), min(most, scan.room) if most else scan.room)
+        return islice(touches_in(frames), most or None)
     return presses_in(frames, most, _tell)
 
 
@@ -122,6 +127,14 @@ def _live(daemon: SensorSession, frames: int) -> Iterator[TactileFrame]:
 def _tell(phase: Phase) -> None:
     if phase == "lift":
         logs.say("held: lift it")
+
+
+def _full(scan: Scan | BodyScan) -> bool:
+    """Say where a body has as many touches as a scan holds."""
+    full = isinstance(scan, BodyScan) and not scan.room
+    if full:
+        logs.say(f"{len(scan.views)} touches are all that a scan holds: the surface is made of these")
+    return full
 
 
 def _add(scan: Any, view: ContactView | Touch, source: str) -> None:

@@ -13,8 +13,8 @@ from gellight.frames.camera import Camera, CameraControls, PressStage, Reconnect
 from gellight.frames.frames import FrameJudge
 from gellight.frames.status import CameraStatus
 from gellight.frames.timing import CameraTiming
-from gellight.ring.board_link import SilentError
 from gellight.ring.light_ring import LightRing
+from gellight.ring.transport import SilentError
 
 
 def _passed_on(name: str) -> Any:

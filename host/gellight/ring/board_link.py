@@ -10,7 +10,7 @@ from gellight.base.errors import BoardError
 from gellight.base.fair_lock import FairLock
 from gellight.ring import protocol
 from gellight.ring.enumerations import Status
-from gellight.ring.transport import Transport
+from gellight.ring.transport import SilentError, Transport
 from gellight.ring.wire import Packet, Record, decode, encode
 
 logger = logging.getLogger(__name__)
@@ -41,10 +41,6 @@ class RefusedError(BoardError):
         """Say what was refused and what to do."""
         super().__init__(f"the board refused {command}: {status.name} ({value}); {REMEDIES[status]}")
         self.status, self.value = status, value
-
-
-class SilentError(BoardError):
-    """The board did not answer."""
 
 
 class BoardLink:

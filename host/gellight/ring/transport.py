@@ -26,6 +26,10 @@ SIMULATED = r"(leds=\d{1,2}|ring_c=-?\d{1,3}(\.\d+)?)"
 """what a simulated board is told"""
 
 
+class SilentError(BoardError):
+    """The board did not answer, or took no bytes for a second: it may be back."""
+
+
 class Transport(Protocol):
     """A stream of bytes in both directions."""
 
@@ -87,7 +91,7 @@ class SerialTransport:
         """Open the port, which raises DTR."""
         import serial
 
-        self.url = url
+        self.url, self._timeout = url, serial.SerialTimeoutException
         try:
             self._port = serial.Serial(port, 115200, timeout=0, write_timeout=1.0, exclusive=True)
         except (serial.SerialException, OSError, ValueError) as error:
@@ -98,7 +102,8 @@ class SerialTransport:
         try:
             self._port.write(data)
         except OSError as error:  # SerialException is one
-            raise BoardError(f"the board at {self.url} takes no bytes ({error}): unplug it and plug it in") from error
+            kind = SilentError if isinstance(error, self._timeout) else BoardError
+            raise kind(f"the board at {self.url} takes no bytes ({error}): unplug it and plug it in") from error
 
     def read(self, timeout_s: float) -> bytes:
         """Wait for the first byte, then take what is there."""
@@ -185,7 +190,8 @@ class UsbTransport:
         try:
             self._device.write(numbers.OUT_ENDPOINT, data, USB_TIMEOUT_MS)
         except self._usb.core.USBError as error:
-            raise BoardError(f"the board at {self.url} takes no bytes ({error}): plug it in again") from error
+            kind = SilentError if isinstance(error, self._usb.core.USBTimeoutError) else BoardError
+            raise kind(f"the board at {self.url} takes no bytes ({error}): plug it in again") from error
 
     def read(self, timeout_s: float) -> bytes:
         """Take one USB packet."""

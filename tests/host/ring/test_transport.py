@@ -15,7 +15,7 @@ from gellight.lab.emulator import child, process
 from gellight.lab.emulator.child import SimulatedBoard
 from gellight.lab.emulator.waveform import Light
 from gellight.ring.light_ring import LightRing, Step, colour_bytes, connect
-from gellight.ring.transport import find_port, open_transport
+from gellight.ring.transport import SilentError, find_port, open_transport
 from tests.helpers.command_line import invoke
 from tests.helpers.waiting import eventually
 
@@ -74,6 +74,18 @@ def test_the_clock_of_the_board_goes_on_while_its_process_stands_still() -> None
     assert board.virtual_us(now_s) <= board.clock_us(now_s) + 10
     assert board.clock_us(now_s) < (now_s - asked_s - 0.3) * 1e6 + board.virtual_us(asked_s)
     board.close()
+
+
+def test_a_serial_port_that_takes_no_bytes_for_a_second_is_silent_not_gone() -> None:
+    here, there = os.openpty()
+    transport = open_transport(os.ttyname(there))
+    try:
+        with pytest.raises(SilentError, match="takes no bytes"):
+            transport.write(bytes(1_000_000))
+    finally:
+        transport.close()
+        os.close(there)
+        os.close(here)
 
 
 def test_sim_is_a_board_like_any_other() -> None:

@@ -22,6 +22,7 @@ from gellight.tracking.rigid import carried, inverse
 
 Array = NDArray[np.float64]
 REMEDY = "the mesh of a body needs a package that is not installed: pip install 'gellight[metrology]'"
+NOTHING = "the gel reached too little of the body for a surface: press it deeper"
 FINEST_MM = 0.1
 """between the points of the grid: the coating blurs as much"""
 MOST_POINTS = 30_000_000
@@ -151,7 +152,7 @@ def fused(touches: Sequence[tuple[ContactView, Array]]) -> Mesh:
     laid = [carried(pose, surface_of(view)) for view, pose in touches]
     every = np.concatenate(laid)
     if not len(every):
-        raise InputError("the gel reached nothing in any touch: press the body deeper")
+        raise InputError(NOTHING)
     step_mm = max(FINEST_MM, float(np.cbrt(np.prod(np.ptp(every, axis=0) + 2 * BAND * FINEST_MM) / MOST_POINTS)))
     grid = Distances.over(every, step_mm)
     for (view, pose), surface in zip(touches, laid, strict=True):
@@ -159,6 +160,8 @@ def fused(touches: Sequence[tuple[ContactView, Array]]) -> Mesh:
             grid.add(view, pose, surface, BAND * step_mm)
     points, triangles = mcubes.marching_cubes(np.where(grid.known, grid.mean, BAND * step_mm), 0.0)
     triangles = triangles[_among(grid.known, points)[triangles].all(axis=1)].astype(np.int64)
+    if not len(triangles):
+        raise InputError(NOTHING)
     used, numbers = np.unique(triangles, return_inverse=True)
     several = (grid.count > 1) & (np.abs(grid.mean) < step_mm)
     return Mesh(

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,7 @@ def alone(folder: Path) -> Iterator[None]:
     fresh = not folder.exists()
     make_scan_folder(folder)
     try:
-        with (folder / LOCK).open("w") as handle:
+        with _opened(folder / LOCK) as handle:
             if not lock(handle):
                 raise InputError(f"another program scans into {folder}: end it, or give another folder")
             yield
@@ -50,6 +50,13 @@ def alone(folder: Path) -> Iterator[None]:
         if fresh and [path.name for path in folder.iterdir()] == [LOCK]:
             (folder / LOCK).unlink()
             folder.rmdir()
+
+
+def _opened(path: Path) -> TextIO:
+    try:
+        return path.open("w")
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}): give another folder") from error
 
 
 def path_of(folder: Path, number: int, kind: str) -> Path:
@@ -91,8 +98,10 @@ def _read(path: Path) -> tuple[ContactView, list[Joint]]:
     try:
         arrays = arrays_of(read_file(path))
         depth, pixel, calibration = (arrays[name] for name in ("depth_mm", "pixel_size_mm", "calibration"))
-        if depth.ndim != 2 or min(depth.shape) < 16 or pixel.shape != (2,) or not np.isfinite(depth).all():
+        if depth.ndim != 2 or min(depth.shape) < 16 or not np.isfinite(depth).all():
             raise ValueError(f"a depth of shape {depth.shape}")
+        if pixel.shape != (2,) or not (np.isfinite(pixel).all() and (pixel > 0).all()):
+            raise ValueError(f"pixels of {pixel} mm")
         joints = [_joint(row) for row in zip(*(arrays[f"joint_{name}"] for name in _JOINT), strict=True)]
         return ContactView(depth.astype(np.float32), (float(pixel[0]), float(pixel[1])), str(calibration)), joints
     except (*UNZIPPING, KeyError, TypeError) as problem:
@@ -103,6 +112,9 @@ def _joint(row: tuple[Any, ...]) -> Joint:
     one, other, pose, centre, covariance, common, correlation = row
     if pose.shape != (4, 4) or centre.shape != (3,) or covariance.shape != (6, 6):
         raise ValueError(f"a joint with a pose of shape {pose.shape}")
+    numbers = np.concatenate([pose.ravel(), centre, covariance.ravel(), [common, correlation]])
+    if not np.isfinite(numbers).all() or np.linalg.eigvalsh(covariance).min() <= 0:
+        raise ValueError("a joint whose pose or covariance is none")
     return Joint(int(one), int(other), pose, centre, covariance, float(common), float(correlation))
 
 

@@ -106,7 +106,7 @@ def test_one_touch_has_no_seam_and_none_that_reached_nothing_is_fused() -> None:
     assert np.isnan(alone.seam_mm)
     assert np.isfinite(alone.error_mm).all()
     empty = ContactView(np.zeros(SHAPE, np.float32), (PIXEL_MM,) * 2, "a")
-    with pytest.raises(InputError, match="press the body deeper"):
+    with pytest.raises(InputError, match="too little of the body for a surface: press it deeper"):
         fused([(empty, np.eye(4))])
 
 

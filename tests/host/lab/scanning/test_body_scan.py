@@ -13,12 +13,14 @@ from gellight.lab.scanning import body_scan
 from gellight.lab.scanning.body_scan import BodyScan
 from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.scan import Scan
+from gellight.lab.scanning.scan_files import alone, path_of, write_press
 from gellight.lab.scanning.touches import Touch, touches_in
 from gellight.tracking.rigid import carried, inverse, pose_of, twist_of
 from sim_reference.bodies import BEADS, bead_radius_mm
 from tests.benchmarks.scan_bodies import fitted, frames
 from tests.benchmarks.tracking.sequences import Moving, press
 from tests.helpers.children import gellight
+from tests.helpers.command_line import invoke
 from tests.helpers.reliefs import record_rolled
 
 RADIUS_MM, TURN_RAD = 4.0, np.radians(40)
@@ -148,6 +150,24 @@ def test_two_rolls_that_nothing_connects_are_one_when_a_touch_does(rolled: tuple
     assert worst(scan, [touches[0], *apart, *between], true) < (0.02, np.radians(0.5))
 
 
+@pytest.mark.parametrize(("part", "value"), [("pose", np.nan), ("covariance", np.nan), ("covariance", 0.0)])
+def test_a_damaged_joint_is_named(part: str, value: float, rolled: tuple, tmp_path: Path) -> None:
+    touches, _ = rolled
+    scan = BodyScan(tmp_path)
+    for touch in touches[:2]:
+        scan.add(touch)
+    damaged = replace(scan.joints[0], **{part: np.full_like(getattr(scan.joints[0], part), value)})
+    write_press(path_of(tmp_path, 1, "touch"), scan.views[1], [damaged])
+    with pytest.raises(InputError, match=r"touch-001\.npz is no press of a scan \(a joint whose pose or covariance"):
+        BodyScan(tmp_path)
+
+
+def test_a_lock_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "scan.lock").mkdir()
+    with pytest.raises(InputError, match=r"scan\.lock cannot be written \(Is a directory\)"), alone(tmp_path):
+        pass
+
+
 def test_rubbish_is_refused_in_one_sentence(rolled: tuple, tmp_path: Path) -> None:
     touches, _ = rolled
     scan = BodyScan(tmp_path / "body")
@@ -175,6 +195,17 @@ def test_with_many_touches_places_are_found_anew_from_time_to_time(
     scan.mesh()
     assert body_scan.solve.call_count == 3
     assert worst(scan, touches, true) < (0.015, np.radians(0.4))
+
+
+def test_what_is_there_already_takes_no_room_from_the_rest_of_a_recording(
+    pressed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record_rolled(tmp_path / "roll.mcap", pressed)
+    for most in (3, 5):
+        monkeypatch.setattr(body_scan, "MOST_TOUCHES", most)
+        done = invoke("scan", str(tmp_path / "bead"), "--body", "--recording", str(tmp_path / "roll.mcap"), "--json")
+        assert json.loads(done.stdout)["touches"] == most
+        assert f"{most} touches are all that a scan holds" in done.stderr
 
 
 def test_the_verb_makes_a_mesh_of_a_recording_and_goes_on_with_it(pressed: Path, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from gellight.lab.simulator.simulated_camera import open_simulated
 from gellight.ring.enumerations import Dark
 from gellight.ring.light_groups import colour_triples
 from gellight.ring.light_ring import LightRing
+from gellight.ring.transport import SilentError
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from tests.helpers.bench_board import VirtualTransport
 from tests.helpers.virtual_sensor import RING, VirtualCamera, virtual_sensor
@@ -234,6 +235,23 @@ def test_a_line_that_was_silent_for_a_while_ends_no_stream(monkeypatch: pytest.M
     again = follow(sequenced, camera, 40)
     assert again["clean", "right"] >= 30
     assert again["clean", "clean"] == again["mixed", "clean"] == again["dark", "clean"] == 0
+
+
+def test_a_line_that_took_no_bytes_for_a_while_ends_no_stream(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = virtual_sensor(monkeypatch)
+    sequenced = SequencedCamera(camera, TRIPLES, timing=TIMING)
+    follow(sequenced, camera, 10)
+    transport = camera.ring.transport
+    write = transport.write
+
+    def full(_: bytes) -> None:
+        transport.write = write  # type: ignore[method-assign]
+        raise SilentError("the board takes no bytes (Write timeout)")
+
+    transport.write = full  # type: ignore[method-assign]
+    with pytest.raises(ReconnectingError, match=r"answers again: .*takes no bytes"):
+        sequenced.read()
+    assert follow(sequenced, camera, 40)["clean", "right"] >= 30
 
 
 def test_darkness_that_nobody_planned_is_no_group(monkeypatch: pytest.MonkeyPatch) -> None:
