@@ -332,7 +332,8 @@ def _flag_layers(flags: Mapping[str, object]) -> Iterator[Layer]:
     for path, value in flags.items():
         if value is not None:
             section, _, key = path.partition(".")
-            yield _checked(f"--{key.replace('_', '-')}", {section: {key: value}})
+            flag = "sensor" if path == "sensor.url" else key.replace("_", "-")
+            yield _checked(f"--{flag}", {section: {key: value}})
 
 
 def _checked(source: str, values: Any, validate: Callable[[Any], Settings] = Settings.model_validate) -> Layer:

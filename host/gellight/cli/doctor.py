@@ -11,11 +11,7 @@ from gellight.cli.advice import with_program_path
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson
 from gellight.cli.showing import show
-from gellight.lab.doctor.examination import examine
-from gellight.lab.training.rehearsal import check_trainer
-from gellight.sensor.connection import Surroundings
 from gellight.sensor.findings import Finding, Level
-from gellight.sensor.v4l2.kernel import LINUX
 
 
 def command(
@@ -40,6 +36,11 @@ def command(
 
 
 def _findings(sensor: str | None) -> Iterator[Finding]:
+    from gellight.lab.doctor.examination import examine  # not for the help: a second
+    from gellight.lab.training.rehearsal import check_trainer
+    from gellight.sensor.connection import Surroundings
+    from gellight.sensor.v4l2.kernel import LINUX
+
     yield from examine(sensor, surroundings=Surroundings(kernel=LINUX), folder=Path.cwd())
     yield check_trainer()
 

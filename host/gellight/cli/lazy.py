@@ -1,13 +1,16 @@
 """Verbs that are imported when they are used: the help of a group shows them all and imports none."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from importlib import import_module
-from typing import Any, Literal
+from pathlib import Path
+from typing import Any, Literal, get_args
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_group
 
+from gellight.base.errors import InputError
 from gellight.cli.panels import sort_options
 
 MARKUP: Literal["markdown"] = "markdown"
@@ -31,11 +34,32 @@ class LazyVerb(TyperCommand):
             holder.add_typer(verb, name=self.name)
         else:
             holder.command(self.name)(verb)
-        return sort_options(get_group(holder).commands[str(self.name)])
+        return refuse_empty_paths(sort_options(get_group(holder).commands[str(self.name)]))
 
     def make_context(self, *arguments: Any, **options: Any) -> Any:
         """Parse the arguments of the verb: the first thing that a group does with the verb that was typed."""
         return self.load().make_context(*arguments, **options)
+
+
+def refuse_empty_paths(command: Any) -> Any:
+    """Have a command, and those below it, refuse a path without a name; return the command.
+
+    `Path("")` is the current folder, and what was read from an unset variable of the shell would be written there.
+    """
+    for one in command.params:
+        kind = one.type_descriptor.annotation
+        if Path in (kind, *get_args(kind)):
+            one.process_value = partial(_process_path, one.opts[-1], one.process_value)
+    for below in getattr(command, "commands", {}).values():
+        refuse_empty_paths(below)
+    return command
+
+
+def _process_path(name: str, process: Callable[[Any, Any], Any], context: Any, typed: Any) -> Any:
+    if "" in (typed if isinstance(typed, list | tuple) else [typed]):
+        name = name if name.startswith("-") else name.upper()
+        raise InputError(f"{name} '' names no file and no folder: give a path, or . for this folder")
+    return process(context, typed)
 
 
 def lazy_group(table: Mapping[str, tuple[str, str]]) -> type[TyperGroup]:

@@ -138,7 +138,7 @@ def dataset(
         computed_by=computed_by,
     )
     counted = "presses" if computed_by == "numpy" else "batches"
-    with sweeping.sweep_in(store_in(out), counted, as_json=as_json) as options:
+    with sweeping.sweep_in(store_in(out, request), counted, as_json=as_json) as options:
         report = make_dataset(request, out, options)
     text = f"{report.presses} presses, {report.megabytes:.1f} MB, in {report.folder}: see its index.csv"
     show(report, as_json, text)

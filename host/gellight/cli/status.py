@@ -10,7 +10,6 @@ from gellight.cli.options import AsJson
 from gellight.cli.showing import show
 from gellight.ring.heat import RingHeat, dimmed_text, warm_text
 from gellight.stream.running import RunningDaemon, running
-from gellight.stream.subscription import subscribe
 
 
 def command(
@@ -32,6 +31,8 @@ def command(
 
 def status_of(daemon: RunningDaemon) -> dict[str, Any]:
     """Return what a daemon says, with its process; one that does not answer has that as its error."""
+    from gellight.stream.subscription import subscribe  # not for the help, nor where nothing runs: half a second
+
     about = {"process": daemon.process, "since_unix_s": daemon.since_unix_s, "endpoint": daemon.endpoint}
     try:
         with subscribe(daemon.name) as frames:

@@ -21,6 +21,8 @@ PASSED_BACK = (
 )  # fmt: skip
 REPORTS = "calibration/report/"
 """pages with a policy of their own"""
+RETRY_AFTER_S = 1
+"""a sensor that is being started is asked for again"""
 Either = web.WebSocketResponse | aiohttp.ClientWebSocketResponse
 
 
@@ -74,13 +76,20 @@ class Chooser:
         return web.json_response({"ok": not wrong, "errors": wrong}, status=503 if wrong else 200)
 
     def _address(self, request: web.Request) -> str:
-        """Return the address of the sensor that is asked for; HTTPNotFound or HTTPBadGateway with the reason."""
+        """Return the address of the sensor that is asked for.
+
+        Raises HTTPNotFound for another one, HTTPBadGateway for one that has failed, HTTPServiceUnavailable for one that
+        is being started: it will be there in a moment.
+        """
         key, choices = request.match_info["key"], self._choices()
         if key not in choices:
             raise web.HTTPNotFound(text=f"there is no sensor {key!r}: choose one of {', '.join(choices)}")
         choice = choices[key]
+        if choice.error and not choice.address:
+            raise web.HTTPBadGateway(text=f"sensor {choice.sensor}: {choice.error}")
         if not choice.address:
-            raise web.HTTPBadGateway(text=f"sensor {choice.sensor}: {choice.error or 'it is being started'}")
+            again = {"Retry-After": str(RETRY_AFTER_S)}
+            raise web.HTTPServiceUnavailable(text=f"sensor {choice.sensor}: it is being started", headers=again)
         return choice.address
 
     async def _pass_on(self, request: web.Request) -> web.Response:

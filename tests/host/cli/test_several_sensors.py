@@ -49,7 +49,7 @@ def fetch(url: str) -> Any:
                 return json.loads(answer.read())
         except urllib.error.HTTPError as error:
             said = error.read().decode()
-            if error.code != 502 or "it is being started" not in said or time.monotonic() > end_s:
+            if error.code != 503 or "it is being started" not in said or time.monotonic() > end_s:
                 raise AssertionError(f"{error}: {said}") from error
         time.sleep(0.1)
 

@@ -4,6 +4,7 @@ import asyncio
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 
 import aiohttp
 import pytest
@@ -86,6 +87,14 @@ def test_what_is_not_there_is_answered_with_the_reason(three: Three, path: str, 
     answer = get(three.server, path)
     assert answer[0] == status
     assert said in answer[1]
+
+
+def test_a_sensor_that_is_being_started_is_asked_for_again(three: Three) -> None:
+    three.choices["3"] = replace(three.choices["3"], error=None)
+    status, text, headers = get(three.server, "3/status")
+    assert status == 503
+    assert "it is being started" in text
+    assert headers["Retry-After"] == "1"
 
 
 def test_health_names_what_has_failed(three: Three) -> None:

@@ -1,5 +1,6 @@
 """A scan led by the page, in a real browser: presses beside each other, the map, undo, and the folder of the verb."""
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,12 @@ def test_the_page_leads_a_scan_of_the_simulated_part(browser: Browser, tmp_path:
         expect(page.locator("#scan-map .pressed")).to_have_count(2)
         assert page.evaluate("() => fetch('scan/map').then((answer) => answer.status)") == 200
         assert page.evaluate("() => fetch('scan/file/map.ply').then((answer) => answer.status)") == 200
+        with page.expect_download() as saving:
+            page.get_by_test_id("scan-files").get_by_text("X3P").click()
+        kept = tmp_path / saving.value.suggested_filename
+        saving.value.save_as(kept)
+        assert kept.name == "map.x3p"
+        assert "main.xml" in zipfile.ZipFile(kept).namelist()
         page.get_by_test_id("scan-undo").click()
         says(page, "press 1 is taken back")
         expect(page.locator("#scan-map .pressed")).to_have_count(1)
@@ -97,4 +104,6 @@ def test_a_hand_is_told_where_to_press_and_what_was_refused(browser: Browser, si
         assert wrong(page, "overlaps", "cut", "beyond") == {}
         page.get_by_test_id("scan-undo").click()
         expect(page.get_by_test_id("scan-said")).to_have_text("the disk is full")
+        page.get_by_test_id("scan-files").get_by_text("STL").click()
+        expect(page.get_by_test_id("scan-said")).to_have_text("there is no map yet")
         expect(page.get_by_test_id("scan-said")).to_have_class("hint wrong")

@@ -71,7 +71,11 @@ function contain(pen, picture, x, y) {
 }
 
 function offer(blob, { header }, ending) {
-  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob), download: `gellight-${header.sequence}.${ending}` });
+  download(blob, `gellight-${header.sequence}.${ending}`);
+}
+
+export function download(blob, name) {
+  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob), download: name });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }

@@ -1,6 +1,7 @@
 // A scan by hand: what to do next, the map as far as it is, and where no press has been.
 
 import { write } from "./figures.js";
+import { download } from "./saving.js";
 
 const element = (id) => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
@@ -25,6 +26,7 @@ export class ScanPanel {
     element("scan-begin").addEventListener("submit", (event) => this.#begin(event));
     element("scan-undo").addEventListener("click", () => this.#ask({ type: "undo" }));
     element("scan-end").addEventListener("click", () => this.#ask({ type: "end" }));
+    for (const link of element("scan-files").querySelectorAll("a")) link.addEventListener("click", (event) => this.#save(event, link));
   }
 
   /** Show what the server says of the scan. */
@@ -69,15 +71,28 @@ export class ScanPanel {
     this.#ask({ type: "begin", name: element("scan-name").value });
   }
 
-  async #ask(command) {
+  #ask(command) {
+    return this.#fetch("scan", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(command) });
+  }
+
+  /** Save the map as the file of a link; a link alone would not say why there is no such file. */
+  async #save(event, link) {
+    event.preventDefault();
+    const answer = await this.#fetch(link.href);
+    if (answer) download(await answer.blob(), link.href.split("/").pop());
+  }
+
+  /** Return the answer; where it is a refusal, say it and return nothing. */
+  async #fetch(address, how) {
     this.#refusal = "";
     try {
-      const answer = await fetch("scan", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(command) });
-      if (!answer.ok) this.#refusal = (await answer.json()).message;
+      const answer = await fetch(address, how);
+      if (answer.ok) return answer;
+      this.#refusal = (await answer.json()).message;
     } catch {
       this.#refusal = "the server does not answer";
     }
-    if (this.#refusal) this.#say(this.#refusal, true);
+    this.#say(this.#refusal, true);
   }
 
   /** Lift our own press once it was still. */

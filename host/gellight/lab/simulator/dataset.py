@@ -115,8 +115,6 @@ def make_dataset(request: DatasetRequest, folder: Path, options: SweepOptions) -
         check_memory(request.resolution_mm, request.geometry, options.workers)
     same = replace(request, presses=0)  # More presses do not change those that are there.
     try:
-        if same.computed_by != "numpy":
-            _sensor(same)  # first: where it cannot be computed so, nothing is begun
         _describe(same, folder)
         tasks = _tasks(same, request.presses, folder)
         for task in tasks:
@@ -132,8 +130,13 @@ def make_dataset(request: DatasetRequest, folder: Path, options: SweepOptions) -
     return DatasetReport(folder=str(folder), presses=len(rows), megabytes=size / 1e6)
 
 
-def store_in(folder: Path) -> ResultStore:
-    """Make the folder of a data set; return the store of what is done. Raises InputError if it cannot be written."""
+def store_in(folder: Path, request: DatasetRequest) -> ResultStore:
+    """Make the folder of a data set; return the store of what is done.
+
+    Raises InputError where the folder cannot be written, and, before it is made, where nothing computes the presses.
+    """
+    if request.computed_by != "numpy":
+        _sensor(replace(request, presses=0))
     try:
         make_folder(folder / "presses")
     except OSError as error:

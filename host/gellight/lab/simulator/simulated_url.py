@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import load_bundle
+from gellight.bundle.bundle import SYNTHETIC, load_bundle
 from gellight.lab.emulator.analog import COLDEST_C, HOTTEST_C
 from gellight.lab.simulator.gel_models import GelKind
 from gellight.lab.simulator.printed_dots import PrintedDots
@@ -37,7 +37,7 @@ class SimulatedUrl(BaseModel):
     crosstalk: float = Field(0.1, ge=0, le=0.5)
     led_spread: float = Field(0.0, ge=0, le=0.5)
     dim: float = Field(0.0, ge=0, le=0.9)
-    bundle: str = ""
+    bundle: str = Field("", min_length=1)
     gel: GelKind = "layer"
     resolution: float = Field(0.3, ge=0.1, le=2.5)
     sequence: str = ""
@@ -72,6 +72,11 @@ class SimulatedUrl(BaseModel):
         if not_its:
             raise InputError(
                 f"bundle={self.bundle} draws light as it was measured on a real unit: leave out {', '.join(not_its)}"
+            )
+        if self.bundle == SYNTHETIC:
+            raise InputError(
+                "bundle=synthetic is of the simulated sensor, no real unit: leave it out, or give the bundle of a "
+                "calibrated sensor"
             )
         return Unit(load_bundle(self.bundle))
 

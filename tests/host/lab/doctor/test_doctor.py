@@ -367,8 +367,9 @@ def test_the_doctor_takes_every_name_that_is_printed_for_a_sensor(clinic: Clinic
 
 def test_doctor_prints_findings_and_exits_with_1_where_one_prevents_use(monkeypatch: pytest.MonkeyPatch) -> None:
     findings = [ok("disk", "1 GB"), problem("usb", "slow", "use another cable")]
-    monkeypatch.setattr("gellight.cli.doctor.examine", lambda name, surroundings, folder: iter(findings))
-    monkeypatch.setattr("gellight.cli.doctor.check_trainer", lambda: ok("training", "numpy trains networks"))
+    monkeypatch.setattr("gellight.lab.doctor.examination.examine", lambda name, surroundings, folder: iter(findings))
+    training = ok("training", "numpy trains networks")
+    monkeypatch.setattr("gellight.lab.training.rehearsal.check_trainer", lambda: training)
     shown = invoke("doctor")
     assert shown.exit_code == 1
     assert shown.output.splitlines()[1:3] == ["problem  usb         slow", f"{'':21}-> use another cable"]

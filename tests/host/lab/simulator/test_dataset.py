@@ -25,7 +25,7 @@ REQUEST = DatasetRequest(presses=3, objects=("BALL", "WAVE"), geometry=SMALL, se
 
 
 def make(folder: Path, request: DatasetRequest = REQUEST, **options: Any) -> None:
-    make_dataset(request, folder, SweepOptions(store=store_in(folder), **options))
+    make_dataset(request, folder, SweepOptions(store=store_in(folder, request), **options))
 
 
 def read(folder: Path) -> list[tuple[dict[str, str], dict[str, np.ndarray]]]:
@@ -189,7 +189,7 @@ def test_what_cannot_compute_begins_nothing(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
     with pytest.raises(InputError, match="finds no GPU"):
         make(tmp_path / "cuda", replace(REQUEST, computed_by="cuda"))
-    assert not (tmp_path / "cuda" / "dataset.json").exists()
+    assert not (tmp_path / "cuda").exists()
 
 
 def test_a_child_that_dies_is_told() -> None:
