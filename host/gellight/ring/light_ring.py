@@ -319,15 +319,22 @@ class LightRing(BoardLink):
     def start(self) -> None:
         """Begin the committed sequence."""
         with self._lighting:
-            self.still = None
+            self.still = self._dark = None
             self._request("START", protocol.Empty)
             self._running = True
+            self._forget_dark()
 
     def step(self) -> protocol.LightReply:
         """Show the next step of a HOLD sequence."""
         with self._lighting:
-            self.still = None
-            return self._request("STEP", protocol.LightReply)
+            self.still = self._dark = None
+            reply = self._request("STEP", protocol.LightReply)
+            self._forget_dark()
+            return reply
+
+    def _forget_dark(self) -> None:
+        """Count a still light that the board had made dark as ended: nobody will light it again."""
+        self.lit_s = time.monotonic() if self.lit_s == inf else self.lit_s
 
     def stop(self) -> None:
         """End the sequence; what is lit stays lit."""

@@ -174,7 +174,7 @@ class ForgettingBoard(ScriptedBoard):
     def _say(self, request: Packet) -> bytes:
         names = {command.code: name for name, command in p.COMMANDS.items()}
         status = replace(STATUS, dark=self.dark, light_id=self.lights)
-        records: dict[str, Record] = {"CLOCK": CLOCK, "STATUS": status}
+        records: dict[str, Record] = {"CLOCK": CLOCK, "STATUS": status, "STEP": p.LightReply(0, 0, p.FULL_SCALE)}
         if names[request.type] != "SET_LEDS":
             return packet(request.type | p.REPLY, request.sequence, records.get(names[request.type], p.Empty()))
         self.lights, self.dark = self.lights + 1, Dark.NOT_DARK
@@ -182,6 +182,21 @@ class ForgettingBoard(ScriptedBoard):
         reply = p.LightReply(light_id=self.lights, current_ma=100, scale=p.FULL_SCALE)
         told = b"" if self._mute else packet(p.EVENTS["LIGHT"][0], 0, latched, reply=False)
         return packet(request.type | p.REPLY, request.sequence, reply) + told
+
+
+@pytest.mark.parametrize("begin", [LightRing.start, LightRing.step])
+def test_a_sequence_that_begins_before_a_dark_light_is_lit_again_is_not_taken_for_dark(begin: Callable) -> None:
+    """Frames were waited for until the sensor was opened anew, as long as the board told of no other light."""
+    board = ForgettingBoard()
+    ring = LightRing(board, keep_alive_s=None)
+    ring.light(np.full((12, 3), 50, np.uint8))
+    board.put(packet(p.EVENTS["DARK"][0], 0, p.DarkEvent(0, 0, Dark.HOST_SILENT), reply=False))
+    ring.clock()
+    assert ring.lit_since_s() == np.inf
+    begin(ring)
+    ring._light_again()
+    assert np.isfinite(ring.lit_since_s())
+    assert board.lights == 1, "the still light is not shown in the midst of the sequence"
 
 
 def test_a_light_whose_event_was_lost_is_known_by_the_status() -> None:
