@@ -22,16 +22,16 @@ def recorded(name: str) -> np.ndarray:
 # Measured, in um: see docs/figures.md. Under steep flanks and fine waves both differ most.
 MEAN_UM = {
     "BALL": 0.6,
-    "TSTEP": 10.4,
+    "TSTEP": 10.5,
     "SCROWN": 0.6,
-    "BALLVEX": 11.4,
+    "BALLVEX": 10.4,
     "BALLCAVE": 15.1,
-    "WAVE": 53.9,
-    "SINWAVE": 32.9,
-    "BSWAVE": 12.7,
-    "PCONVEX": 71.5,
-    "CCONVEX": 44.9,
-    "QUCAVE": 31.5,
+    "WAVE": 54.0,
+    "SINWAVE": 27.9,
+    "BSWAVE": 11.6,
+    "PCONVEX": 72.7,
+    "CCONVEX": 31.3,
+    "QUCAVE": 39.3,
 }
 
 
