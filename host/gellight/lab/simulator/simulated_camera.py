@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from gellight.base.allowed import query_of
 from gellight.base.errors import BoardError, CameraError, ConfigError, InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.camera import Camera
+from gellight.frames.camera import Camera, ReconnectingError
 from gellight.frames.dots import find_dots
 from gellight.frames.frames import CameraFrame, GroundTruth
 from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
@@ -213,7 +213,10 @@ class SimulatedCamera(Camera):
             if begun_s >= max(self._set_s, lit_s):
                 return begun_s, *seen
         assert self.ring is not None  # without one no frame waits for its light
-        raise BoardError(self.ring.heat.why_dark(self.url))
+        why = self.ring.heat.why_dark(self.url)
+        raise (
+            BoardError(why) if self.ring.dimmed else ReconnectingError(why)
+        )  # a busy computer is quiet again some time
 
     def _wait_until_due(self) -> None:
         """Wait for the next frame. The schedule stays: `waiting` frames wait for who reads late, no others."""

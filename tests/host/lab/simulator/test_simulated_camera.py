@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, CameraError, InputError
-from gellight.frames.camera import Camera
+from gellight.frames.camera import Camera, ReconnectingError
+from gellight.lab.simulator import simulated_camera
 from gellight.lab.simulator.scene import Press
 from gellight.lab.simulator.simulated_camera import BUFFERS, SimulatedCamera, open_simulated
 from gellight.lab.simulator.stage import PROGRAMME, RETURN_FRAMES, Stage, programme_of_presses
@@ -266,3 +267,15 @@ def test_the_schedule_stays_where_frames_are_read_late() -> None:
         steps = np.diff([first_s, *late_s, camera.read().time_s]) / 0.02
     assert steps == pytest.approx(np.round(steps), abs=1e-6)
     assert steps[1:].tolist() == pytest.approx([1] * BUFFERS, abs=1e-6)
+
+
+def test_a_board_that_stays_dark_for_long_ends_no_stream(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A computer that was too busy for its emulated board is quiet again some time."""
+    monkeypatch.setattr(simulated_camera, "DARK_S", 0.2)
+    with open_quiet() as camera:
+        assert camera.ring is not None
+        monkeypatch.setattr(camera.ring, "lit_since_s", lambda: np.inf)
+        with pytest.raises(ReconnectingError, match="keeps its LEDs dark"):
+            camera.read()
+        monkeypatch.undo()
+        assert camera.read().image.mean() > 10
