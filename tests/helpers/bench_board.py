@@ -121,7 +121,8 @@ class BenchBoard(EmulatedBoard):
     @property
     def timer_began_us(self) -> float:
         """Virtual time at which the timer of the chip was 0, by the ticks of now."""
-        return float(self.now_us - self.chip.peripherals[TIMER].inner._micros())
+        guard: Any = self.chip.peripherals[TIMER]
+        return float(self.now_us - guard.inner._micros())
 
     def usb_text(self, name: str) -> str:
         """Return a string descriptor, as the host read it: manufacturer, product or serial."""
@@ -129,11 +130,13 @@ class BenchBoard(EmulatedBoard):
 
     def suspend(self) -> None:
         """Let the bus fall silent."""
-        self.chip.peripherals[USB].suspend()
+        controller: Any = self.chip.peripherals[USB]
+        controller.suspend()
 
     def resume(self) -> None:
         """Wake the bus; a program that has the port open notices nothing."""
-        self.chip.peripherals[USB].resume()
+        controller: Any = self.chip.peripherals[USB]
+        controller.resume()
 
     def _until_cut(self, count: int) -> int:
         """Erase or program; where the power fails before the end, only the bytes before that."""

@@ -3,6 +3,8 @@
 Nothing waits for the wall clock, so that it is the same on every machine. The host's clock has an offset and a drift.
 """
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -92,7 +94,7 @@ class VirtualCamera(Camera):
         """(H, W, 3) uint8 under (H, 12, 3) or (12, 3)."""
         weights = np.broadcast_to(weights, (SHAPE[0], 12, 3))
         grey = np.einsum("nhw,hnc->hwc", self.lit, weights) + self.rng.normal(0, 1, (*SHAPE, 3))
-        return np.clip(np.round(grey), 0, 255).astype(np.uint8)
+        return np.asarray(np.clip(np.round(grey), 0, 255), np.uint8)
 
     def truth(self, groups: np.ndarray) -> LightLabel | None:
         """What the last frame truly was; None for dark."""
@@ -108,10 +110,11 @@ class VirtualCamera(Camera):
     def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None: ...
 
     def close(self) -> None:
+        assert self.ring is not None
         self.ring.close()
 
 
-def virtual_sensor(monkeypatch: pytest.MonkeyPatch, **options) -> VirtualCamera:
+def virtual_sensor(monkeypatch: pytest.MonkeyPatch, **options: Any) -> VirtualCamera:
     """A new sensor; the modules that are tested get its clock instead of the wall clock."""
     board = BenchBoard(committed_image())
     clock = HostClock(board)

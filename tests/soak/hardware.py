@@ -8,10 +8,11 @@ import logging
 import random
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from gellight.lab.simulator.shutter import Shutter
 from gellight.lab.simulator.usb.encoding import Mark, to_jpeg, to_yuyv
 from gellight.lab.simulator.usb.faults import NO_FAULTS, Faults
 from gellight.ring.light_ring import LightRing
-from gellight.ring.transport import Transport, open_transport
+from gellight.ring.transport import open_transport
 from gellight.ring.wire import LED_COUNT
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.v4l2 import structures as v
@@ -32,6 +33,7 @@ from tests.helpers.usb_tree import UsbTree
 from tests.soak.marks import marked
 from tests.soak.pressed_gel import SHAPE, PressedGel
 from tests.soak.resources import WORKSHOP
+from tests.soak.wires import WiredTransport, Wires
 
 logger = logging.getLogger(__name__)
 SERIAL = "SOAK0001"
@@ -54,56 +56,12 @@ class Exposure:
     """the clock of the emulated board kept pace with the wall clock, as a real board's does"""
 
 
-@dataclass
-class Wires:
-    """The serial line between host and board."""
-
-    flipped: float = 0.0
-    """share of the bytes that arrive with a wrong bit, in either direction"""
-    silent: bool = False
-    """nothing gets through"""
-    draw: random.Random = field(default_factory=lambda: random.Random(0))
-
-    def pass_on(self, data: bytes) -> bytes:
-        """Return what arrives of `data`."""
-        if self.silent or not self.flipped:
-            return b"" if self.silent else data
-        flip = self.draw
-        return bytes(byte ^ (1 << flip.randrange(8)) if flip.random() < self.flipped else byte for byte in data)
-
-
-class WiredTransport:
-    """A transport to the board over `Wires`."""
-
-    def __init__(self, transport: Transport, wires: Wires) -> None:
-        """Disturb what goes through `transport` as `wires` say."""
-        self.url, self._transport, self._wires = transport.url, transport, wires
-
-    def write(self, data: bytes) -> None:
-        """Send what gets through."""
-        if arriving := self._wires.pass_on(data):
-            self._transport.write(arriving)
-
-    def read(self, timeout_s: float) -> bytes:
-        """Return what got through; bytes that are lost end no waiting."""
-        end_s = time.monotonic() + timeout_s
-        while True:
-            left_s = end_s - time.monotonic()
-            data = self._wires.pass_on(self._transport.read(max(left_s, 0.0)))
-            if data or left_s <= 0:
-                return data
-
-    def close(self) -> None:
-        """Close."""
-        self._transport.close()
-
-
 class SoakCamera(CameraDevice):
     """The camera of a sensor; its pictures show the gel under the light that was on."""
 
-    def __init__(self, sensor: "SoakSensor") -> None:
+    def __init__(self, sensor: "FragileSensor") -> None:
         """Look at the gel of `sensor`."""
-        self._sensor, self._last = sensor, b""
+        self._sensor, self._last, self._goes_on_s = sensor, b"", 0.0
         height, width = SHAPE
         super().__init__(
             formats={letters: {(width, height): [30]} for letters in ("YUYV", "MJPG")},
@@ -125,47 +83,55 @@ class SoakCamera(CameraDevice):
         self._last = picture
         return picture[: len(picture) // 2] if chance(faults.torn) else picture
 
-    def resume(self) -> None:
-        """End a stall: the next picture is exposed now."""
-        self.next_s = time.monotonic()
-        self.stalled = False
+    def stall(self, seconds: float) -> None:
+        """Send nothing for so long; the next picture is exposed then."""
+        self._goes_on_s = self._sensor.kernel.clock() + seconds
+        self.stalled = True
+
+    def advance(self, now_s: float) -> None:
+        """Take the pictures that are due."""
+        if self.stalled and now_s >= self._goes_on_s:
+            self.stalled, self.next_s = False, self._goes_on_s
+        super().advance(now_s)
 
 
-class SoakSensor:
-    """One sensor on a bus and in a kernel of its own; close it at the end."""
+class FragileSensor(ABC):
+    """One sensor on a bus and in a kernel of its own, whatever its board is."""
 
-    def __init__(self, folder: Path, seed: int) -> None:
-        """Make bus and kernel in `folder`."""
+    def __init__(self, folder: Path, seed: int, kernel: SimulatedKernel) -> None:
+        """Make a bus in `folder`; `kernel` is given its camera."""
         self.gel = PressedGel()
-        self.kernel, self.usb = SimulatedKernel(), UsbTree(folder)
+        self.kernel, self.usb = kernel, UsbTree(folder)
         self.wires = Wires(draw=random.Random(seed))
         self.faults: Faults = NO_FAULTS
         self.clock_error_s = 0.0
         """by which the camera's time stamps are off"""
-        self.board_faults: list[str] = []
-        """what the firmware did wrong, of boards that had power"""
         self._random = random.Random(seed + 1)
         self._exposures: OrderedDict[int, Exposure] = OrderedDict()
         self._count = self._sockets = 0
         self.port = ""
-        self.board: SimulatedBoard | None = None
         self.camera: SoakCamera | None = None
-        self._workshop = ThreadPoolExecutor(2, thread_name_prefix=WORKSHOP)
-        self._spare: Future[SimulatedBoard] = self._workshop.submit(SimulatedBoard, pty=True)
-        self._retiring: list[Future[None]] = []
-        self._boards = threading.Lock()
-        """held while the board is changed"""
 
     @property
     def surroundings(self) -> Surroundings:
         """What the product opens the sensor with."""
         return Surroundings(kernel=self.kernel, sysfs=self.usb.sysfs, dev=self.usb.dev, open_ring=self._open_ring)
 
+    @abstractmethod
     def _open_ring(self, url: str) -> LightRing:
-        try:
-            return LightRing(WiredTransport(open_transport(url), self.wires), timeout_s=0.25)
-        except GellightError as error:
-            raise BoardError(f"{url}: {error}") from error
+        """Connect to the board at `url` through `wires`."""
+
+    @abstractmethod
+    def _power_on(self, serial: Path) -> None:
+        """Give the board power, at this node from now on."""
+
+    @abstractmethod
+    def _cut_power(self) -> None:
+        """Take the power of the board."""
+
+    @abstractmethod
+    def _lights(self, start_s: float) -> tuple[NDArray[np.uint8], bool]:
+        """Return what `Exposure` tells of the light and of the board's clock, of an exposure from `start_s` on."""
 
     def chance(self, share: float) -> bool:
         """Return whether something happens that happens in this share of the cases."""
@@ -177,13 +143,10 @@ class SoakSensor:
         """Plug the sensor in, at another port than before; its board has power and runs when this returns."""
         self._sockets += 1
         self.port = f"1-{self._sockets % 4 + 1}"
-        with self._boards:
-            self.board = self._spare.result()
-            self._spare = self._workshop.submit(SimulatedBoard, pty=True)
         self.camera = SoakCamera(self)
         video, serial = self.usb.plug(self.port, serial=SERIAL, cameras=1, rings=1)
         Path(serial).unlink()
-        Path(serial).symlink_to(self.board.path)
+        self._power_on(Path(serial))
         self.kernel.cameras = {video: self.camera}
 
     def unplug(self) -> None:
@@ -194,12 +157,55 @@ class SoakSensor:
         self._cut_power()
         self.kernel.cameras, self.camera = {}, None
 
-    def brown_out(self, seconds: float) -> None:
-        """Let the supply of the board dip: it is at the same node again after so long; the camera has not noticed."""
-        serial = next(path for path in self.usb.plugged[self.port] if path.parent == self.usb.dev and path.is_symlink())
+    def brown_out(self, wait: Callable[[], object]) -> None:
+        """Let the supply of the board dip while `wait` lasts, then it is at its node again; the camera goes on."""
+        nodes = (path for path in self.usb.plugged[self.port] if path.parent == self.usb.dev)
+        serial = next(path for path in nodes if "tty" in path.name)
         serial.unlink()
         self._cut_power()
-        time.sleep(seconds)
+        wait()
+        self._power_on(serial)
+
+    # ---- light and pictures ----
+
+    def expose(self, start_s: float) -> tuple[NDArray[np.uint8], Exposure]:
+        """Return the picture that was exposed from `start_s` on, and remember what it shows."""
+        lights, on_time = self._lights(start_s)
+        self._count += 1
+        exposure = Exposure(self._count, start_s, lights, on_time)
+        self._exposures[self._count] = exposure
+        if len(self._exposures) > KEPT_EXPOSURES:
+            self._exposures.popitem(last=False)
+        image = digitised(self.gel.picture(lights.mean(axis=0)), np.random.default_rng(self._count))
+        return marked(image, self._count), exposure
+
+    def exposure(self, number: int) -> Exposure | None:
+        """Return what the picture of this number really is; None where there was none, or it is long ago."""
+        return self._exposures.get(number)
+
+
+class SoakSensor(FragileSensor):
+    """A sensor on the wall clock, whose board is a process; close it at the end."""
+
+    def __init__(self, folder: Path, seed: int) -> None:
+        """Make bus and kernel in `folder`."""
+        super().__init__(folder, seed, SimulatedKernel())
+        self.board_faults: list[str] = []
+        """what the firmware did wrong, of boards that had power"""
+        self.board: SimulatedBoard | None = None
+        self._workshop = ThreadPoolExecutor(2, thread_name_prefix=WORKSHOP)
+        self._spare: Future[SimulatedBoard] = self._workshop.submit(SimulatedBoard, pty=True)
+        self._retiring: list[Future[None]] = []
+        self._boards = threading.Lock()
+        """held while the board is changed"""
+
+    def _open_ring(self, url: str) -> LightRing:
+        try:
+            return LightRing(WiredTransport(open_transport(url), self.wires), timeout_s=0.25)
+        except GellightError as error:
+            raise BoardError(f"{url}: {error}") from error
+
+    def _power_on(self, serial: Path) -> None:
         with self._boards:
             self.board = self._spare.result()
             self._spare = self._workshop.submit(SimulatedBoard, pty=True)
@@ -228,8 +234,6 @@ class SoakSensor:
         self._workshop.submit(self._retire, self._spare.result())
         self._workshop.shutdown()
 
-    # ---- light and pictures ----
-
     def lit(self) -> bool:
         """Whether any LED shines now."""
         with self._boards:
@@ -241,17 +245,6 @@ class SoakSensor:
         with self._boards:
             board = self.board
         return board.virtual_us(time.monotonic()) if board is not None else np.inf
-
-    def expose(self, start_s: float) -> tuple[NDArray[np.uint8], Exposure]:
-        """Return the picture that was exposed from `start_s` on, and remember what it shows."""
-        lights, on_time = self._lights(start_s)
-        self._count += 1
-        exposure = Exposure(self._count, start_s, lights, on_time)
-        self._exposures[self._count] = exposure
-        if len(self._exposures) > KEPT_EXPOSURES:
-            self._exposures.popitem(last=False)
-        image = digitised(self.gel.picture(lights.mean(axis=0)), np.random.default_rng(self._count))
-        return marked(image, self._count), exposure
 
     def _lights(self, start_s: float) -> tuple[NDArray[np.uint8], bool]:
         with self._boards:
@@ -267,10 +260,6 @@ class SoakSensor:
         except GellightError as error:
             logger.info("the light of a picture is not known: %s", error)
             return dark, False
-
-    def exposure(self, number: int) -> Exposure | None:
-        """Return what the picture of this number really is; None where there was none, or it is long ago."""
-        return self._exposures.get(number)
 
 
 def _seen(board: SimulatedBoard, start_s: float, clock_us: Callable[[float], float]) -> NDArray[np.uint8]:

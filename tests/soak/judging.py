@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.frames.frames import CameraFrame, LightState
 from gellight.frames.pose import ObjectPose
-from tests.soak.hardware import Exposure, SoakSensor
+from tests.soak.hardware import Exposure, FragileSensor
 from tests.soak.marks import read_number
 
 logger = logging.getLogger(__name__)
 TICK_S = 0.02
 LATE_S = 0.01
 """a thread that wakes up later than this was kept from the processor"""
+RECOVERY_S = 3.0
 DARK_WITHIN_S = 1.5
 """a board that hears nothing goes dark after one second"""
 STAMP_ERROR_S = 0.003
@@ -81,7 +82,7 @@ class Patience:
 class Judge:
     """Notes violations, of frames and of what others report. Safe to use from any thread."""
 
-    def __init__(self, sensor: SoakSensor) -> None:
+    def __init__(self, sensor: FragileSensor) -> None:
         """Judge frames of `sensor`."""
         self.violations: list[Violation] = []
         self.judged: Counter[Invariant] = Counter()

@@ -16,9 +16,10 @@ import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -26,11 +27,12 @@ import numpy as np
 from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.lab.emulator.child import SimulatedBoard
-from gellight.lab.simulator.usb.faults import NO_FAULTS, Faults
 from tests.helpers.small_bundles import ordinary
 from tests.soak.faults import FaultKind, PlannedFault, plan
 from tests.soak.hardware import SERIAL, SHUTTER, SoakSensor, digitised
-from tests.soak.judging import DARK_WITHIN_S, Invariant, Judge, Patience, Violation
+from tests.soak.judging import DARK_WITHIN_S, RECOVERY_S, Invariant, Judge, Patience, Violation
+from tests.soak.labelling import Labelling
+from tests.soak.maltreating import JUMP_S, maltreat
 from tests.soak.marks import BITS, marked
 from tests.soak.pressed_gel import PIXEL_MM, PressedGel
 from tests.soak.resources import FEWEST, FIRST_RESTS, Holdings, handle_growth, memory_growth_mb
@@ -40,20 +42,11 @@ from tests.soak.working import Work
 logger = logging.getLogger(__name__)
 REFERENCE_FRAMES = 30
 QUIET_S = 2.0
-RECOVERY_S = 3.0
 GIVE_UP_S = 30.0
 FAULTS_A_SHIFT = 8
 POLL_S = 0.02
 PROGRESS_S, STEPS = 20.0, 6
 """so long a fault waits until a calibration has gone on by so much"""
-DISTURBED = 0.3
-"""share of the pictures, at most, that a fault of pictures hits"""
-FLIPPED = 0.01
-"""share of the bytes, at most, that arrive wrong"""
-BOOT_S = 0.3
-"""a board needs to start and to be found by the kernel"""
-JUMP_S = 7200.0
-"""by which a clock jumps, at most"""
 
 
 @dataclass
@@ -79,11 +72,21 @@ class Report:
     """frames that were called clean, and judged"""
     unjudged_labels: int = 0
     """called clean while the emulator lagged behind the wall clock"""
+    slowest_label_s: float = 0.0
+    """from the end of a fault until a frame was called clean again, on virtual time"""
     memory_growth_mb: float = 0.0
     work: Work = field(default_factory=Work)
     faults: dict[str, Outcome] = field(default_factory=dict)
     violations: list[Violation] = field(default_factory=list)
     not_judged: list[Invariant] = field(default_factory=list)
+
+    def add_labels(self, labelling: Labelling) -> None:
+        """Take in what was found of labels."""
+        judge = labelling.judge
+        self.labels, self.slowest_label_s = self.labels + judge.labels, labelling.slowest_s
+        self.violations += judge.violations
+        if judge.labels:
+            self.not_judged = [invariant for invariant in self.not_judged if invariant is not Invariant.LABEL]
 
     @property
     def passed(self) -> bool:
@@ -140,11 +143,8 @@ class Soak:
         self._end_s = math.inf
         self._done = threading.Event()
         self._make: Mapping[FaultKind, Callable[[PlannedFault, Shift], None]] = {
-            FaultKind.UNPLUGGED: self._unplug, FaultKind.BROWN_OUT: self._brown_out, FaultKind.STALL: self._stall,
-            FaultKind.TORN: self._pictures, FaultKind.DROPPED: self._pictures, FaultKind.DUPLICATED: self._pictures,
-            FaultKind.DAMAGED: self._pictures, FaultKind.CORRUPT_PACKETS: self._corrupt,
-            FaultKind.SILENCE: self._silence, FaultKind.CAMERA_CLOCK: self._camera_clock,
-            FaultKind.WALL_CLOCK: self._wall_clock, FaultKind.FULL_DISK: self._full_disk,
+            FaultKind.SILENCE: self._silence, FaultKind.WALL_CLOCK: self._wall_clock,
+            FaultKind.FULL_DISK: self._full_disk,
             FaultKind.SUBSCRIBER_KILLED: self._kill_reader, FaultKind.SUBSCRIBER_FROZEN: self._freeze_reader,
             FaultKind.HOST_KILLED: self._kill_host,
         }  # fmt: skip
@@ -199,7 +199,10 @@ class Soak:
     def _one(self, fault: PlannedFault, shift: Shift) -> float:
         """Make a fault; return how long the recovery took."""
         try:
-            self._make[fault.kind](fault, shift)
+            if fault.kind in self._make:
+                self._make[fault.kind](fault, shift)
+            else:
+                maltreat(self.sensor, fault, time.sleep)
         except GellightError as error:
             self.judge.broken(Invariant.RUNNING, f"{fault.kind}: {error}")
         recovery_s = self._recover(fault.kind, shift)
@@ -256,45 +259,13 @@ class Soak:
 
     # ---- faults ----
 
-    def _unplug(self, fault: PlannedFault, _: Shift) -> None:
-        self.sensor.unplug()
-        time.sleep(fault.seconds)
-        self.sensor.plug()
-
-    def _brown_out(self, fault: PlannedFault, _: Shift) -> None:
-        self.sensor.brown_out(BOOT_S + fault.seconds)
-
-    def _stall(self, fault: PlannedFault, _: Shift) -> None:
-        camera = self.sensor.camera
-        assert camera is not None
-        camera.stalled = True
-        time.sleep(fault.seconds)
-        camera.resume()
-
-    def _pictures(self, fault: PlannedFault, _: Shift) -> None:
-        share = DISTURBED * (0.1 + 0.9 * fault.strength)
-        names = {FaultKind.TORN: "torn", FaultKind.DROPPED: "drop", FaultKind.DUPLICATED: "duplicate",
-                 FaultKind.DAMAGED: "error"}  # fmt: skip
-        self.sensor.faults = Faults.model_validate({names[fault.kind]: share})
-        time.sleep(fault.seconds)
-        self.sensor.faults = NO_FAULTS
-
-    def _corrupt(self, fault: PlannedFault, _: Shift) -> None:
-        self.sensor.wires.flipped = FLIPPED * (0.1 + 0.9 * fault.strength)
-        time.sleep(fault.seconds)
-        self.sensor.wires.flipped = 0.0
-
     def _silence(self, fault: PlannedFault, _: Shift) -> None:
-        self.sensor.wires.silent = True
-        begun_s = time.monotonic()
-        self._expect_dark("the host fell silent")
-        time.sleep(max(begun_s + fault.seconds - time.monotonic(), 0.0))
-        self.sensor.wires.silent = False
+        def wait(seconds: float) -> None:
+            begun_s = time.monotonic()
+            self._expect_dark("the host fell silent")
+            time.sleep(max(begun_s + seconds - time.monotonic(), 0.0))
 
-    def _camera_clock(self, fault: PlannedFault, _: Shift) -> None:
-        self.sensor.clock_error_s = (2 * fault.strength - 1) * JUMP_S
-        time.sleep(fault.seconds)
-        self.sensor.clock_error_s = 0.0
+        maltreat(self.sensor, fault, wait)
 
     def _wall_clock(self, fault: PlannedFault, _: Shift) -> None:
         self.clock.error_s += (2 * fault.strength - 1) * JUMP_S
@@ -376,12 +347,23 @@ class Soak:
 def soak(seed: int, hours: float, note: Callable[[str], object] = logger.info, *, minutes: float = math.inf) -> Report:
     """Soak a simulated sensor for that many simulated hours, or minutes; `note` is told of every fault.
 
+    Then the faults that were made are made once more on virtual time, for labels.
     Raises InputError where no fault of the plan falls into that time: such a run would say nothing.
     """
     if not any(True for _ in plan(seed, hours)):
         raise InputError(f"no fault of seed {seed} falls into {hours:g} h: give more hours")
     with tempfile.TemporaryDirectory(prefix="gellight-soak-") as folder:
-        return Soak(seed, Path(folder), note).run(plan(seed, hours), minutes)
+        report = Soak(seed, Path(folder), note).run(plan(seed, hours), minutes)
+    report.add_labels(labels(seed, takewhile(lambda fault: fault.at_s <= report.simulated_s, plan(seed, hours)), note))
+    return report
+
+
+def labels(seed: int, faults: Iterable[PlannedFault], note: Callable[[str], object] = logger.info) -> Labelling:
+    """Judge labels of light through those of the faults that are of the sensor, on virtual time."""
+    with tempfile.TemporaryDirectory(prefix="gellight-labels-") as folder:
+        labelling = Labelling(seed, Path(folder) / "bus", soak_bundle(Path(folder) / "bundle", PressedGel()))
+        labelling.run(faults, note)
+    return labelling
 
 
 def soak_bundle(folder: Path, gel: PressedGel) -> Bundle:

@@ -23,8 +23,8 @@ from tests.helpers.places import CHECKOUT
 from tests.soak import shift
 from tests.soak.__main__ import table
 from tests.soak.faults import FaultKind, PlannedFault, plan
-from tests.soak.judging import Invariant
-from tests.soak.run import RECOVERY_S, Report, Soak, soak
+from tests.soak.judging import RECOVERY_S, Invariant
+from tests.soak.run import Report, Soak, soak
 from tests.soak.shift import Shift
 
 SEED = 2026
@@ -57,10 +57,9 @@ def test_everything_holds_under_faults_drawn_at_random() -> None:
     ended = program("--hours", str(HOURS), "--faults", str(SEED), "--json")
     report = json.loads(ended.stdout)
     assert report["violations"] == [], ended.stderr
-    assert set(report["not_judged"]) <= {Invariant.LABEL}, (
-        "on a busy machine the emulated board's clock is not known well"
-    )
-    assert ended.returncode == bool(report["not_judged"])
+    assert report["not_judged"] == []
+    assert ended.returncode == 0
+    assert report["labels"] > 0
     assert set(report["faults"]) == set(FaultKind), "every kind of fault was made"
     assert report["frames"] > 200, "three a second come while the sensor is calibrated"
 
@@ -68,7 +67,6 @@ def test_everything_holds_under_faults_drawn_at_random() -> None:
 def test_what_was_not_judged_did_not_hold() -> None:
     ended = program("--hours", "0.01", "--faults", "11")
     assert ended.returncode == 1, ended.stderr
-    assert "not judged: no wrong light label\n" in ended.stdout
     assert "not judged: memory bounded\n" in ended.stdout
     assert "everything held" not in ended.stdout
 
