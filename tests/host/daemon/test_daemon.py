@@ -301,6 +301,26 @@ def test_a_second_reader_is_told_at_once_that_the_daemon_was_stopped() -> None:
         _ = [shared.read() for _ in range(3)]
 
 
+@pytest.mark.parametrize("fails", ["join", "start"])
+def test_a_camera_is_closed_whatever_keeps_its_threads_from_ending_or_starting(
+    fails: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As Ctrl-C for the second time does, and a computer that has no memory for another thread."""
+    camera, usual, calls = ScriptedCamera(period_s=0.001), getattr(threading.Thread, fails), []
+
+    def second(thread: threading.Thread, *arguments: Any) -> None:
+        calls.append(thread)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        usual(thread, *arguments)
+
+    monkeypatch.setattr(threading.Thread, fails, second)
+    with pytest.raises(KeyboardInterrupt), daemon_of(camera) as daemon:
+        daemon.wait_frame(0, 10)
+    assert camera.closed
+    assert not {"capture", "reconstruct"} & {thread.name for thread in threading.enumerate()}
+
+
 def test_camera_and_reconstruction_run_first_if_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[tuple[int, int, int]] = []
     monkeypatch.setattr(
