@@ -102,7 +102,7 @@ def test_credits_are_bounded(server: DashboardServer, source: FormulaSource) -> 
 
 
 def test_status_comes_by_itself_and_without_nan(server: DashboardServer, source: FormulaSource) -> None:
-    source.figures["fps"] = float("nan")
+    source.figures["fps"], begun_s = float("nan"), time.monotonic()
 
     async def act(page: Page) -> None:
         status = await page.text("status")
@@ -112,7 +112,7 @@ def test_status_comes_by_itself_and_without_nan(server: DashboardServer, source:
         assert status["clients"] == 1
         assert status["stage"]["objects"][0] == "BALL"
         assert status["stage"]["max_depth_mm"] == 2.0
-        assert abs(status["now_s"] - time.monotonic()) < FRAME_S
+        assert begun_s < status["now_s"] < time.monotonic()
         assert (await page.text("status"))["now_s"] > status["now_s"]
 
     with_pages(server, 1, act)
