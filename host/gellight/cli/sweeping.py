@@ -13,7 +13,7 @@ from gellight.cli.showing import progress, show
 from gellight.lab.simulator.sweep import ResultStore, SweepIncomplete, SweepOptions, available_cores, parse_shard
 from sim_reference.deformation import NotConverged
 
-Workers = Annotated[int, typer.Option("--workers", min=0, help="Processes; 0: one for each core.")]
+Workers = Annotated[int, typer.Option("--workers", min=0, max=1024, help="Processes; 0: one for each core.")]
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,10 @@ class Sweeping:
     scheduler: Annotated[str | None, typer.Option("--scheduler", metavar="URL", help="Dask scheduler, tcp://...")] = (
         None
     )
+
+    def __post_init__(self) -> None:
+        """Refuse a part that is none, before a folder is made."""
+        parse_shard(self.shard)
 
     @contextmanager
     def sweep_in(self, store: ResultStore, title: str, *, as_json: bool) -> Iterator[SweepOptions]:

@@ -18,7 +18,7 @@ import numpy as np
 import platformdirs
 
 import sim_reference
-from gellight.base.errors import InputError
+from gellight.base.errors import InputError, first_line
 from gellight.base.writing import write_file
 from gellight.lab.simulator.scene import Array
 from sim_reference import gel
@@ -115,4 +115,6 @@ def _read(path: Path, spacing_mm: float) -> Deformation:
         with np.load(path) as kept:
             return Deformation(kept["depth_mm"].astype(np.float64), kept["pressure"].astype(np.float64), spacing_mm)
     except DAMAGED as error:
-        raise InputError(f"the kept press {path} cannot be read ({error}): remove it, it is made again") from error
+        raise InputError(
+            f"the kept press {path} cannot be read ({first_line(error)}): remove it, it is made again"
+        ) from error

@@ -129,6 +129,7 @@ def test_a_solid_from_a_file_is_an_object(tmp_path: Path) -> None:
     [
         (["--object", "cube", "--depth-mm", "1"], "choose one of BALL, TSTEP"),
         (["--object", "nowhere.stl", "--depth-mm", "1"], "cannot be read"),
+        (["--object", "models/cup.step", "--depth-mm", "1"], "models/cup.step is not a .stl file"),
         (["--object", "ball", "--depth-mm", "3.5"], "above 0 to 3 mm"),
         (["--object", "ball", "--depth-mm", "1", "--force-n", "1"], "one of the two"),
         (["--object", "ball"], "one of the two"),
@@ -148,4 +149,5 @@ def test_what_cannot_be_pressed_is_refused_with_what_works(tmp_path: Path, given
     assert result.exit_code != 0
     assert isinstance(result.exception, InputError)
     assert reason in str(result.exception)
+    assert "takes" not in result.stderr, "nobody waits for what was refused"
     assert not (tmp_path / "new").exists()
