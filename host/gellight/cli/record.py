@@ -13,7 +13,7 @@ from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.cli.ending import until_interrupted
 from gellight.cli.one_sensor import WAIT_S, RunOptions, opened
-from gellight.cli.options import AsJson, Seconds, with_options
+from gellight.cli.options import AsJson, Seconds, check_out, with_options
 from gellight.cli.showing import show
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream
@@ -47,6 +47,7 @@ def command(
     The file has the camera's own bytes, times and light of each frame, and the calibration bundle. It ends, whole, at
     Ctrl-C, after --seconds or --frames, and before the disk is full.
     """
+    check_out(out, None)
     settings = load_settings({"sensor.url": sensor, **options.flags()})
     with opened(settings, dashboard=dashboard) as (daemon, _):
         recorder = Recorder(daemon, out, name=settings.stream.name, depth=depth, maps=maps or (), frames=options.frames)

@@ -7,7 +7,7 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.cli.lazy import MARKUP
-from gellight.cli.options import AsJson, GeometryFile, Overwrite, refuse_existing, with_options
+from gellight.cli.options import AsJson, GeometryFile, Overwrite, check_out, with_options
 from gellight.cli.showing import progress, show
 from gellight.cli.sweeping import Sweeping, Workers
 from gellight.lab.design.geometry import read_geometry
@@ -68,7 +68,7 @@ def press(
     pose that was under way.
     """
     _check_load(depth, force, free, load_at)
-    refuse_existing(out / ("report.json" if path else "press.npz"), overwrite)
+    check_out(out / ("report.json" if path else "press.npz"), overwrite)
     request = PressRequest(object_name=object_name, depth_mm=depth, force_n=force, gel=gel, resolution_mm=resolution,
                      friction=friction, free_at_mm=(load_at or (0.0, 0.0)) if free else None)  # fmt: skip
     _press(request, path, out, read_geometry(geometry), as_json)
@@ -180,7 +180,7 @@ def sequence(
     as_json: AsJson = False,
 ) -> None:
     """Move one object through the gel as a file says: a picture a step, and poses.csv with the true pose of each."""
-    refuse_existing(out / "poses.csv", overwrite)
+    check_out(out / "poses.csv", overwrite)
     sensor = read_geometry(geometry)
     report = write_sequence(
         read_sequence(file, sensor), out, sensor, gel=gel, resolution_mm=resolution, noise_grey=noise, seed=seed

@@ -11,7 +11,7 @@ from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.export import felt_frames
-from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_options
+from gellight.cli.options import AsJson, Overwrite, check_out, with_options
 from gellight.cli.showing import show
 from gellight.frames.frames import TactileFrame
 from gellight.lab.scanning.height_map import HeightMap, load_height_map
@@ -125,7 +125,7 @@ def command(
     the pixels allow, lies within the errors, or was not reached by the gel is refused. Lengths are in mm.
     """
     for path in out or ():
-        refuse_existing(path, overwrite)
+        check_out(path, overwrite)
     if file.suffix == ".mcap":
         surface = recorded.map_of(file)
     else:

@@ -35,7 +35,7 @@ def test_the_map_is_written_and_nothing_replaced_unasked(plate: Path) -> None:
     assert invoke("surface", plate, "--out", out).stdout.startswith("written: ")
     before = out.read_bytes()
     refused = invoke("surface", plate, "--out", out)
-    assert refused.exit_code == 2
+    assert "exists: choose another name" in str(refused.exception)
     assert out.read_bytes() == before
     assert invoke("surface", plate, "--out", out, "--overwrite").exit_code == 0
 

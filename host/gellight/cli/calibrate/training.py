@@ -38,7 +38,7 @@ Prisms = Annotated[
     typer.Option(help="csv of presses of prisms of known angle, as `detect --prism-angle-deg` writes it"),
 ]
 Like = Annotated[str | None, typer.Option(help="bundle of a like unit: with few presses of this one, its presses help")]
-Threads = Annotated[int, typer.Option(min=1, help="of its matrix products")]
+Threads = Annotated[int, typer.Option(min=1, max=1024, help="of its matrix products")]
 Trainer = Annotated[TrainerName, typer.Option(help="torch: PyTorch, where it is installed")]
 
 
