@@ -12,7 +12,6 @@ import zlib
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import platformdirs
@@ -20,6 +19,7 @@ import platformdirs
 import sim_reference
 from gellight.base.errors import InputError, first_line
 from gellight.base.writing import write_file
+from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
 from gellight.lab.simulator.scene import Array
 from sim_reference import gel
 from sim_reference.deformation import Deformation, GelModel, NotConverged
@@ -29,12 +29,6 @@ from sim_reference.geometry import SensorGeometry
 logger = logging.getLogger(__name__)
 
 
-GelKind = Literal["layer", "fem"]
-"""how the gel is computed: as an elastic layer of small strain, a second a press; or by finite elements, a minute"""
-
-
-RESOLUTION_MM = 0.3
-"""of the finite elements"""
 DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
 """what NumPy raises for an .npz that cannot be read, or lacks a field"""
 

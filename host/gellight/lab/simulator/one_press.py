@@ -18,7 +18,8 @@ import numpy as np
 
 from gellight.base.errors import InputError, first_line
 from gellight.base.writing import new_folder, write_file
-from gellight.lab.simulator.gel_models import DAMAGED, GelKind, source_digest
+from gellight.lab.simulator.choices import GelKind
+from gellight.lab.simulator.gel_models import DAMAGED, source_digest
 from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.scene import Array
 from sim_reference import gel
