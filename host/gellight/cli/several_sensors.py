@@ -19,7 +19,8 @@ from gellight.base.parent import end_with_parent
 from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import Settings
 from gellight.cli.ending import Ending, end
-from gellight.cli.one_sensor import STATUS_S, RunOptions, follow, opened, print_status
+from gellight.cli.one_sensor import STATUS_S, follow, opened, print_status
+from gellight.cli.run_options import RunOptions
 from gellight.cli.showing import show, table
 from gellight.dashboard.chooser import Choice, Chooser
 from gellight.dashboard.server import PageServer

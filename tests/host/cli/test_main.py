@@ -46,6 +46,9 @@ HEAVY = {"numpy", "cv2", "scipy", "onnxruntime", "aiohttp", "sim_reference", "ze
         ("config --help", HEAVY),
         ("firmware --help", HEAVY),
         ("ring --help", HEAVY - {"numpy"}),
+        *((f"{verb} --help", HEAVY - {"numpy"}) for verb in ("run", "demo", "record", "replay", "export", "scan")),
+        *((f"{verb} --help", HEAVY - {"numpy"}) for verb in ("reconstruct", "surface", "selfcheck", "calibrate")),
+        *((f"{verb} --help", HEAVY - {"numpy"}) for verb in ("simulate press", "optimize design")),
     ],
 )
 def test_a_verb_imports_only_what_it_needs(arguments: str, own: set[str], tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from gellight.base.csv_file import Row, number_in, read_rows
-from gellight.base.errors import InputError
+from gellight.base.errors import InputError, first_line
 from gellight.base.writing import new_folder, write_file
 from gellight.lab.simulator.gel_models import DAMAGED, source_digest
 from gellight.lab.simulator.memory import check_memory
@@ -181,7 +181,7 @@ class _Drag:
                 return poses, Checkpoint(state, float(kept["increment_mm"]), True, float(kept["gap_share"]),
                                          kept["anchor"], kept["layer_mm"])  # fmt: skip
         except DAMAGED as error:
-            raise InputError(f"{path} cannot be read ({error}): remove it, the drag begins anew") from error
+            raise InputError(f"{path} cannot be read ({first_line(error)}): remove it, the drag begins anew") from error
 
 
 def _told(one: Dragged) -> PoseReport:

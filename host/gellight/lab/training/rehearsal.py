@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gellight.base.errors import TrainingError
+from gellight.base.errors import TrainingError, first_line
 from gellight.lab.training.child import Check, go_on
 from gellight.lab.training.table import PressTable
 from gellight.lab.training.trainer import TrainerName
@@ -30,7 +30,8 @@ def _trained_by(trainer: TrainerName, check: Check) -> str:
         _, record = train(table, TrainingOptions(recipe="fast", width=1, epochs=1, trainer=trainer), check=check)
     except (TrainingError, OSError) as error:
         raise TrainingError(
-            f"no network can be trained here ({error}): repair what is named there, or choose the other --trainer"
+            f"no network can be trained here ({first_line(error)}): repair what is named there, or choose "
+            "the other --trainer"
         ) from error
     return str(record["trainer"])
 

@@ -30,7 +30,6 @@ from gellight.reconstruction.fine_pattern import pattern_match
 from gellight.reconstruction.image_noise import measure_noise, noise_of_one
 
 Floats = NDArray[np.float32]
-RECIPES = ("fast", "thorough", "paper")
 MATCHED_PRESSES = 9
 """evenly chosen: they show how well the fine pattern of the unit can be seen"""
 HAND_DRAWN = TableOptions(rim_share=0.25)

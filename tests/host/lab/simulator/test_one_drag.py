@@ -13,7 +13,7 @@ from gellight.lab.simulator.one_press import PressRequest
 from sim_reference.fem.dragging import Pose
 from sim_reference.fem.newton import Step
 from sim_reference.geometry import SensorGeometry
-from tests.helpers.command_line import invoke
+from tests.helpers.command_line import invoke, refused
 
 GEOMETRY = SensorGeometry()
 BALL = PressRequest(object_name="ball", depth_mm=0.4, force_n=None, gel="fem", resolution_mm=1.25, friction=0.8)
@@ -49,7 +49,7 @@ def test_the_verb_writes_each_pose_and_goes_on_where_it_was_interrupted(tmp_path
         assert written["pressure_mpa"].sum() * written["spacing_mm"] ** 2 == pytest.approx(dragged[2], rel=0.05)
         assert written["tangential_mm"][256, 256] == pytest.approx([-0.05, 0.0], abs=0.01)
     assert not (folder / "state.npz").exists()
-    assert "exists" in invoke(*command).output
+    assert "exists" in refused(invoke(*command))
 
 
 @pytest.mark.parametrize(
