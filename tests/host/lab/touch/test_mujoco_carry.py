@@ -200,6 +200,17 @@ def test_a_body_is_pushed_where_and_as_the_spring_says() -> None:
     assert np.pi * spring.radius**2 == pytest.approx(80e-6, rel=0.15)
 
 
+def test_a_gel_is_pulled_and_turned_against_what_it_does_to_the_body() -> None:
+    """Of 0.05 N at (1, 2) mm, and a spin of 0.05 N mm, about the gel's centre: 2 x 0.05 - 0.05 N mm."""
+    _, data, carry = in_the_gel()
+    force, torque = np.array([0.05, 0.0, 1.0]), np.array([0.0, 0.0, 0.05])
+    point = data.site("gel").xpos + carry.gels["gel"].gap.rotation(data) @ [1e-3, 2e-3, 0.0]
+    held = [Held("gel", 2, force, torque, 1.0, True, point), Held("other", 2, force, torque, 1.0, True, point)]
+    sheared = carry.shear(data, "gel", carry.gels["gel"].feel(data), held)
+    assert sheared.force_n == pytest.approx((-0.05, 0.0), abs=2e-4)
+    assert sheared.torque_nmm == pytest.approx(0.05, abs=2e-3)
+
+
 def test_each_gel_is_as_stiff_sideways_as_its_own_poissons_ratio_says() -> None:
     """2 (1 - nu) / (2 - nu) of what it has along its normal."""
     twin = '<body name="other"><site name="twin"/></body><body name="object" pos'
