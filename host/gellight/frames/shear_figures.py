@@ -59,7 +59,9 @@ class ShearFigures(StrictModel):
         return cls.model_construct(field_mm=field, **known)
 
     def shear(self, dots: DotsSeen) -> Shear:
-        """Return what was felt, without the traction map."""
+        """Return what was felt, without the traction map; ValueError where it is of other dots."""
+        if len(self.field_mm) != len(dots.reasons):
+            raise ValueError(f"{len(self.field_mm)} displacements of {len(dots.reasons)} dots")
         field = np.array([(np.nan, np.nan) if one is None else one for one in self.field_mm]).reshape(-1, 2)
         known = {name: getattr(self, name) for name in type(self).model_fields}
         return replace(Shear(dots=dots, field_mm=field), **known | {"field_mm": field})

@@ -299,7 +299,10 @@ def _shear(figures: ShearFigures | None, dots: DotsSeen | None, frame: ReceivedF
         shear = frame.measures.shear(frame.depth_mm, dots, frame.force) if frame.measures else None
         return shear.traction_mpa if shear else None
 
-    return replace(figures.shear(dots), traction_of=traction_mpa)
+    try:
+        return replace(figures.shear(dots), traction_of=traction_mpa)
+    except ValueError as error:
+        raise _damaged(str(error)) from None
 
 
 def check_version(message: bytes) -> None:

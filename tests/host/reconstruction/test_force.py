@@ -51,6 +51,16 @@ def test_the_pressure_map_is_where_the_ball_presses_and_adds_up_to_the_force() -
     assert force.pressure_mpa.max() == pytest.approx(press.pressure_mpa.max(), rel=0.1)
 
 
+@pytest.mark.parametrize("dip_mm", [0.0, 0.03])
+def test_a_zero_that_is_off_and_leans_and_a_dip_far_away_change_no_force(dip_mm: float) -> None:
+    """The layer knows the depth beside the contact; where a tenth of that is off, the others tell."""
+    press = weighed(0.5, 3.0)
+    down, across = (np.linspace(0, 1, length) for length in SHAPE)
+    depth = press.depth_mm + 0.01 + 0.02 * down[:, None] - 0.015 * across
+    depth[down < 0.1] -= dip_mm
+    assert SCALE.force(depth.astype(np.float32), PIXELS).normal_n == pytest.approx(press.force_n, rel=0.01)
+
+
 def test_the_gel_at_rest_carries_nothing() -> None:
     force = SCALE.force(np.zeros(SHAPE, np.float32), PIXELS)
     assert (force.normal_n, force.error_n, force.flags) == (0.0, 0.02, ())

@@ -20,6 +20,7 @@ from gellight.stream.subscription import subscribe
 from tests.helpers.scripted_camera import ScriptedCamera
 from tests.helpers.sessions import session_of
 from tests.helpers.streamed import SHAPE, BumpReconstructor, bump_daemon
+from tests.helpers.waiting import eventually
 
 PATIENCE_S = 0.2
 
@@ -81,7 +82,9 @@ def test_a_callback_outlives_an_absence_of_the_sensor_and_is_told_of_it(opened: 
                 told.get()
 
 
-def test_an_absence_is_logged_once_where_nobody_asks_to_be_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_absence_is_logged_once_where_nobody_asks_to_be_told(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
     camera: Any = PluggedCamera()
     seen: SimpleQueue[TactileFrame] = SimpleQueue()
 
@@ -89,11 +92,14 @@ def test_an_absence_is_logged_once_where_nobody_asks_to_be_told(caplog: pytest.L
         return [record.message for record in caplog.records if record.name == "gellight.stream.source"]
 
     with in_this_process(session_of(camera, BumpReconstructor())) as frames:
+        waits, why = [], frames._why_none
+        monkeypatch.setattr(frames, "_why_none", lambda: waits.append(why()) or waits[-1])
         frames.listen(seen.put)
         for absences in (1, 2):
             newest_of(seen)
             camera.plugged.clear()
-            time.sleep(4 * PATIENCE_S)
+            before = len(waits)
+            eventually(lambda before=before: len(waits) > before + 3)
             assert said() == ["no frame for 0.2 s: it was unplugged"] * absences
             camera.plugged.set()
 

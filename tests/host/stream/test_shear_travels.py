@@ -76,6 +76,7 @@ def test_a_gel_without_dots_sends_nothing_of_them() -> None:
 @pytest.mark.parametrize("spoil", [
     lambda text: text.replace(b'"reasons":[0,1,0]', b'"reasons":[0,1]  '),
     lambda text: text.replace(b'"reasons":[0,1,0]', b'"reasons":[0,9,0]'),
+    lambda text: text.replace(b'"field_mm":[[0.05,-0.025],', b'"field_mm":[              '),
 ])  # fmt: skip
 def test_damaged_dots_are_refused(spoil: Callable[[bytes], bytes]) -> None:
     with pytest.raises(StreamError, match="damaged"):

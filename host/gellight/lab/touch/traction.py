@@ -115,11 +115,9 @@ class Traction:
             return rest
         (x, y), cell_mm2 = centre_mm, float(self.at_mm[1] - self.at_mm[0]) ** 2
         rim_mm = float(np.sqrt(np.count_nonzero(pressure_mpa) * cell_mm2 / np.pi))
-        wanted = np.array([load[0], load[1], (load[2] - x * load[1] + y * load[0]) / rim_mm])
         ways, sheared = self._ways(centre_mm, rim_mm), rest
-        # Shortened to what friction holds: under more, what slips would go on without an end, and not along the load.
-        held = [friction * cell_mm2 * np.vdot(pressure_mpa, np.linalg.norm(way, axis=-1)) for way in ways[1:]]
-        wanted *= min(1, *(held / np.maximum([np.hypot(*wanted[:2]), abs(wanted[2])], 1e-9)))
+        asked = np.array([load[0], load[1], (load[2] - x * load[1] + y * load[0]) / rim_mm])
+        wanted = _held(asked, friction * cell_mm2 * pressure_mpa, ways)
 
         def moved(motion_mm: NDArray[np.float64], guess: Sheared) -> Sheared:
             begun = replace(rest.state, traction=guess.state.traction)
@@ -154,6 +152,16 @@ class Traction:
     def _sheared(self, state: tangential.Dragged) -> Sheared:
         traction = state.traction * self.shear_modulus_mpa
         return Sheared(traction, state.displacement_mm, state.sticks, self.at_mm, state)
+
+
+def _held(load_n: NDArray[np.float64], grip_n: NDArray[np.floating], ways: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Shorten the force and the turn of a load (3,) to what cells hold by `grip_n` (n, n) each.
+
+    Under more, what slips would go on without an end, and not along the load.
+    """
+    most_n, turned_n = (float(np.vdot(grip_n, np.linalg.norm(way, axis=-1))) for way in ways[1:])
+    share = min(1.0, most_n / max(float(np.hypot(*load_n[:2])), 1e-12))
+    return np.array([*share * load_n[:2], min(max(load_n[2], -turned_n), turned_n)])
 
 
 def check_friction(coefficient: float) -> None:

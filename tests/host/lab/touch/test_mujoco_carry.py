@@ -6,7 +6,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.lab.touch import GRIPPER, TouchSensor
-from gellight.lab.touch.mujoco_carry import Carrying, Held
+from gellight.lab.touch.mujoco_carry import Carrying, Held, _push
 from gellight.lab.touch.mujoco_drag import Dragging
 from gellight.lab.touch.mujoco_gels import MujocoGels
 from sim_reference.geometry import SensorGeometry
@@ -162,6 +162,53 @@ def test_what_begins_again_is_held_as_the_first_time() -> None:
     mujoco.mj_resetData(model, data)
     (again,) = carry.step(data)
     np.testing.assert_array_equal(again.force_n, first.force_n)
+
+
+def in_the_gel() -> tuple[mujoco.MjModel, mujoco.MjData, Carrying]:
+    """A box of 10 x 8 mm, 0.2 mm deep in a gel, that moves and turns."""
+    model = mujoco.MjModel.from_xml_string(DROP.replace(".012", ".0028"))
+    data = mujoco.MjData(model)
+    data.qvel[:] = [0.01, -0.02, 0.03, 0.8, -0.5, 0.3]
+    mujoco.mj_step1(model, data)
+    return model, data, carrying(model, sites=("gel",))
+
+
+def test_the_gap_is_expected_where_the_next_step_has_it() -> None:
+    model, data, carry = in_the_gel()
+    gel = carry.gels["gel"]
+    now, bodies = gel.gap.gap_mm(data), gel.gap.bodies()
+    expected = now + carry._moved_mm(gel, data, bodies, data.qvel)
+    mujoco.mj_integratePos(model, data.qpos, data.qvel, model.opt.timestep)
+    mujoco.mj_kinematics(model, data)
+    there = gel.gap.gap_mm(data)
+    on = (bodies > 0) & (gel.gap.bodies() > 0)
+    assert np.ptp(there[on] - now[on]) > 2e-3, "it turns"
+    np.testing.assert_allclose(expected[on], there[on], atol=2e-5)
+
+
+def test_a_body_is_pushed_where_and_as_the_spring_says() -> None:
+    model, data, carry = in_the_gel()
+    (spring,) = carry._springs("gel", carry.gels["gel"], data, data.qvel)
+    force, came = np.array([0.1, -0.2, 0.3, 1e-3, 2e-3, -3e-3]), []
+    for forces in (np.zeros((1, 6)), force[None]):
+        _push(data, [spring], forces)
+        mujoco.mj_fwdAcceleration(model, data)
+        came.append(data.qfrc_smooth.copy())
+    np.testing.assert_allclose(came[1] - came[0], spring.jacobian.T @ force, atol=1e-12)
+    assert spring.stiffness[4] > 1.2 * spring.stiffness[3], "it is longer along x, so it tilts about y less easily"
+    assert spring.stiffness[5] == pytest.approx(spring.stiffness[0] * spring.radius**2 / 2)
+    assert np.pi * spring.radius**2 == pytest.approx(80e-6, rel=0.15)
+
+
+def test_a_gel_is_pulled_and_turned_against_what_it_does_to_the_body() -> None:
+    """Of 0.05 N at (1, 2) mm, and a spin of 0.05 N mm, about the gel's centre: 2 x 0.05 - 0.05 N mm."""
+    _, data, carry = in_the_gel()
+    force, torque = np.array([0.05, 0.0, 1.0]), np.array([0.0, 0.0, 0.05])
+    point = data.site("gel").xpos + carry.gels["gel"].gap.rotation(data) @ [1e-3, 2e-3, 0.0]
+    held = [Held("gel", 2, force, torque, 1.0, True, point), Held("other", 2, force, torque, 1.0, True, point)]
+    sheared = carry.shear(data, "gel", carry.gels["gel"].feel(data), held)
+    assert sheared.force_n == pytest.approx((-0.05, 0.0), abs=2e-4)
+    assert sheared.torque_nmm == pytest.approx(0.05, abs=2e-3)
 
 
 def test_each_gel_is_as_stiff_sideways_as_its_own_poissons_ratio_says() -> None:

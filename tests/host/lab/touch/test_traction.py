@@ -83,6 +83,15 @@ def test_what_is_pulled_harder_than_friction_holds_slips_along_the_load(
     assert pulled.torque_nmm == pytest.approx(0.0, abs=1e-3 * most)
 
 
+def test_a_point_that_cannot_hold_a_torque_holds_a_force(touch: TouchSensor) -> None:
+    gap = np.full((64, 64), 1.0)
+    gap[32, 32] = -0.01
+    felt = touch.feel(gap)
+    assert felt.contact.sum() == 1
+    pulled = touch.pull(felt, (0.3 * felt.force_n, 0.0), 5.0)
+    assert pulled.force_n == pytest.approx((0.3 * felt.force_n, 0.0), rel=2e-3, abs=1e-9)
+
+
 def test_what_slips_and_turns_pulls_along_what_pulls_it(touch: TouchSensor, felt: Felt) -> None:
     pulled = touch.pull(felt, (0.8 * FRICTION * felt.force_n, 0.4 * FRICTION * felt.force_n), 1.0, friction=FRICTION)
     assert pulled.torque_nmm > 0.1

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -110,6 +112,65 @@ def test_what_begins_again_is_judged_as_the_first_time(scene: Scene, bundle: Bun
     assert first[-1] is not None
     assert first[-1].state is SlipState.PARTIAL
     assert again == first
+
+
+Step = tuple[float, float, float]
+"""mm along x of imprint and gel, mm2"""
+AGAIN = Slip(state=SlipState.UNKNOWN, why="it has only begun")
+GROWS = Slip(state=SlipState.UNKNOWN, why="the contact grows or shrinks")
+
+
+@pytest.mark.parametrize(
+    ("then", "after_s", "told"),
+    [
+        ((0.0, 0.0, 20.0), FRAME_S, Slip(state=SlipState.STICK, confidence=1.0)),
+        ((2.6, 0.0, 20.0), FRAME_S, AGAIN),
+        ((0.0, 0.0, 20.0), 1.01, AGAIN),
+        ((0.0, 0.0, 23.0), FRAME_S, GROWS),
+    ],
+    ids=["goes on", "is elsewhere", "is later", "grows"],
+)
+def test_one_contact_is_compared_with_itself(
+    scene: Scene, bundle: Bundle, then: Step, after_s: float, told: Slip
+) -> None:
+    """One that is farther away than the radius of 2.5 mm is another one."""
+    assert told_of(scene, bundle, [(0.0, 0.0, 20.0)] * 6 + [then], after_s)[-1] == told
+
+
+CREEPING = [(0.013 * step, 0.4 * 0.013 * step, 20.0) for step in range(8)]
+"""as little as noise in 0.06 s, and a PARTIAL slip in 0.24 s"""
+
+
+@pytest.mark.parametrize(
+    ("steps", "state"),
+    [
+        (CREEPING, SlipState.PARTIAL),
+        ([(x, gel, 17.0 if x < 0.03 else 20.0) for x, gel, _ in CREEPING], SlipState.STICK),
+        ([(0.0, 0.0, 20.0)] * 2 + [(0.2 * n, 0.0, 20.0) for n in range(1, 4)]
+         + [(0.6 + 0.02 * n, 0.02 * n, 20.0) for n in range(1, 4)], SlipState.STICK),
+    ],
+    ids=["it creeps", "it has grown meanwhile", "it slid before, and sticks since"],
+)  # fmt: skip
+def test_creep_is_sought_as_far_back_as_the_contact_is_the_same(
+    scene: Scene, bundle: Bundle, steps: list[Step], state: SlipState
+) -> None:
+    assert told_of(scene, bundle, steps)[-1].state is state
+
+
+def told_of(scene: Scene, bundle: Bundle, steps: list[Step], last_s: float = FRAME_S) -> list[Slip]:
+    """What is told of a contact that goes so, frame by frame; last_s: before the last one."""
+    ((frame, _),) = frames(scene, bundle, [0.0], (1.0, 0.5))
+    row, slips, told = np.stack([np.linspace(-8, 8, 63), np.zeros(63)], axis=1), SlipFollower(), []
+    for number, (imprint_mm, gel_mm, area_mm2) in enumerate(steps):
+        moved = row, np.tile([gel_mm, 0.0], (63, 1))
+        measures: Any = SimpleNamespace(dot_motion=lambda depth_mm, dots, moved=moved: moved)
+        patch = replace(frame.contacts[0], centroid_mm=(imprint_mm, 0.0), area_mm2=area_mm2)
+        time_s = FRAME_S * number + (last_s - FRAME_S) * (number == len(steps) - 1)
+        taken = replace(frame.camera_frame, time_s=time_s)
+        slip = slips.follow(replace(frame, camera_frame=taken, contacts=(patch,), measures=measures)).slip
+        assert slip is not None
+        told.append(slip)
+    return told
 
 
 def test_nothing_is_said_where_no_dot_is_under_the_contact(scene: Scene, bundle: Bundle) -> None:

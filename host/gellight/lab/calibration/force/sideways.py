@@ -20,6 +20,8 @@ from gellight.reconstruction.force_file import ForceRecord, force_file
 Array = NDArray[np.float64]
 FEWEST = 3
 """readings that pull"""
+PULLS = 0.1
+"""of the largest force along the gel: less is what a load cell shows of a press alone"""
 LEAST_SHARE = 0.05
 """of the error: a few readings say nothing of other objects"""
 MOST_SHARE = 0.3
@@ -49,7 +51,8 @@ def with_sides(record: ForceRecord, readings: ForceReadings, bundle: Bundle) -> 
 
 def fit_side(side_n: Array, felt_n: Array, source: str) -> SideFit:
     """Fit the constant to (n, 2) measured forces and those that the layer finds; InputError, naming `source`."""
-    pulling = np.hypot(*side_n.T) > 0
+    pull_n = np.hypot(*side_n.T)
+    pulling = pull_n > PULLS * pull_n.max()
     if pulling.sum() < FEWEST:
         raise InputError(f"{source}: {int(pulling.sum())} readings pull along the gel: give at least {FEWEST}")
     measured, found = side_n[pulling], felt_n[pulling]

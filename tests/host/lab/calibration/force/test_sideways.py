@@ -25,6 +25,13 @@ def test_the_constant_and_its_error_are_those_of_the_readings() -> None:
     assert 0.08 < off.side_error_share < 0.12
 
 
+def test_what_a_load_cell_shows_of_presses_that_pull_nothing_is_no_pull() -> None:
+    """It never shows 0; of 0.008 N beside 0.4 N nobody can tell the direction."""
+    noise, felt = np.random.default_rng(0).normal(0, [[[0.008]], [[0.02]]], (2, 20, 2))
+    fit = fit_side(np.vstack([1.3 * FOUND, noise]), np.vstack([FOUND, felt]), "f.csv")
+    assert fit == fit_side(1.3 * FOUND, FOUND, "f.csv")
+
+
 @pytest.mark.parametrize(
     ("side_n", "reason"),
     [
