@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from gellight.base.errors import InputError
 from gellight.ring.firmware import build as building
 from gellight.ring.firmware import generate as generating
 from gellight.ring.firmware.build import committed_image
@@ -44,6 +45,8 @@ def build(
 ) -> None:
     """Compile the images."""
     found = in_checkout(checkout or CHECKOUT)
+    if out and out.suffix.lower() != ".uf2":
+        raise InputError(f"--out {out}: give a name that ends with .uf2; a file of another kind would be replaced")
     if out and target is None:
         target = building.DEFAULT
     for name in [target] if target else found:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gellight.cli.options import AsJson, GeometryFile, with_options
+from gellight.cli.options import AsJson, GeometryFile, check_out, with_options
 from gellight.cli.showing import show
 from gellight.cli.sweeping import Sweeping
 from gellight.lab.boards.catalogue import LAMPS
@@ -157,6 +157,7 @@ def make_parts(
     from gellight.lab.design import designs, output
     from gellight.lab.design.geometry import read_geometry
 
+    check_out(out / "any", overwrite=True)
     for path in output.write_all(out, designs.parts_of(read_geometry(geometry))):
         typer.echo(path)
 
@@ -173,6 +174,7 @@ def boards(
     from gellight.lab.design import output
     from gellight.lab.design.geometry import read_geometry
 
+    check_out(out / "any", overwrite=True)
     for path in output.write_all(out, board_files(read_geometry(geometry), board, package)):
         typer.echo(path)
 
@@ -191,6 +193,7 @@ def housing(
     from gellight.lab.design.geometry import read_geometry
     from gellight.lab.housing.parts import housing_files
 
+    check_out(out / "any", overwrite=True)
     for path in output.write_all(out, housing_files(read_geometry(geometry), package, lens)):
         typer.echo(path)
 
@@ -204,5 +207,6 @@ def benchmark(
     """Write the ten objects as height maps (.npy, mm) and as solids to print (.stl)."""
     from gellight.lab.design.benchmark_files import write_benchmark
 
+    check_out(out / "any", overwrite=True)
     for path in write_benchmark(out, relief, size):
         typer.echo(path)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gellight.frames.pose import DOUBTFUL_MM, DOUBTFUL_RAD, ObjectPose
 from gellight.tracking.information import VAGUE_MM, Agreement, Information, agreement, information, looks_alike
+from gellight.tracking.loss import Loss
 from gellight.tracking.registration import LEAST_POINTS, SCALE, Keyframe, Registration, hold, register
 from gellight.tracking.rigid import carried, inverse, moved_twists, pose_of, twist_of, upheld
 from gellight.tracking.starts import guesses, spins
@@ -120,6 +121,8 @@ class Tracker:
         self._relief = False
         """whether the object has looked different along what was not told"""
         self._residuals: deque[float] = deque(maxlen=OWN_FRAMES)
+        self.loss: Loss | None = None
+        """why the newest frame has no pose of the object that is followed, None where it has one"""
 
     @property
     def _own(self) -> float:
@@ -128,6 +131,7 @@ class Tracker:
 
     def follow(self, view: View, sequence: int) -> ObjectPose | None:
         """Return where the object is in a view, or that it is lost; None where nothing touches."""
+        self.loss = None
         if np.count_nonzero(view.touching) < LEAST_POINTS:
             return self._lifted()
         if not self._known:
@@ -137,6 +141,7 @@ class Tracker:
             covariance = self._covariance(view, found)
             if self._known_well(covariance):
                 return self._note(view, found, covariance)
+            self.loss = Loss.UNSURE
             self._missed = max(self._missed, GIVE_UP - 2)  # it has drifted: only a way back would help
         self._missed += 1
         self._step = np.zeros(6)
@@ -148,7 +153,7 @@ class Tracker:
 
     def _lifted(self) -> ObjectPose | None:
         announce = bool(self._known) and self._missed == 0
-        self._missed, self._step = max(self._missed, 1), np.zeros(6)
+        self._missed, self._step, self.loss = max(self._missed, 1), np.zeros(6), Loss.LIFTED
         return self._lost() if announce else None
 
     def _begin(self, view: View, sequence: int) -> ObjectPose | None:
@@ -157,7 +162,7 @@ class Tracker:
             return None
         self._number, self._since, self._missed = self._number + 1, sequence, 0
         self._residuals.clear()
-        self._relief = False
+        self._relief, self.loss = False, None
         self._known = [Known(keyframe, np.eye(4), np.zeros((6, 6)))]
         self._motion, self._step, self._before = np.eye(4), np.zeros(6), view
         return self._pose(view, np.eye(4), np.zeros((6, 6)))
@@ -171,9 +176,13 @@ class Tracker:
         known = self._chosen(view, expected)
         found = self._registered(known, view, expected @ inverse(known.motion))
         if found is not None and sure(found.agreement, self._own):
-            return found if self._tells(found) else None
+            self.loss = None if self._tells(found) else Loss.UNTOLD
+            return None if self.loss else found
         candidates = [found, *(self._registered(one, view, start) for one, start in self._best_starts(view, known))]
         agreed = [one for one in candidates if one is not None and right(one.agreement) and self._tells(one)]
+        if not agreed:
+            untold = any(one is not None and right(one.agreement) for one in candidates)
+            self.loss = Loss.UNTOLD if untold else Loss.UNLIKE
         return min(agreed, key=lambda one: score(one.agreement), default=None)
 
     def _chosen(self, view: View, expected: Array) -> Known:

@@ -2,9 +2,9 @@
 
 Each is a film of a sensor that begins untouched. The bundle is another unit's of the same make (`--bundle`; default:
 GelSLAM's Mini, learnt from its balls), with the clip's first pictures for the gel at rest. A row a clip, of its longest
-contact: frames tracked, lost and not all told before the object is another one, how far it moved by then, and how that
-closes: a fresh tracker follows the same frames backwards, and both ways together should lead to where they began. What
-is wrong alike in both directions does not show.
+contact: frames tracked, lost and not all told before the object is another one, how far it moved by then, why it ended
+(`gellight.tracking.loss`), and how that closes: a fresh tracker follows the same frames backwards, and both ways
+together should lead to where they began. What is wrong alike in both directions does not show.
 """
 
 import argparse
@@ -59,19 +59,19 @@ def longest_contact(frames: Sequence[TactileFrame]) -> Sequence[TactileFrame]:
     return frames[begin + AT_REST : max(end - AT_REST, 0)]
 
 
-def followed(views: Sequence[View]) -> tuple[NDArray[np.float64], list[str]]:
-    """Return the pose (4, 4) of the last frame that knew the first object, and what became of each until then."""
-    tracker, motion, fates = Tracker(), np.eye(4), list[str]()
+def followed(views: Sequence[View]) -> tuple[NDArray[np.float64], list[str], str]:
+    """Return the pose (4, 4) of the last frame that knew the first object, what became of each until then, and why."""
+    tracker, motion, fates, ended = Tracker(), np.eye(4), list[str](), "at the end of the contact"
     for number, view in enumerate(views):
         pose = tracker.follow(view, number)
         if pose is not None and pose.number > 1:
             break
         lost = pose is None or pose.lost
-        fates.append("lost" if lost else "in part" if len(pose.untellable) else "tracked")
+        fates.append(f"lost, {tracker.loss}" if lost else "in part" if len(pose.untellable) else "tracked")
         motion = motion if lost else pose.motion
-    while fates and fates[-1] == "lost":
-        fates.pop()
-    return motion, fates
+    while fates and fates[-1].startswith("lost"):
+        ended = fates.pop()
+    return motion, fates, ended
 
 
 def distance(motion: NDArray[np.float64], view: View) -> str:
@@ -86,12 +86,12 @@ def judge(bundle: Bundle, clip: Path) -> str:
     if len(contact) < SHORTEST:
         return f"{clip.stem:28} {len(contact)} frames of contact: too few"
     views = [View.of(one.depth_mm, one.gradient_map, bundle.pixel_size_mm) for one in contact]
-    there, fates = followed(views)
-    back, _ = followed(views[: len(fates)][::-1])
+    there, fates, ended = followed(views)
+    back, *_ = followed(views[: len(fates)][::-1])
     return (
         f"{clip.stem:28} {fates.count('tracked') + fates.count('in part'):3} of {len(views):3} tracked, "
-        f"{fates.count('in part'):3} in part, {fates.count('lost'):2} lost; moved {distance(there, views[0])}, "
-        f"closes to {distance(back @ there, views[0])}"
+        f"{fates.count('in part'):3} in part, {sum(fate.startswith('lost') for fate in fates):2} lost; moved "
+        f"{distance(there, views[0])}, closes to {distance(back @ there, views[0])}; ended {ended}"
     )
 
 
@@ -101,6 +101,8 @@ def main() -> None:
     parser.add_argument("clips", nargs="+", type=Path, metavar="CLIP")
     parser.add_argument("--bundle", help="of a unit of the same make")
     asked = parser.parse_args()
+    if missing := [str(clip) for clip in asked.clips if not clip.is_file()]:
+        parser.error(f"no such clip: {', '.join(missing)}")
     with tempfile.TemporaryDirectory() as folder:
         images = None if asked.bundle else gelslam(Path(folder))
         bundle = fitted(images.presses, images, TrainingOptions()) if images else load_bundle(asked.bundle)

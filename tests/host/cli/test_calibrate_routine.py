@@ -153,6 +153,8 @@ def test_pictures_that_are_not_there_are_told_and_nothing_is_written(tmp_path: P
     ("wrong", "told"),
     [
         (["--ball-radius-mm", "-1"], "ball_radius_mm = -1.0"),
+        (["--ball-radius-mm", "1e6"], "at least 0.1 and at most 100"),
+        (["--pixel-size-mm", "50"], "at least 0.001 and at most 1"),
         (["--presses", "3"], "at least 8 are needed"),
         (["--recipe", "slow"], "thorough"),
     ],

@@ -168,3 +168,11 @@ def test_building_the_firmware_asks_for_its_sources_before_any_compiler(
     refused = str(invoke("firmware", "build", "--checkout", str(tmp_path)).exception)
     assert f"{tmp_path} does not hold the sources of the firmware: clone GelLight's repository" in refused
     assert "pip" not in refused
+
+
+def test_a_firmware_replaces_no_file_of_another_kind(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    said = str(invoke("firmware", "build", "--out", str(tmp_path / "notes.txt")).exception)
+    assert "give a name that ends with .uf2" in said
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    assert (tmp_path / "notes.txt").read_text() == "mine"

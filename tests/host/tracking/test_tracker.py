@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gellight.frames.pose import ObjectPose, PoseFigures
+from gellight.tracking.loss import Loss
 from gellight.tracking.rigid import inverse, twist_of
 from gellight.tracking.tracker import GIVE_UP, Tracker
 from gellight.tracking.view import touching
@@ -54,7 +55,11 @@ def test_another_object_is_announced_at_once_and_gets_another_number() -> None:
     tracker = Tracker()
     for number in range(4):
         tracker.follow(seen(relief), number)
-    poses = [tracker.follow(seen(other), number) for number in range(4, 4 + GIVE_UP + 1)]
+    poses, why = [], []
+    for number in range(4, 4 + GIVE_UP + 1):
+        poses.append(tracker.follow(seen(other), number))
+        why.append(tracker.loss)
+    assert why == [*[Loss.UNLIKE] * (GIVE_UP - 1), None, None]
     assert all(pose is not None for pose in poses)
     assert [pose.lost for pose in poses if pose] == [*[True] * (GIVE_UP - 1), False, False]
     assert [pose.number for pose in poses if pose] == [*[1] * (GIVE_UP - 1), 2, 2]
@@ -68,10 +73,11 @@ def test_a_lifted_object_is_lost_once_and_found_again() -> None:
     assert lost is not None
     assert lost.lost
     assert np.isnan(lost.motion).all()
+    assert tracker.loss is Loss.LIFTED
     assert tracker.follow(nothing(), 2) is None
     again = tracker.follow(seen(relief, moved(0.1, 0, (0, 0, 2))), 3)
     assert again is not None
-    assert (again.number, again.lost) == (1, False)
+    assert (again.number, again.lost, tracker.loss) == (1, False, None)
     tracker.forget()
     assert tracker.follow(seen(relief), 4).number == 2
 
@@ -93,6 +99,7 @@ def test_an_object_with_a_relief_too_faint_to_tell_its_turn_is_lost_and_not_held
     first, *later = (tracker.follow(view, number) for number, view in enumerate(views))
     assert first is not None
     assert all(pose is not None and pose.lost for pose in later)
+    assert tracker.loss is Loss.UNTOLD
 
 
 def test_an_object_is_lost_where_the_errors_of_its_keyframes_may_have_added_up() -> None:
@@ -101,8 +108,11 @@ def test_an_object_is_lost_where_the_errors_of_its_keyframes_may_have_added_up()
     tracker.follow(seen(relief), 0)
     first = tracker._known[0]
     tracker._known = [replace(first, covariance=np.eye(6) * np.radians(DRIFTED_DEG) ** 2)]
-    poses = [tracker.follow(seen(relief, moved(0.05, 0, (0, 0, 1))), number) for number in (1, 2)]
-    assert [(pose.number, pose.lost) for pose in poses if pose] == [(1, True), (2, False)]
+    view = seen(relief, moved(0.05, 0, (0, 0, 1)))
+    lost, why = tracker.follow(view, 1), tracker.loss
+    other = tracker.follow(view, 2)
+    assert [(pose.number, pose.lost) for pose in (lost, other) if pose] == [(1, True), (2, False)]
+    assert (why, tracker.loss) == (Loss.UNSURE, None)
 
 
 @pytest.mark.parametrize(

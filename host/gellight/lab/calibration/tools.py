@@ -15,11 +15,11 @@ class ToolSizes(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    ball_radius_mm: float = Field(default=4.0, gt=0)
-    cylinder_diameter_mm: float = Field(default=8.0, gt=0)
-    pin_pitch_mm: float | None = Field(default=None, gt=0)
+    ball_radius_mm: float = Field(default=4.0, ge=0.1, le=100)
+    cylinder_diameter_mm: float = Field(default=8.0, ge=0.1, le=100)
+    pin_pitch_mm: float | None = Field(default=None, ge=0.1, le=100)
     """distance of neighbouring pins of the grid that measures the lens; None without one"""
-    pixel_size_mm: float | None = Field(default=None, gt=0)
+    pixel_size_mm: float | None = Field(default=None, ge=0.001, le=1)
     """of a square pixel, where it is known already; None: the cylinder measures it"""
     prism_angle_deg: float | None = Field(default=None, ge=1, le=STEEPEST_DEG)
     """of a prism that verifies beside the ball, between each face and the gel at rest; None without one"""
