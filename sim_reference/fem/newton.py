@@ -201,7 +201,7 @@ class Solver:
         precondition = self._hierarchy.solver(blocks)
         gradient = self.gradient(state, contact)
         wanted = -gradient[self.mesh.free].ravel()
-        found = conjugate_gradients(matrix, wanted, precondition, 1e-3 if exact else 1e-2)
+        found = conjugate_gradients(matrix, wanted, precondition, 1e-2)
         of_object = np.zeros(UNKNOWNS)
         if contact.load and found.convex:
             barrier, surface = _placed(contact.barrier, state), state.at[self.mesh.surface]
