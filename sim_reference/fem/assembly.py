@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 from sim_reference.fem.mesh import Indices
 
 Array = NDArray[np.float64]
+AT_ONCE = 2048
+"""blocks: what is written entry by entry stays in the processor's cache"""
+TRANSPOSED = [0, 3, 6, 1, 4, 7, 2, 5, 8]
+"""entries of a transposed block"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,25 +55,27 @@ class Assembler:
         there = np.unique(np.concatenate([key[key >= 0] for key in keys]))
         self._sums = [_summation(there, key) for key in keys]
         first, second = numbers[np.array(np.divmod(there, count))]
-        self._both = np.flatnonzero((first >= 0) & (second >= 0))
         self._of_first, self._of_second = (_rows(number, free) for number in (first, second))
-        first, second = first[self._both], second[self._both]
-        rows = np.concatenate([first, second, np.arange(free)])
-        columns = np.concatenate([second, first, np.arange(free)])
-        self._order = np.lexsort((columns, rows))
-        indptr = np.searchsorted(rows[self._order], np.arange(free + 1)).astype(np.int32)
-        self.pattern = Pattern(columns[self._order].astype(np.int32), indptr)
+        both = np.flatnonzero((first >= 0) & (second >= 0))
+        rows = np.concatenate([first[both], second[both], np.arange(free)])
+        columns = np.concatenate([second[both], first[both], np.arange(free)])
+        order = np.lexsort((columns, rows))
+        self._order = np.concatenate([both, len(there) + both, 2 * len(there) + np.arange(free)])[order]
+        indptr = np.searchsorted(rows[order], np.arange(free + 1)).astype(np.int32)
+        self.pattern = Pattern(columns[order].astype(np.int32), indptr)
 
     def blocks(self, shares: list[Array]) -> Array:
         """Return the blocks (B, 3, 3) of the sum of `shares`, one (3, 3, pairs of corners, G) for each group."""
-        upper = {place: sum(at @ share[place].ravel() for at, share in zip(self._sums, shares, strict=True))
-                 for place in np.ndindex(3, 3)}  # fmt: skip
-        result = np.empty((len(self._order), 3, 3))
-        for i, j in np.ndindex(3, 3):
-            here, flipped = upper[i, j], upper[j, i]
-            diagonal = -(self._of_first @ here) - self._of_second @ flipped
-            result[:, i, j] = np.concatenate([here[self._both], flipped[self._both], diagonal])[self._order]
-        return result
+        upper = np.stack([sum(at @ share[place].ravel() for at, share in zip(self._sums, shares, strict=True))
+                          for place in np.ndindex(3, 3)])  # fmt: skip
+        count, free = upper.shape[1], self._of_first.shape[0]
+        found = np.empty((2 * count + free, 9))
+        here, flipped, diagonal = np.split(found, [count, 2 * count])
+        for begin in range(0, count, AT_ONCE):
+            now = slice(begin, begin + AT_ONCE)
+            here[now], flipped[now] = upper[:, now].T, upper[TRANSPOSED, now].T
+        diagonal[:] = -(self._of_first @ here) - self._of_second @ flipped
+        return found.take(self._order, axis=0).reshape(-1, 3, 3)
 
 
 def _pairs(group: Indices, count: int) -> Indices:

@@ -20,8 +20,8 @@ from sim_reference.fem.mesh import Indices, Mesh
 Array = NDArray[np.float64]
 Short = NDArray[np.float32]
 Integers = NDArray[np.int64] | NDArray[np.int32]
-SMOOTHING_DEGREE = 3
-SMOOTHED_SHARE = 8.0
+SMOOTHING_DEGREE = 2
+SMOOTHED_SHARE = 12.0
 """the smoother damps eigenvalues from the largest down to the largest over this"""
 
 
@@ -110,7 +110,9 @@ class Multigrid:
         self._levels = levels
         # Outside the rim, coarse vertices may act on the same fine ones alone: together they are not independent.
         shift = 1e-10 * coarsest.diagonal().max()
-        self._solve = scipy.sparse.linalg.splu((coarsest + shift * sp.identity(coarsest.shape[0])).tocsc()).solve
+        shifted = (coarsest + shift * sp.identity(coarsest.shape[0])).tocsc()
+        symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+        self._solve = scipy.sparse.linalg.splu(shifted, **symmetric).solve
 
     def __call__(self, wanted: Array) -> Array:
         """Return the approximate solution."""

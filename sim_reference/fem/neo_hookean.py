@@ -28,8 +28,8 @@ PATCH_CORNERS = 10
 """a tetrahedron has four corners and the middles of six edges; a cube of the first level has eight corners"""
 OWN_MODULUS = 1.0
 """shear moduli: what of lambda each tetrahedron has itself. More locks, less lets tetrahedra collapse"""
-AT_ONCE = 2048
-"""tetrahedra: what is in between stays in the processor's cache"""
+AT_ONCE = 8192
+"""tetrahedra: with fewer NumPy's calls weigh more than what they do, with more the processor's cache is left"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +73,15 @@ class NeoHookean:
         # Memory that is new to the process costs more than what is done with it: each Hessian has the same.
         self._tet_shares = np.empty((3, 3, len(pairs(4)), len(self.tets)))
         self._patch_shares = np.empty((3, 3, len(pairs(PATCH_CORNERS)), len(self.patch_volume)))
+        self._last: tuple[Array, Strain] | None = None
 
     def strain(self, at: Array) -> Strain:
-        """Return the strain with the vertices `at` (N, 3)."""
+        """Return the strain with the vertices `at` (N, 3); the last one is kept, for all of a step asks for it."""
+        if self._last is None or not np.array_equal(at, self._last[0]):
+            self._last = at.copy(), self._strain(at)
+        return self._last[1]
+
+    def _strain(self, at: Array) -> Strain:
         gradient = self.deformation(at)
         cofactor = cofactors(gradient)
         ratio = np.asarray((gradient[0] * cofactor[0]).sum(axis=0))
@@ -181,39 +187,48 @@ def _tet_hessians(shape_gradient: Array, spatial: Array, tension: Array, bulk: A
 def _lift(gradient: Array, tension: Array, bulk: Array, shape_gradient: Array) -> Array:
     """Return what makes the negative eigenvalues of each tetrahedron's Hessian 0, for all pairs (3, 3, 6, T).
 
-    In the frame of F = U diag(s) V^T the nine eigenmatrices of d2W/dF2 are known: three stretches U diag(e) V^T with e
-    from a 3 x 3 matrix, and for each pair k, m of axes a shear and a twist with 1 +- (1 - q) / (s_k s_m). With
-    h_a = V^T grad N_a, such a matrix times grad N_a has at most three entries in the frame of U.
+    In the frame of F = U diag(s) V^T the nine eigenmatrices E of d2W/dF2 are known: three stretches U diag(e) V^T with
+    e from a 3 x 3 matrix, and for each pair k, m of axes a shear and a twist with 1 +- (1 - q) / (s_k s_m). A lift of l
+    adds l (E grad N_a) (E grad N_b)^T.
     """
     squares, right = eigenvectors(product(transposed(gradient), gradient))
     s = np.sqrt(squares)
     left = product(gradient, right) / s
-    first, second = np.transpose(pairs(4))
     across = product(transposed(right), shape_gradient)
-    one, other = across[:, first], across[:, second]
-    framed = _stretch_lift(s, tension, bulk)[:, :, None] * one[:, None] * other[None]
-    for k, m in pairs(3):
-        coupling = (1 - tension) / (s[k] * s[m])
-        shear, twist = np.maximum(-1 - coupling, 0), np.maximum(coupling - 1, 0)
-        same, crossed = (shear + twist) / 2, (shear - twist) / 2
-        framed[k, k] += same * one[m] * other[m]
-        framed[m, m] += same * one[k] * other[k]
-        framed[k, m] += crossed * one[m] * other[k]
-        framed[m, k] += crossed * one[k] * other[m]
-    # U framed U^T, for all pairs.
-    wide = left[:, :, None]
-    return product(product(wide, framed), transposed(wide))
+    k, m = [1, 2, 0], [2, 0, 1]
+    coupling = (1 - tension) / (s[k] * s[m])
+    one, other = left[:, k, None] * across[m], left[:, m, None] * across[k]
+    result = _raised(np.maximum(coupling - 1, 0) / 2, one - other)
+    shears, (stretches, axes) = np.maximum(-1 - coupling, 0) / 2, _stretch_lifts(s, tension, bulk)
+    rare = np.flatnonzero((shears + stretches).any(axis=0))
+    stretched = product(left[:, :, None, rare], axes[:, :, None, rare] * across[:, None, :, rare])
+    result[..., rare] += _raised(shears[:, rare], (one + other)[..., rare]) + _raised(stretches[:, rare], stretched)
+    return result
 
 
-def _stretch_lift(s: Array, tension: Array, bulk: Array) -> Array:
-    """Return what makes the matrices (3, 3, T) of the three stretches positive semidefinite."""
+def _raised(lifts: Array, moves: Array) -> Array:
+    """Return the sum of `lifts` (3, T) times the outer products of `moves` (3, 3, 4, T) of all pairs (3, 3, 6, T)."""
+    lifted, pair = lifts[:, None] * moves, 0
+    result = np.empty((3, 3, len(pairs(4)), lifts.shape[-1]))
+    # Row by row, what is in between stays in the processor's cache.
+    for a in range(3):
+        following = slice(pair, pair := pair + 3 - a)
+        for row in range(3):
+            np.multiply(lifted[row, 0, a], moves[:, 0, a + 1 :], out=result[row, :, following])
+            for mode in (1, 2):
+                result[row, :, following] += lifted[row, mode, a] * moves[:, mode, a + 1 :]
+    return result
+
+
+def _stretch_lifts(s: Array, tension: Array, bulk: Array) -> tuple[Array, Array]:
+    """Return the lifts (3, T) of the three stretches, and each one's e as columns (3, 3, T)."""
     matrix = (tension + bulk) / (s[:, None] * s[None])
     for axis in range(3):
         matrix[axis, axis] = 1 + (1 + bulk) / s[axis] ** 2
-    result = np.zeros_like(matrix)
+    lifts, axes = np.zeros_like(s), np.zeros_like(matrix)
     # Where the diagonal outweighs the rest, no eigenvalue is negative (Gershgorin).
     rest = np.abs(matrix).sum(axis=1) - np.abs(np.einsum("iit->it", matrix))
     at = np.flatnonzero((rest > np.einsum("iit->it", matrix)).any(axis=0))
-    values, axes = eigenvectors(matrix[..., at])
-    result[..., at] = product(np.maximum(-values, 0) * axes, transposed(axes))
-    return result
+    values, axes[..., at] = eigenvectors(matrix[..., at])
+    lifts[:, at] = np.maximum(-values, 0)
+    return lifts, axes

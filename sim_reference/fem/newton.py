@@ -201,7 +201,7 @@ class Solver:
         precondition = self._hierarchy.solver(blocks)
         gradient = self.gradient(state, contact)
         wanted = -gradient[self.mesh.free].ravel()
-        found = conjugate_gradients(matrix, wanted, precondition, 1e-3 if exact else 1e-2)
+        found = conjugate_gradients(matrix, wanted, precondition, 1e-2)
         of_object = np.zeros(UNKNOWNS)
         if contact.load and found.convex:
             barrier, surface = _placed(contact.barrier, state), state.at[self.mesh.surface]
@@ -275,10 +275,10 @@ def upright_share(elastic: NeoHookean, at: Array, step: Array) -> float:
 
     det(F + t G) is a cubic in t: its first root is looked for where the coefficients do not rule one out.
     """
-    gradient, change = elastic.deformation(at), elastic.deformation(step)
-    of_gradient, of_change = cofactors(gradient), cofactors(change)
-    linear, volume = inner(of_gradient, change), (gradient[0] * of_gradient[0]).sum(axis=0)
-    cubic = np.stack([(change[0] * of_change[0]).sum(axis=0), inner(of_change, gradient), linear, 0.9 * volume])
+    strain, change = elastic.strain(at), elastic.deformation(step)
+    of_change = cofactors(change)
+    linear, quadratic = inner(strain.cofactors, change), inner(of_change, strain.gradient)
+    cubic = np.stack([(change[0] * of_change[0]).sum(axis=0), quadratic, linear, 0.9 * strain.volume_ratio])
     near = np.flatnonzero(np.minimum(cubic[:3], 0).sum(axis=0) + cubic[3] <= 0)
     if not len(near):
         return 1.0
