@@ -22,11 +22,6 @@ SIZE = "width=32&height=24&format=YUYV"
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Bench:
-    return Bench(tmp_path / "computer")
-
-
-@pytest.fixture
 def bundle(tmp_path: Path) -> Bundle:
     return lit_bundle(tmp_path / "bundle")
 
