@@ -7,13 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from gellight.base.errors import BoardError
-from gellight.lab.emulator.chip import (
-    ROOM_C,
-    TEMPERATURE_CHANNEL,
-    USB,
-    EmulatedBoard,
-    temperature_reading,
-)
+from gellight.lab.emulator.chip import ROOM_C, TEMPERATURE_CHANNEL, USB, EmulatedBoard, temperature_reading
 from gellight.lab.emulator.clocks import Crystal
 from gellight.lab.emulator.registers import TIMER, UsbGuard
 from gellight.lab.emulator.waveform import Light, LightTimeline, Strip, WaveformDecoder

@@ -23,13 +23,7 @@ from gellight.lab.design.studies import StudySetup, study_setup
 from gellight.lab.housing.parts import housing_files
 from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind
 from gellight.lab.simulator.memory import check_memory
-from gellight.lab.simulator.sweep import (
-    ResultStore,
-    SweepOptions,
-    available_cores,
-    default_folder,
-    run_study,
-)
+from gellight.lab.simulator.sweep import ResultStore, SweepOptions, available_cores, default_folder, run_study
 from sim_reference.optimizer.exposing import LightGroups
 
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)

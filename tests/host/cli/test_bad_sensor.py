@@ -54,11 +54,7 @@ class OtherFirmware:
 
 
 @pytest.mark.parametrize(
-    ("step", "words"),
-    [
-        (-1, "too old: .*: run `gellight firmware flash`"),
-        (1, "too new: .*: update GelLight, or run"),
-    ],
+    ("step", "words"), [(-1, "too old: .*: run `gellight firmware flash`"), (1, "too new: .*: update GelLight, or run")]
 )
 def test_a_firmware_too_old_or_too_new_is_told_with_the_way_out(step: int, words: str) -> None:
     board = OtherFirmware((protocol.VERSION[0] + step, protocol.VERSION[1]))

@@ -230,11 +230,7 @@ def _calibrate(
         colours = settings.geometry.led_colours or options.led_colours
         thickness_mm = settings.geometry.gel_thickness_mm or options.gel_thickness_mm
         options = replace(
-            options,
-            sensor=sensor_name(camera),
-            name=target.name,
-            led_colours=colours,
-            gel_thickness_mm=thickness_mm,
+            options, sensor=sensor_name(camera), name=target.name, led_colours=colours, gel_thickness_mm=thickness_mm
         )
         if target.restart:
             check_target(options, target.state, camera.image_shape)

@@ -34,8 +34,7 @@ Labels = Annotated[
 ]
 
 Prisms = Annotated[
-    Path | None,
-    typer.Option(help="csv of presses of prisms of known angle, as `detect --prism-angle-deg` writes it"),
+    Path | None, typer.Option(help="csv of presses of prisms of known angle, as `detect --prism-angle-deg` writes it")
 ]
 Like = Annotated[str | None, typer.Option(help="bundle of a like unit: with few presses of this one, its presses help")]
 Threads = Annotated[int, typer.Option(min=1, help="of its matrix products")]

@@ -53,12 +53,7 @@ def test_a_wrong_scale_of_the_depth_fails(judge: SelfCheck, frame: TactileFrame)
 
 
 def test_swapped_slopes_fail_by_normals_and_by_picture(judge: SelfCheck, frame: TactileFrame) -> None:
-    result = judge.compare(
-        replace(
-            frame,
-            gradient_map=np.ascontiguousarray(frame.gradient_map[..., ::-1]),
-        )
-    )
+    result = judge.compare(replace(frame, gradient_map=np.ascontiguousarray(frame.gradient_map[..., ::-1])))
     assert result.normal_error_deg > SMALLEST["normal_error_deg"]
     assert result.picture_error_grey > 1.5 * judge.compare(frame).picture_error_grey
     assert not result.passed
