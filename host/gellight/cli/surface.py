@@ -14,9 +14,8 @@ from gellight.cli.export import felt_frames
 from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_options
 from gellight.cli.showing import show
 from gellight.frames.frames import TactileFrame
-from gellight.lab.scanning.height_map import HeightMap, load_height_map
+from gellight.lab.scanning.height_map import HeightMap, load_height_map, map_of_press
 from gellight.lab.scanning.map_files import CONTENTS, write_maps
-from gellight.lab.scanning.press_map import map_of_press
 from gellight.lab.scanning.roughness import (
     COATING_BLUR_MM,
     AreaRoughness,

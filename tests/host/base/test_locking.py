@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from gellight.base.fair_lock import FairLock
+from gellight.base.locking import FairLock
 from tests.helpers import children
 
 AS_ON_WINDOWS = """

@@ -15,11 +15,10 @@ from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import load_bundle
 from gellight.cli import main
-from gellight.cli.lazy import LazyVerb
+from gellight.cli.lazy import MOST, PANELS, LazyVerb
 from gellight.cli.main import app
 from gellight.cli.one_sensor import warn_of_foreign_bundle
 from gellight.cli.options import between
-from gellight.cli.panels import MOST, PANELS
 from tests.helpers.children import gellight, run
 from tests.helpers.command_line import invoke, refused, verbs
 

@@ -12,7 +12,7 @@ from gellight.frames.dots import find_dots
 from gellight.frames.picture import FILE_NAME, PictureSteps, steps_of
 from gellight.frames.pixel_grid import block_means, gel_points_mm, plane_means, spread_blocks
 from gellight.frames.view import View, read_view
-from gellight.lab.optics.lens.grid_view import view_of_grid
+from gellight.lab.optics.lens.lattice import view_of_grid
 from gellight.opening import open_camera
 from tests.helpers.dotted import CORNERS, TAKEN, from_the_side, with_dots
 from tests.helpers.linear_sensor import BUNDLE_SHAPE, linear_bundle

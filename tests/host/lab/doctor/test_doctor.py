@@ -369,7 +369,7 @@ def test_doctor_prints_findings_and_exits_with_1_where_one_prevents_use(monkeypa
     findings = [ok("disk", "1 GB"), problem("usb", "slow", "use another cable")]
     monkeypatch.setattr("gellight.lab.doctor.examination.examine", lambda name, surroundings, folder: iter(findings))
     training = ok("training", "numpy trains networks")
-    monkeypatch.setattr("gellight.lab.training.rehearsal.check_trainer", lambda: training)
+    monkeypatch.setattr("gellight.lab.training.training.check_trainer", lambda: training)
     shown = invoke("doctor")
     assert shown.exit_code == 1
     assert shown.output.splitlines()[1:3] == ["problem  usb         slow", f"{'':21}-> use another cable"]
