@@ -5,6 +5,7 @@ import hashlib
 import os
 import zipfile
 from pathlib import Path
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -157,9 +158,6 @@ def test_a_full_disk_leaves_what_was_there(bundle: Path, monkeypatch: pytest.Mon
 
 
 def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def cannot(one: bytes, other: bytes) -> None:
-        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
-
     rename = Path.rename
 
     def refuse(path: Path, target: Path) -> Path:
@@ -167,7 +165,7 @@ def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch:
             raise OSError(errno.EACCES, os.strerror(errno.EACCES))
         return rename(path, target)
 
-    monkeypatch.setattr(writing, "_rename_exchange", cannot)
+    monkeypatch.setattr(writing, "_rename_exchange", Mock(side_effect=OSError(errno.EINVAL, os.strerror(errno.EINVAL))))
     monkeypatch.setattr(Path, "rename", refuse)
     with pytest.raises(BundleError, match="check the folder and its permissions"):
         linear_bundle(bundle, (48, 64), overwrite=True)
@@ -177,11 +175,7 @@ def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch:
 
 def test_a_full_disk_leaves_no_packed_file(bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = load_bundle(bundle)
-
-    def full(path: Path, target: Path) -> Path:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(Path, "replace", full)
+    monkeypatch.setattr(Path, "replace", Mock(side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
     with pytest.raises(BundleError, match="free some space"):
         pack_bundle(whole, tmp_path / "sensor.gelcal")
     assert [p.name for p in tmp_path.iterdir()] == ["bundle"]

@@ -6,6 +6,7 @@ from collections import Counter
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from rich.text import Text
@@ -72,10 +73,7 @@ def test_the_help_of_every_option_is_shown_as_it_is_written() -> None:
 def test_an_error_of_ours_is_one_line_and_status_2(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def refuse() -> None:
-        raise InputError("the gel is 5 mm: give 4 mm")
-
-    monkeypatch.setattr(main, "app", refuse)
+    monkeypatch.setattr(main, "app", Mock(side_effect=InputError("the gel is 5 mm: give 4 mm")))
     monkeypatch.setattr("signal.signal", lambda number, handler: None)
     with pytest.raises(SystemExit) as end:
         main.run()

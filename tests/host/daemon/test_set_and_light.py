@@ -4,6 +4,7 @@ import itertools
 import time
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -80,11 +81,10 @@ def test_a_ring_that_is_replaced_meanwhile_is_lit_too() -> None:
 
 
 def test_a_sensor_that_is_away_says_so_and_no_frame_of_another_light_is_returned_when_it_is_back() -> None:
-    def away() -> None:
-        raise ReconnectingError("it was unplugged")
-
     ring = ScriptedRing()
-    camera = steps(None, {1: away, 2: lambda: setattr(camera, "ring", ring)})
+    camera = steps(
+        None, {1: Mock(side_effect=ReconnectingError("it was unplugged")), 2: lambda: setattr(camera, "ring", ring)}
+    )
     with pytest.raises(ReconnectingError):
         set_and_light(camera, {}, RED)
     (frame,) = set_and_light(camera, {}, RED)

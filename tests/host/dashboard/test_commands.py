@@ -3,6 +3,7 @@
 import json
 import time
 from collections.abc import Callable
+from unittest.mock import Mock
 
 import pytest
 
@@ -132,11 +133,8 @@ def test_a_press_before_the_first_frame_is_answered(page: Page) -> None:
 
 
 def test_what_the_stage_refuses_is_told(page: Page, source: FormulaSource) -> None:
-    def refuse() -> None:
-        raise InputError("the stage is stuck: oil it")
-
     assert source.stage is not None
-    source.stage.release = refuse  # type: ignore[method-assign]
+    source.stage.release = Mock(side_effect=InputError("the stage is stuck: oil it"))  # type: ignore[method-assign]
     answer = page.answer(type="release")
     assert answer == {"type": "error", "command": "release", "message": "the stage is stuck: oil it"}
 

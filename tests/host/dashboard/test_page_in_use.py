@@ -3,6 +3,7 @@
 import threading
 from dataclasses import replace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -97,11 +98,8 @@ def test_an_object_can_be_kept_pressed(opened: Open, source: FormulaSource) -> N
 
 
 def test_what_the_stage_refuses_is_told_to_the_visitor(opened: Open, source: FormulaSource) -> None:
-    def refuse(*_: object) -> None:
-        raise ValueError("the gel is worn out")
-
     assert source.stage is not None
-    source.stage.press = refuse  # type: ignore[method-assign]
+    source.stage.press = Mock(side_effect=ValueError("the gel is worn out"))  # type: ignore[method-assign]
     page = opened()
     draw(page, source, 0.5)
     page.get_by_test_id("press-here").click()

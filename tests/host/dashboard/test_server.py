@@ -6,6 +6,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from unittest.mock import Mock
 
 import aiohttp
 import pytest
@@ -101,10 +102,7 @@ def test_status_comes_by_itself_and_without_nan(open_page: Callable[[], Page], s
 
 
 def test_the_error_that_stops_the_frames_is_in_the_status(page: Page, source: FormulaSource) -> None:
-    def fail(after_sequence: int, timeout_s: float) -> None:
-        raise CameraError("the cable is out: plug it in")
-
-    source.wait_frame = fail  # type: ignore[assignment,method-assign]
+    source.wait_frame = Mock(side_effect=CameraError("the cable is out: plug it in"))  # type: ignore[assignment,method-assign]
     page.credit()
     while page.text("status")["error"] != "the cable is out: plug it in":
         pass

@@ -9,6 +9,7 @@ import threading
 import time
 import weakref
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -124,10 +125,7 @@ def test_without_shared_memory_frames_go_through_the_network(monkeypatch: pytest
 def test_a_frame_for_which_there_is_no_memory_goes_through_the_network(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(os, "posix_fallocate", full)
+    monkeypatch.setattr(os, "posix_fallocate", Mock(side_effect=OSError(errno.ENOSPC, "No space left on device")))
     daemon, made = bump_daemon()
     with daemon, Publisher(daemon, name="finger"), subscribe("finger") as frames:
         got = frames.next_frame()

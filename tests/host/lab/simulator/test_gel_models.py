@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -114,10 +115,7 @@ def test_a_url_chooses_the_model(cache: Path) -> None:
 def test_the_programme_leaves_out_what_cannot_be_computed(
     cache: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def failing(*given, **options):  # type: ignore[no-untyped-def]
-        raise NotConverged("100 steps were not enough")
-
-    monkeypatch.setattr(FemGel, "press", failing)
+    monkeypatch.setattr(FemGel, "press", Mock(side_effect=NotConverged("100 steps were not enough")))
     monkeypatch.setattr(stage, "PROGRAMME", (Press("BALL", 0.5),))
     with open_camera("sim://?board=0&gel=fem&fps=1000") as camera:
         frames = [camera.read() for _ in range(250)]

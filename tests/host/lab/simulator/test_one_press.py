@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -73,8 +74,7 @@ def test_an_interrupted_press_goes_on_from_its_last_step(tmp_path: Path) -> None
 
 
 def test_a_damaged_state_is_named(tmp_path: Path) -> None:
-    def interrupt(step: Step) -> None:
-        raise Interrupted
+    interrupt = Mock(side_effect=Interrupted)
 
     with pytest.raises(Interrupted):
         press_once(BALL, tmp_path, GEOMETRY, interrupt)
