@@ -335,7 +335,6 @@ def test_the_synthetic_bundle_is_found_beside_the_gelnet_package(
     from importlib.machinery import ModuleSpec
 
     spec = ModuleSpec("gelnet", None, is_package=True)
-    assert spec.submodule_search_locations is not None
     spec.submodule_search_locations.append(str(tmp_path))
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: spec)
     with pytest.raises(BundleError, match=r"'synthetic' bundle is not installed .*: reinstall gellight"):
@@ -357,7 +356,6 @@ def test_a_bundle_tells_the_controls_and_the_colours_of_its_sensor_and_not_how_t
     assert plain.colours is None
     full = lit_bundle(tmp_path / "lit")
     assert full.controls == {"exposure_us": 8000.0, "white_balance_k": 5000.0}
-    assert full.colours is not None
     assert full.colours[[0, 4, 8]].tolist() == [[255, 0, 0], [0, 200, 0], [0, 0, 90]]
     rewrite_manifest(tmp_path / "lit", "exposure_us = 8000", 'exposure_us = "long"')
     with pytest.raises(BundleError, match=r"camera\.exposure_us = 'long' is no number: calibrate the sensor again"):

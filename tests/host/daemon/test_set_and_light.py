@@ -108,7 +108,6 @@ def test_a_light_that_the_board_took_away_is_in_no_frame_of_the_simulated_sensor
 ) -> None:
     """As after the program was held up for more than a second: the board makes its LEDs dark, the ring lights them."""
     with open_camera(URL, geometry=GEOMETRY) as camera:
-        assert camera.ring is not None
         (lit,) = set_and_light(camera, {}, RED)
         with camera.ring._lock:  # nothing is sent to the board
             time.sleep(1.5)

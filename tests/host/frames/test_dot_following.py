@@ -30,7 +30,6 @@ def gel(noise: float = 1.0) -> np.ndarray:
 def test_dots_are_found_and_filled_with_the_gel_around_them() -> None:
     untouched = with_dots(gel())
     dots = find_dots(untouched)
-    assert dots is not None
     assert dots.diameter_px == pytest.approx(DOT_PX, abs=1.2)
     assert dots.count >= 63  # 70 are whole
     # In another picture they lie elsewhere.
@@ -68,7 +67,6 @@ def test_real_gels_without_dots_have_none(name: str) -> None:
 @pytest.mark.real_images("dots")
 def test_the_dots_of_a_real_gel_are_found() -> None:
     dots = find_dots(read_image(real("dots") / "bg-0.jpg"))
-    assert dots is not None
     assert dots.count > 126  # 140 on the gel, some more in the mirror below it
 
 

@@ -112,7 +112,6 @@ def test_a_grid_of_dots_gives_the_view_and_its_scale() -> None:
     view = view_of_grid(taken, 15, pitch_mm=2.0, pixel_size_mm=0.1)
     straight = view.of(taken, "the grid")
     dots = find_dots(straight)
-    assert dots is not None
     spots = cv2.connectedComponentsWithStats(dots.mask(straight).astype(np.uint8))[3][1:]
     assert len(spots) >= 40
     off = (spots - 9.5 + 10) % 20 - 10

@@ -189,7 +189,6 @@ def test_the_window_is_exposed_as_long_as_each_frame_can_be_of_another_light(mon
     monkeypatch.setattr(switched_camera, "SequencedCamera", lambda camera, groups, mode: camera)
     camera = camera_for(inner, in_mode("photometric", light_mode="ext").light)
     assert isinstance(camera, WindowCamera)
-    assert inner.controls is not None
     timing = timing_of(inner)
     assert 8000 < inner.controls.read("exposure_us") < 16000
     assert hold_frames(timing, locked=True, clock_error_s=clock_error_s(LightMode.EXT)) == 1

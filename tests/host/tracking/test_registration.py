@@ -61,7 +61,6 @@ def test_covariances_at_other_points_are_those_of_the_motion_there() -> None:
 def test_the_motion_of_a_relief_is_found(motion: np.ndarray) -> None:
     key, view = Keyframe(seen(relief)), seen(relief, motion)
     found = register(key, view, np.eye(4))
-    assert found is not None
     off = twist_of(inverse(motion) @ found.pose, key.centre_mm)
     assert np.linalg.norm(off[:3]) < 0.002
     assert np.degrees(np.linalg.norm(off[3:])) < 0.05
@@ -89,7 +88,6 @@ def test_a_smooth_ball_slides_and_does_not_roll() -> None:
     found = register(key, view, np.eye(4))
     assert found is not None
     held = hold(key, view, np.eye(4), found, information(key, view, found).told)
-    assert held is not None
     motion = twist_of(held.pose, key.centre_mm)
     assert motion[:3] == pytest.approx([0.3, 0, 0], abs=0.01)
     assert np.degrees(np.linalg.norm(motion[3:])) < 0.3
@@ -102,7 +100,6 @@ def test_nine_of_ten_errors_lie_within_the_ellipsoid_that_is_stated_for_them() -
     for seed in range(60):
         key, view = Keyframe(noisy(first, 0.005, 2 * seed)), noisy(second, 0.005, 2 * seed + 1, shared=0.006)
         found = register(key, view, motion)
-        assert found is not None
         off = twist_of(inverse(motion) @ found.pose, key.centre_mm) * SCALE
         squares.append(off @ np.linalg.solve(information(key, view, found).covariance, off))
     assert np.mean(np.array(squares) < chi2.ppf(0.9, 6)) > 0.85

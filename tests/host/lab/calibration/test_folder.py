@@ -191,7 +191,6 @@ def test_what_an_older_version_began_is_read(tmp_path: Path) -> None:
         json.dumps({"schema_version": 1, "identity": {**begun, "prism_angle_deg": 45}})
     )
     identity = unfinished(tmp_path)
-    assert identity is not None
     assert identity.sizes() == {
         "ball_radius_mm": 60.0, "cylinder_diameter_mm": 6.0, "pin_pitch_mm": None, "pixel_size_mm": None,
         "prism_angle_deg": 45.0,

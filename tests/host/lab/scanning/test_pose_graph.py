@@ -34,7 +34,6 @@ def seen(pose: np.ndarray, deep_mm: float = 0.1, surface=PLATE.seen) -> ContactV
 def test_a_press_beside_is_found_without_a_guess(x: float, y: float, turn_deg: float, tilt_deg: float) -> None:
     pose = beside(x, y, turn_deg, tilt_deg)
     joint = joined((0, seen(ONE)), (1, seen(pose)))
-    assert joint is not None
     off = np.abs(twist_of(inverse(pose) @ joint.pose, joint.centre_mm))
     assert off[:2].max() < 0.01
     assert off[2] < 0.005
@@ -46,7 +45,6 @@ def test_a_guess_that_is_near_leads_to_the_same_place() -> None:
     pose = beside(12, 4, 3)
     guess = beside(12.15, 3.9, 3.4)
     joint = joined((0, seen(ONE)), (1, seen(pose)), guess)
-    assert joint is not None
     assert np.abs(twist_of(inverse(pose) @ joint.pose, joint.centre_mm))[:2].max() < 0.01
 
 

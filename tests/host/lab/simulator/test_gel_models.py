@@ -48,7 +48,6 @@ def kept(tmp_path: Path) -> KeptPresses:
 
 
 def files(kept: KeptPresses) -> list[Path]:
-    assert kept.folder is not None
     return sorted(kept.folder.glob("*"))
 
 
@@ -105,8 +104,6 @@ def test_a_url_chooses_the_model(cache: Path) -> None:
     with open_camera(url + "&gel=fem&resolution=1.2") as camera:
         fem = camera.read()
     assert len(list(cache.glob("gellight/presses/*.npz"))) == 1
-    assert layer.truth is not None
-    assert fem.truth is not None
     difference = np.abs(layer.truth.depth_mm - fem.truth.depth_mm)
     assert 1e-4 < difference.max() < 0.1
     assert (layer.image != fem.image).any()
@@ -157,7 +154,6 @@ def test_the_force_is_of_the_gel_whatever_the_size_of_its_pictures(view: View | 
     with open_simulated("sim://?board=0", geometry) as camera:
         seen = PreparedCamera(camera, PictureSteps.with_view(view)) if view else camera
         record = read_force(with_files(ordinary(), "other", force__json=seen.bundle_files[FILE_NAME]))
-    assert record is not None
     assert (record.gel_thickness_mm, record.error_share) == (4, ERROR_SHARE)
     assert seen.bundle_files.keys() == ({FILE_NAME, "picture.json"} if view else {FILE_NAME})
 

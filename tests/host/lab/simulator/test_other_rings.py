@@ -62,10 +62,8 @@ def test_the_simulated_sensor_is_lit_by_every_led_of_its_geometry(colours: str) 
     """Full on, which for 24 LEDs is more than USB gives: a simulated board of that size has its own supply."""
     with open_camera("sim://?programme=0&fps=200", geometry={**SMALL, "led_colours": colours}) as camera:
         ring = camera.ring
-        assert ring is not None
         assert ring.led_count == len(colours)
         frame = camera.read()
-        assert frame.light is not None
         assert frame.light.tolist() == [[255 * (own == channel) for channel in "RGB"] for own in colours]
         assert ring.still is not None
         whole = frame.image.mean(axis=(0, 1))
@@ -95,10 +93,8 @@ def test_a_light_of_another_ring_is_refused() -> None:
 
 def test_a_warm_ring_is_told_in_the_status_of_the_sensor() -> None:
     with open_camera("sim://?programme=0&ring_c=31.5", geometry=SMALL) as camera:
-        assert camera.ring is not None
         eventually(camera.ring.heat.known)
         heat = camera.ring.heat.known()
-        assert heat is not None
         assert heat["ring_c"] == pytest.approx(31.5, abs=0.3)
         told = heat_text(heat)
         assert "ring at 31.5 °C" in told or "ring at 31.4 °C" in told

@@ -170,8 +170,6 @@ def test_pictures_of_a_pulled_gel_give_the_constant_of_the_simulated_one(tmp_pat
             camera.stage.press("BALL", 0.8 + 0.1 * number, 0.5, 0.2)
             camera.stage.drag(x, y)
             frame = camera.read()
-            assert frame.truth is not None
-            assert frame.truth.shear is not None
             write_png(tmp_path / f"{number}.png", frame.image)
             normal_n = (0.835, 1.004, 1.187)[number]
             along = ",".join(f"{one:.4f}" for one in frame.truth.shear.force_n)
