@@ -109,7 +109,6 @@ def main() -> None:
     parser.add_argument("--objects", action="store_true")
     given = parser.parse_args()
     bundle, pressed = load_bundle(given.bundle), presses(given.objects)
-    assert bundle.colours is not None
     light = bundle.colours / 255
     print(f"{'':26}{'contact':>9}{'rim':>9}{'inside':>9}{'depth':>10}")
     for name, feel, shadows, coating in ways(bundle):

@@ -114,7 +114,6 @@ def main() -> None:
 def _judged(press: tuple[float, float], one: Dragged, shear: Shear) -> tuple[float, float, float]:
     """Return the felt force along the true one and across it, and how far the torque is off, as shares; print them."""
     assert shear.force_n is not None, shear.unknown
-    assert shear.torque_nmm is not None
     truth, (x, y) = one.force_n[:2], shear.force_n
     whole = float(np.hypot(*truth))
     along, aside = (x * truth[0] + y * truth[1]) / whole**2, (y * truth[0] - x * truth[1]) / whole**2
