@@ -188,7 +188,8 @@ def measure(name: str, way: Callable[[], object], readers: int, seconds: float) 
 def recording_costs(frames: int = 100) -> None:
     """Print what it costs to record a frame, with the camera's JPEG and with RGB, without and with depth."""
     from gellight.frames.frames import CaptureStamp
-    from gellight.recording.recording_file import DepthKind, RecordingWriter
+    from gellight.recording.depth_kind import DepthKind
+    from gellight.recording.recording_file import RecordingWriter
 
     bundle, base = load_bundle("synthetic"), bump(0.8, 1.0, 0.0)
     image = base.camera_frame.image

@@ -18,6 +18,7 @@ from gellight.frames.frames import CameraFrame, CaptureStamp
 from gellight.frames.image_files import read_image
 from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.records import Circle
+from gellight.recording.export_kind import Kind
 from gellight.recording.recording_file import Recording, RecordingWriter
 from tests.helpers.begun_calibration import identity
 from tests.helpers.linear_sensor import photograph, verified_bundle
@@ -80,7 +81,7 @@ def writers(sources: Path) -> tuple[Writer, ...]:
         with _naming(path), RecordingWriter(path, SENSOR) as writer:
             _record(writer, old)
 
-    def exporting(kind: export.Kind) -> Callable[[Path], None]:
+    def exporting(kind: Kind) -> Callable[[Path], None]:
         return lambda home: export.command(sources / "sound.mcap", home / "out", kind)
 
     exports = {
@@ -92,7 +93,7 @@ def writers(sources: Path) -> tuple[Writer, ...]:
         Writer("recording", lambda home: None, recording, _recorded, 3),
         Writer("packing", lambda home: _pack(old, home), lambda home: _pack(new, home), _packed, 2),
         Writer("saving", lambda home: _save("auto", home), lambda home: _save("sim://", home), _saved, 2),
-        *(Writer(f"exporting {kind}", lambda home: None, exporting(export.Kind(kind)), whole)
+        *(Writer(f"exporting {kind}", lambda home: None, exporting(Kind(kind)), whole)
           for kind, whole in exports.items()),
     )  # fmt: skip
 

@@ -38,5 +38,9 @@ class BoardError(GellightError):
 
 
 def first_line(error: Exception) -> str:
-    """Return the first line of what another library's error says, or its name where it says nothing."""
-    return (str(error).strip() or type(error).__name__).splitlines()[0]
+    """Return the first line of what another library's error says, or its name where it says nothing.
+
+    Of the operating system's errors it is the reason alone: who reads it was told which file, and needs no number.
+    """
+    said = (isinstance(error, OSError) and error.strerror) or str(error).strip()
+    return (said or type(error).__name__).splitlines()[0]

@@ -56,6 +56,15 @@ def write_folder(target: Path, files: Mapping[str, bytes]) -> None:
         _flush_folder(target.parent)
 
 
+def check_place(path: Path) -> None:
+    """Raise OSError unless something can be written at `path`, whose folder may be missing; leave nothing there."""
+    folder = path.absolute().parent
+    while not os.path.lexists(folder):
+        folder = folder.parent
+    with tempfile.TemporaryFile(dir=folder):
+        pass
+
+
 def make_folder(path: Path) -> None:
     """Make a folder, and those above it that are missing; raises OSError."""
     missing = [place for place in (path, *path.parents) if not place.exists()]

@@ -31,7 +31,7 @@ from typing import Any, Required, TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import BundleError
+from gellight.base.errors import BundleError, first_line
 from gellight.base.field_docs import with_field_docs
 from gellight.base.writing import write_file, write_folder
 from gellight.bundle.contents import (
@@ -171,7 +171,7 @@ class Bundle:
         try:
             return arrays_of(self.files[_PRESSES])
         except UNZIPPING as error:
-            raise BundleError(f"{self.source}: {_PRESSES} cannot be read ({error}): {AGAIN}") from error
+            raise BundleError(f"{self.source}: {_PRESSES} cannot be read ({first_line(error)}): {AGAIN}") from error
 
 
 def load_bundle(path: str | Path) -> Bundle:
@@ -200,7 +200,7 @@ def _unpacked(packed: Path | io.BytesIO, source: str) -> Bundle:
             check_archive(archive, source)
             return _load(source, archive.read)
     except UNZIPPING as error:
-        raise BundleError(f"{source} is not a whole {SUFFIX} file ({error}): {AGAIN}") from error
+        raise BundleError(f"{source} is not a whole {SUFFIX} file ({first_line(error)}): {AGAIN}") from error
 
 
 class Description(TypedDict, total=False):
@@ -332,7 +332,7 @@ def _read(source: str, read: Callable[[str], bytes], name: str) -> bytes:
     except (KeyError, FileNotFoundError) as error:
         raise BundleError(f"{source} has no {name}: it is not a whole calibration bundle; {AGAIN}") from error
     except UNZIPPING as error:
-        raise BundleError(f"{source}: {name} cannot be read ({error}): {AGAIN}") from error
+        raise BundleError(f"{source}: {name} cannot be read ({first_line(error)}): {AGAIN}") from error
 
 
 def _verified(source: str, read: Callable[[str], bytes], name: str, digest: str) -> bytes:

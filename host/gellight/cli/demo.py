@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from gellight.cli.advice import activation
-from gellight.cli.one_sensor import RunOptions, follow, in_words, opened
 from gellight.cli.options import AsJson, simulated_settings, with_options
+from gellight.cli.run_options import RunOptions
 from gellight.cli.showing import show
 
 FRAME_TIMEOUT_S = 20.0
@@ -23,6 +23,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Press objects into a simulated sensor and see what it feels."""
+    from gellight.cli.one_sensor import follow, in_words, opened  # not for the help
+
     settings = simulated_settings({"sensor.url": sensor, **options.flags()})
     with options.ended_by_hand(), opened(settings, every=False) as (daemon, url):
         if browser and not options.frames:

@@ -3,7 +3,8 @@
 What is rarely needed of a verb's options stands in groups below what the verb is used with.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -38,6 +39,9 @@ MOST = 8
 """options that a verb shows above these groups"""
 _TITLES = {option: title for title, options in PANELS.items() for option in options.split()}
 
+LARGEST = 1_000_000_000
+"""largest number that an option takes, in any unit"""
+
 
 class LazyVerb(TyperCommand):
     """Stands in a group for a verb, or for a group of verbs, that is not imported yet."""
@@ -56,32 +60,64 @@ class LazyVerb(TyperCommand):
             holder.add_typer(verb, name=self.name)
         else:
             holder.command(self.name)(verb)
-        return refuse_empty_paths(sort_options(get_group(holder).commands[str(self.name)]))
+        return refuse_senseless(sort_options(get_group(holder).commands[str(self.name)]))
 
     def make_context(self, *arguments: Any, **options: Any) -> Any:
         """Parse the arguments of the verb: the first thing that a group does with the verb that was typed."""
         return self.load().make_context(*arguments, **options)
 
 
-def refuse_empty_paths(command: Any) -> Any:
-    """Have a command, and those below it, refuse a path without a name; return the command.
+def refuse_senseless(command: Any) -> Any:
+    """Have a command, and those below it, refuse what no option or argument can mean; return the command.
 
-    `Path("")` is the current folder, and what was read from an unset variable of the shell would be written there.
+    `Path("")` is the current folder, and what was read from an unset variable of the shell would be written there. An
+    empty text is refused likewise, unless it is the default. NaN passes every limit that is written as x < least, and
+    numbers far beyond those of a sensor overflow somewhere in the work.
     """
     for one in command.params:
-        kind = one.type_descriptor.annotation
-        if Path in (kind, *get_args(kind)):
-            one.process_value = partial(_process_path, one.opts[-1], one.process_value)
+        kinds = set(_kinds(one.type_descriptor.annotation))
+        name = one.opts[-1] if one.opts[-1].startswith("-") else one.opts[-1].upper()
+        if Path in kinds:
+            check = _check_path
+        elif str in kinds and one.default != "":
+            check = _check_text
+        elif float in kinds or int in kinds:
+            check = _check_number
+        else:
+            continue
+        one.process_value = partial(_process, partial(check, name), one.process_value)
     for below in getattr(command, "commands", {}).values():
-        refuse_empty_paths(below)
+        refuse_senseless(below)
     return command
 
 
-def _process_path(name: str, process: Callable[[Any, Any], Any], context: Any, typed: Any) -> Any:
-    if "" in (typed if isinstance(typed, list | tuple) else [typed]):
-        name = name if name.startswith("-") else name.upper()
-        raise InputError(f"{name} '' names no file and no folder: give a path, or . for this folder")
+def _kinds(annotation: Any) -> Iterator[Any]:
+    """Yield a type and those it is made of: `str` too of `list[str] | None`."""
+    yield annotation
+    for part in get_args(annotation):
+        yield from _kinds(part)
+
+
+def _process(check: Callable[[Any], None], process: Callable[[Any, Any], Any], context: Any, typed: Any) -> Any:
+    for one in typed if isinstance(typed, list | tuple) else [typed]:
+        check(one)
     return process(context, typed)
+
+
+def _check_path(name: str, typed: Any) -> None:
+    if typed == "":
+        raise InputError(f"{name} '' names no file and no folder: give a path, or . for this folder")
+
+
+def _check_text(name: str, typed: Any) -> None:
+    if typed == "":
+        raise InputError(f"{name} '' is empty: give it a value, or leave it out")
+
+
+def _check_number(name: str, typed: Any) -> None:
+    with suppress(TypeError, ValueError):  # what is no number is told by typer
+        if not abs(float(typed)) <= LARGEST:
+            raise InputError(f"{name} {typed} is not possible: give a number from {-LARGEST} to {LARGEST}")
 
 
 def lazy_group(table: Mapping[str, tuple[str, str]]) -> type[TyperGroup]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,18 +13,12 @@ from gellight.cli.options import AsJson, GeometryFile, with_options
 from gellight.cli.showing import show
 from gellight.cli.sweeping import Sweeping
 from gellight.lab.boards.catalogue import LAMPS
-from gellight.lab.boards.files import board_files
 from gellight.lab.boards.modules import MODULES
-from gellight.lab.design import designs, output, studies
-from gellight.lab.design.benchmark_files import write_benchmark
-from gellight.lab.design.geometry import read_geometry
-from gellight.lab.design.parts import check_can_draw
-from gellight.lab.design.studies import StudySetup, study_setup
-from gellight.lab.housing.parts import housing_files
-from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind
-from gellight.lab.simulator.memory import check_memory
-from gellight.lab.simulator.sweep import ResultStore, SweepOptions, available_cores, default_folder, run_study
-from sim_reference.optimizer.exposing import LightGroups
+from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
+
+if TYPE_CHECKING:
+    from gellight.lab.design.studies import StudySetup
+    from gellight.lab.simulator.sweep import SweepOptions
 
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
 
@@ -42,6 +36,8 @@ class Answering:
 
     def answer(self, name: str, answer: Mapping[str, Any], text: str, files: Mapping[str, bytes | str]) -> None:
         """Write the answer and `files` to the folder, if there is one, and print it as JSON or as text."""
+        from gellight.lab.design import output  # this and what is below: not for the help, a second
+
         if self.out is not None:
             output.write_all(self.out, {f"{name}.json": json.dumps(answer, indent=2), **files})
         show(answer, self.as_json, text)
@@ -66,8 +62,14 @@ class Study(Answering, Sweeping):
         Path | None, typer.Option("--store", metavar="DIR", help="Where results are kept.", show_default="cache")
     ] = None
 
-    def setup(self) -> StudySetup:
+    def setup(self) -> "StudySetup":
         """Return what is studied; raises ConfigError or InputError for what cannot be, or cannot be written."""
+        from gellight.lab.design import output
+        from gellight.lab.design.geometry import read_geometry
+        from gellight.lab.design.studies import study_setup
+        from gellight.lab.simulator.memory import check_memory
+        from gellight.lab.simulator.sweep import available_cores
+
         if self.out is not None:
             output.check_writable(self.out)
         sensor = read_geometry(self.geometry)
@@ -76,8 +78,10 @@ class Study(Answering, Sweeping):
         setup = study_setup(sensor, self.press, self.relief, self.size, self.noise)
         return replace(setup, gel=self.gel, resolution_mm=self.resolution)
 
-    def sweep(self, title: str) -> AbstractContextManager[SweepOptions]:
+    def sweep(self, title: str) -> "AbstractContextManager[SweepOptions]":
         """Return how to compute, in the store of the studies; see `Sweeping.sweep_in`."""
+        from gellight.lab.simulator.sweep import ResultStore, default_folder
+
         return self.sweep_in(ResultStore(self.store or default_folder()), title, as_json=self.as_json)
 
 
@@ -85,6 +89,10 @@ class Study(Answering, Sweeping):
 @with_options
 def coarse(study: Study) -> None:
     """Number of lights and incident angle: 77 light groups on the ten objects."""
+    from gellight.lab.design import output, studies
+    from gellight.lab.simulator.sweep import run_study
+    from sim_reference.optimizer.exposing import LightGroups
+
     setup = study.setup()
     with study.sweep("light groups") as options:
         result = run_study(studies.coarse_study(setup, setup.with_noise(LightGroups())), options)
@@ -104,6 +112,10 @@ def design(
     ] = 1.0,
 ) -> None:
     """Angle, height, number of LEDs and exposure at once, by the error; with --out, the parts to make."""
+    from gellight.lab.design import designs
+    from gellight.lab.design.parts import check_can_draw
+    from gellight.lab.simulator.sweep import run_study
+
     setup = study.setup()
     if study.out is not None:
         check_can_draw()
@@ -128,6 +140,9 @@ def ball(
     ] = None,
 ) -> None:
     """Calibration ball: which radius and press record slopes of 60 degrees."""
+    from gellight.lab.design import output
+    from gellight.lab.design.geometry import read_geometry
+
     result = output.ball_study(read_geometry(geometry), press, radius)
     charts = {"ball.svg": output.ball_chart(result)}
     answering.answer("ball", output.ball_json(result), output.ball_text(result.choice), charts)
@@ -139,6 +154,9 @@ def make_parts(
     geometry: GeometryFile = None,
 ) -> None:
     """Drawings of a sensor: the LED strip, the ring, the table of the LEDs, without a study."""
+    from gellight.lab.design import designs, output
+    from gellight.lab.design.geometry import read_geometry
+
     for path in output.write_all(out, designs.parts_of(read_geometry(geometry))):
         typer.echo(path)
 
@@ -151,6 +169,10 @@ def boards(
     package: Package = "5050",
 ) -> None:
     """Circuit boards to order: the flexible strip, and a carrier for the controller."""
+    from gellight.lab.boards.files import board_files
+    from gellight.lab.design import output
+    from gellight.lab.design.geometry import read_geometry
+
     for path in output.write_all(out, board_files(read_geometry(geometry), board, package)):
         typer.echo(path)
 
@@ -165,6 +187,10 @@ def housing(
     ] = 15.0,
 ) -> None:
     """Housing and mould to print, as STL and STEP."""
+    from gellight.lab.design import output
+    from gellight.lab.design.geometry import read_geometry
+    from gellight.lab.housing.parts import housing_files
+
     for path in output.write_all(out, housing_files(read_geometry(geometry), package, lens)):
         typer.echo(path)
 
@@ -176,5 +202,7 @@ def benchmark(
     size: Annotated[int, typer.Option("--size", min=32, max=1024, help="Points a side of the height maps.")] = 512,
 ) -> None:
     """Write the ten objects as height maps (.npy, mm) and as solids to print (.stl)."""
+    from gellight.lab.design.benchmark_files import write_benchmark
+
     for path in write_benchmark(out, relief, size):
         typer.echo(path)

@@ -8,9 +8,10 @@ from typing import Annotated, Any
 
 import typer
 
-from gellight.base.errors import InputError
+from gellight.base.errors import InputError, first_line
 from gellight.base.names import check_name
 from gellight.base.settings import Settings, load_settings
+from gellight.base.writing import check_place
 
 LONGEST_S = 1e6
 """longest time that can be asked for"""
@@ -48,10 +49,18 @@ def simulated_settings(flags: Mapping[str, object]) -> Settings:
     return load_settings({"sensor.url": "sim://", "sensor.calibration": "synthetic", **named})
 
 
-def refuse_existing(out: Path, overwrite: bool) -> None:
-    """Refuse to replace a file or a folder unasked; called before the work, which may take minutes."""
+def check_out(out: Path, overwrite: bool | None, option: str = "--out") -> None:
+    """Refuse to replace a file or a folder unasked, and a place where nothing can be written.
+
+    Called before the work, which may take minutes. overwrite: None for a verb that replaces nothing.
+    """
     if out.exists() and not overwrite:
-        raise typer.BadParameter(f"{out} exists: choose another name or give --overwrite", param_hint="--out")
+        other = "" if overwrite is None else " or give --overwrite"
+        raise InputError(f"{option}: {out} exists: choose another name{other}")
+    try:
+        check_place(out)
+    except OSError as error:
+        raise InputError(f"{option}: {out} cannot be written ({first_line(error)}): choose another place") from error
 
 
 @dataclass(frozen=True)
@@ -63,7 +72,7 @@ class NewBundle:
 
     def __post_init__(self) -> None:
         """Refuse to replace a bundle unasked."""
-        refuse_existing(self.out, self.overwrite)
+        check_out(self.out, self.overwrite)
 
 
 def between(low: float, high: float, unit: str) -> Callable[[typer.CallbackParam, float], float]:

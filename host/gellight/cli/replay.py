@@ -7,8 +7,8 @@ from urllib.parse import quote
 import typer
 
 from gellight.base.settings import load_settings
-from gellight.cli.one_sensor import RunOptions, run_sensor
 from gellight.cli.options import with_options
+from gellight.cli.run_options import RunOptions
 
 
 @with_options
@@ -27,6 +27,8 @@ def command(
 
     Depth is computed anew, with the calibration bundle of the recording, or that of --calibration.
     """
+    from gellight.cli.one_sensor import run_sensor  # not for the help
+
     url = f"replay://{quote(str(file.resolve()))}?speed={speed:g}&start={start:g}&loop={int(loop)}"
     flags = options.flags()
     flags["sensor.calibration"] = flags["sensor.calibration"] or "auto"

@@ -5,9 +5,8 @@ from typing import Annotated
 import typer
 
 from gellight.base.settings import load_settings
-from gellight.cli.one_sensor import RunOptions, run_sensor
 from gellight.cli.options import with_options
-from gellight.cli.several_sensors import run_several
+from gellight.cli.run_options import RunOptions
 
 
 @with_options
@@ -29,6 +28,9 @@ def command(
 
     While it is unplugged the status is served, and the sensor is looked for.
     """
+    from gellight.cli.one_sensor import run_sensor  # not for the help
+    from gellight.cli.several_sensors import run_several
+
     urls: list[str | None] = [*(sensor or [])] or [None]
     each = [load_settings({"sensor.url": url, **options.flags()}) for url in urls]
     if len(each) == 1:

@@ -1,38 +1,14 @@
 """`gellight scan`: presses side by side become one map of a surface larger than the view, touches of a body a mesh."""
 
-import sys
-from collections.abc import Iterator
-from functools import partial
-from itertools import islice
-from math import isnan
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from gellight.base import logs
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
-from gellight.bundle.bundle import load_bundle
-from gellight.cli.ending import Ending, until_interrupted
-from gellight.cli.export import felt_frames
-from gellight.cli.one_sensor import WAIT_S, RunOptions, opened
 from gellight.cli.options import AsJson, with_options
-from gellight.cli.showing import show
-from gellight.daemon.session import SensorSession
-from gellight.frames.camera import EndOfStream
-from gellight.frames.frames import TactileFrame
-from gellight.lab.scanning.body_scan import MESH, BodyScan
-from gellight.lab.scanning.body_scan import PICTURE as BODY_PICTURE
-from gellight.lab.scanning.contact_view import ContactView
-from gellight.lab.scanning.presses import Phase, ahead, presses_in
-from gellight.lab.scanning.scan import MAP, PICTURE, Scan
-from gellight.lab.scanning.scan_files import alone
-from gellight.lab.scanning.touches import Touch, touches_in
-from gellight.recording.recording_file import Recording
-
-PRESS = "press the part into the gel, hold it still, lift it; press again, over half of that place"
-ROLL = "press the body into the gel and roll it slowly, without lifting it"
+from gellight.cli.run_options import RunOptions
 
 
 @with_options
@@ -65,151 +41,15 @@ def command(
     FOLDER has body.ply, the surface with its errors, body.stl and body.png.
     Ends with status 1 where presses could not be joined.
     """
+    from gellight.cli.work.scan import scan_live, scan_recording  # not for the help
+
     if recording is not None and sensor is not None:
         raise InputError("give --recording or --sensor, one of the two")
     if body and curved:
         raise InputError("--curved is of flat parts: a body keeps its shape in any case; leave it out")
-    found = Recording(recording) if recording is not None else None
-    begin = partial(BodyScan, folder) if body else partial(Scan, folder, curved=curved)
-    with alone(folder):
-        scan = begin()
-        if found is not None:
-            _scan_recording(scan, found, options.calibration, presses)
-        else:
-            settings = load_settings({"sensor.url": sensor, **options.flags()})
-            with opened(settings, dashboard=dashboard) as (daemon, _), until_interrupted():
-                logs.say(ROLL if body else PRESS)
-                for view in ahead(_taken(scan, _live(daemon, options.frames), presses)):
-                    if _full(scan):
-                        break
-                    _add(scan, view, "the sensor")
-            scan = begin()  # Ctrl-C may have come in the middle of a press
-    if isinstance(scan, BodyScan):
-        _end_body(scan, as_json)
+    if recording is not None:
+        scan_recording(recording, folder, options.calibration, presses, curved=curved, body=body, as_json=as_json)
     else:
-        _end_map(scan, as_json)
-
-
-def _scan_recording(scan: Scan | BodyScan, found: Recording, calibration: str | None, most: int) -> None:
-    frames = felt_frames(found, load_bundle(calibration) if calibration else None)
-    view = None
-    for view in _taken(scan, frames, most):
-        if scan.has(view.contact if isinstance(view, Touch) else view):
-            continue
-        if _full(scan):
-            break
-        _add(scan, view, str(found.path))
-    if view is None:
-        raise InputError(f"{found.path} has no press that was held still: press 0.1 mm deep or more, for some frames")
-
-
-def _taken(scan: Scan | BodyScan, frames: Iterator[TactileFrame], most: int) -> Iterator[ContactView | Touch]:
-    """Yield the presses in frames, or the touches of a body, up to `most`, 0: all."""
-    if isinstance(scan, BodyScan):
-        return islice(touches_in(frames), most or None)
-    return presses_in(frames, most, _tell)
-
-
-def _live(daemon: SensorSession, frames: int) -> Iterator[TactileFrame]:
-    """Yield the frames of a sensor, 0: for ever."""
-    sequence, count = -1, 0
-    while not frames or count < frames:
-        try:
-            frame = daemon.next_frame(sequence, WAIT_S)
-        except EndOfStream:
-            return
-        except TimeoutError:
-            continue
-        sequence, count = frame.camera_frame.sequence, count + 1
-        yield frame
-
-
-def _tell(phase: Phase) -> None:
-    if phase == "lift":
-        logs.say("held: lift it")
-
-
-def _full(scan: Scan | BodyScan) -> bool:
-    """Say where a body has as many touches as a scan holds."""
-    full = isinstance(scan, BodyScan) and not scan.room
-    if full:
-        logs.say(f"{len(scan.views)} touches are all that a scan holds: the surface is made of these")
-    return full
-
-
-def _add(scan: Any, view: ContactView | Touch, source: str) -> None:
-    report = scan.add(view, source)
-    if report.worth_saying:
-        logs.say(report.in_words())
-
-
-def _end_body(scan: BodyScan, as_json: bool) -> None:
-    """Write the surface, and say what it is; refuse one of which no two touches hang together."""
-    if not scan.views:
-        raise InputError(
-            f"no body was followed in the gel, so {scan.folder} has no surface: press it 0.3 mm deep or more"
-        )
-    lost = sorted(set(scan.views) - set(scan.placed))
-    if len(scan.placed) == 1:
-        raise InputError(
-            f"none of the {len(scan.views)} touches in {scan.folder} could be joined to the first one: roll the body "
-            "more slowly, pressed deeper; what is smooth cannot be scanned"
-        )
-    mesh = scan.mesh()
-    scan.write_mesh(mesh)
-    size = [round(float(side), 2) for side in mesh.size_mm]
-    result = {
-        "mesh": str(scan.folder / MESH),
-        "picture": str(scan.folder / BODY_PICTURE),
-        "touches": len(scan.views),
-        "not_joined": lost,
-        "overlaps_left_out": scan.contradicted,
-        "size_mm": size,
-        "area_mm2": round(mesh.area_mm2, 2),
-        "error_um": round(float(mesh.error_mm.mean()) * 1e3, 2),
-        "seam_um": None if isnan(mesh.seam_mm) else round(mesh.seam_mm * 1e3, 2),
-    }
-    seam = "" if isnan(mesh.seam_mm) else f"; touches lie {mesh.seam_mm * 1e3:.1f} um off it where several touched"
-    text = (
-        f"{result['mesh']}: {len(scan.placed)} of {len(scan.views)} touches, {mesh.area_mm2:.1f} mm2 of a surface of "
-        f"{' x '.join(map(str, size))} mm{seam}\n"
-        f"{result['picture']}: a picture of it"
-    )
-    _show(result, as_json, text, lost)
-
-
-def _end_map(scan: Scan, as_json: bool) -> None:
-    """Say what the scan is; refuse one of which no two presses hang together."""
-    if not scan.views or scan.fused is None:
-        raise InputError(f"no press was held still, so {scan.folder} has no map: press 0.1 mm deep or more, then lift")
-    fused, lost = scan.fused, sorted(set(scan.views) - set(scan.placed))
-    if len(scan.views) > 1 and len(scan.placed) == 1:
-        raise InputError(
-            f"none of the {len(scan.views)} presses in {scan.folder} could be joined to press {scan.first}: press so "
-            "that each lies over half of another one, 0.1 mm deep or more"
-        )
-    scan.write_map()
-    width, height = fused.size_mm
-    result = {
-        "map": str(scan.folder / MAP),
-        "picture": str(scan.folder / PICTURE),
-        "presses": len(scan.views),
-        "not_joined": lost,
-        "size_mm": [round(width, 2), round(height, 2)],
-        "reached": round(fused.reached, 4),
-        "seam_um": None if isnan(fused.seam_mm) else round(fused.seam_mm * 1e3, 2),
-    }
-    differ = f"; presses differ by {fused.seam_mm * 1e3:.1f} um where two reached the part"
-    text = (
-        f"{result['map']}: {len(scan.placed)} of {len(scan.views)} presses, {width:.1f} x {height:.1f} mm, of which "
-        f"the gel reached {fused.reached:.0%}{differ if result['seam_um'] is not None else ''}\n"
-        f"{result['picture']}: a picture of it"
-    )
-    _show(result, as_json, text, lost)
-
-
-def _show(result: dict[str, object], as_json: bool, text: str, lost: list[int]) -> None:
-    show(result, as_json, text)
-    if lost:
-        print(f"gellight: not joined: {', '.join(map(str, lost))}", file=sys.stderr)
-        raise typer.Exit(Ending.JUDGED_BAD)
+        settings = load_settings({"sensor.url": sensor, **options.flags()})
+        scan_live(settings, folder, options.frames, presses, curved=curved, body=body, dashboard=dashboard,
+                  as_json=as_json)  # fmt: skip

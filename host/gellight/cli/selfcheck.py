@@ -1,17 +1,15 @@
 """`gellight selfcheck`: the host against the reference simulator, press by press."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, simulated_settings
 from gellight.cli.showing import show
-from gellight.daemon.active_pipeline import reconstructor_for
-from gellight.daemon.assembly import chosen_bundle
-from gellight.frames.frames import SelfCheckResult
-from gellight.lab.simulator.selfcheck import check_presses
-from gellight.opening import open_camera
+
+if TYPE_CHECKING:
+    from gellight.frames.frames import SelfCheckResult
 
 COLUMNS = (
     ("depth_error_mm", "depth um", 1e3),
@@ -36,6 +34,11 @@ def command(
     The ball and the ten objects are pressed; depth, normals and picture are compared. The exit status is 1 when a
     comparison is out of its bounds, or when there are none for this sensor.
     """
+    from gellight.daemon.active_pipeline import reconstructor_for  # not for the help: a second
+    from gellight.daemon.assembly import chosen_bundle
+    from gellight.lab.simulator.selfcheck import check_presses
+    from gellight.opening import open_camera
+
     settings = simulated_settings({"sensor.url": sensor, "sensor.calibration": calibration})
     results: list[tuple[str, SelfCheckResult]] = []
     reconstructor = reconstructor_for(chosen_bundle(settings), settings.reconstruction)
@@ -53,7 +56,7 @@ def command(
         raise typer.Exit(Ending.JUDGED_BAD)
 
 
-def line(name: str, result: SelfCheckResult) -> str:
+def line(name: str, result: "SelfCheckResult") -> str:
     """Return one row of the table."""
     numbers = [f"{getattr(result, field) * scale:12.3f}" for field, _, scale in COLUMNS]
     return " ".join([name.ljust(26), *numbers, VERDICTS[result.verdict]])

@@ -4,6 +4,7 @@ import json
 import logging
 import multiprocessing
 import os
+import signal
 import threading
 import time
 from collections.abc import Mapping
@@ -18,7 +19,8 @@ from gellight.base.parent import end_with_parent
 from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import Settings
 from gellight.cli.ending import Ending, end
-from gellight.cli.one_sensor import STATUS_S, RunOptions, follow, opened, print_status
+from gellight.cli.one_sensor import STATUS_S, follow, opened, print_status
+from gellight.cli.run_options import RunOptions
 from gellight.cli.showing import show, table
 from gellight.dashboard.chooser import Choice, Chooser
 from gellight.dashboard.server import PageServer
@@ -115,6 +117,8 @@ class SensorProcess:
         self._settings, self._options = settings.model_copy(update={"dashboard": own, "stream": view}), options
         self.report = Report()
         self._broke_off_s: float | None = None
+        self._asked = False
+        """to end"""
 
     def start(self) -> None:
         """Start the process."""
@@ -160,12 +164,14 @@ class SensorProcess:
         return Choice(key=self.key, sensor=self.name, error=None if error is None else str(error), address=address)
 
     def ask_to_end(self) -> None:
-        """Ask it to make its LEDs dark and end."""
-        self._process.terminate()
+        """Ask it, once, to make its LEDs dark and end: a second signal would interrupt that."""
+        if not self._asked:
+            self._asked = True
+            self._process.terminate()
 
     def stop(self) -> None:
         """Wait for its end; kill it where it does not come."""
-        self._process.terminate()
+        self.ask_to_end()
         self._process.join(STOP_S)
         if self._process.is_alive():
             self._process.kill()
@@ -180,6 +186,7 @@ def work(settings: Settings, options: RunOptions, reports: Connection) -> None:
     os.environ.pop("NOTIFY_SOCKET", None)  # the parent speaks to the service manager
     logs.configure(settings.service.log, settings.sensor.url)
     end_with_parent()  # nobody else could make the LEDs dark
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C goes to all: the parent asks this one to end
     end(partial(_stream, settings, options, reports))
 
 

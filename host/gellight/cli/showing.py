@@ -53,15 +53,13 @@ def _plain(result: object) -> dict[str, object]:
 def progress(title: str, takes: str = "") -> Iterator[Callable[[int | None, int | None, object], None]]:
     """Yield what shows how far the work is: how much is done of how much, and a word on it.
 
-    A bar on a terminal, a line every `LOG_S` seconds in a log. takes: how long it usually takes, said first. A
-    number is no word: training tells its loss.
+    A bar on a terminal, a line every `LOG_S` seconds in a log. takes: how long it usually takes, said when the work
+    first tells something: by then it was not refused. A number is no word: training tells its loss.
     """
     from rich.console import Console  # not for verbs that end at once
     from rich.progress import Progress
 
     console = Console(stderr=True, soft_wrap=True, highlight=False)
-    if takes:
-        console.print(f"{title}: takes {takes}")
     with (
         Progress(console=console, transient=True, disable=not sys.stderr.isatty()) as bar,
         lines_in_log(lambda: how_far(bar.tasks[0].description, bar.tasks[0].completed, bar.tasks[0].total)),
@@ -69,6 +67,10 @@ def progress(title: str, takes: str = "") -> Iterator[Callable[[int | None, int 
         line = bar.add_task(title, total=None)
 
         def tell(done: int | None, total: int | None, word: object = "") -> None:
+            nonlocal takes
+            if takes:
+                console.print(f"{title}: takes {takes}")
+                takes = ""
             bar.update(
                 line,
                 completed=done,

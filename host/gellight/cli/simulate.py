@@ -1,27 +1,19 @@
 """`gellight simulate`: what the simulator computes, as files."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gellight.base.errors import InputError
 from gellight.cli.lazy import MARKUP
-from gellight.cli.options import AsJson, GeometryFile, Overwrite, refuse_existing, with_options
+from gellight.cli.options import AsJson, GeometryFile, Overwrite, check_out, with_options
 from gellight.cli.showing import progress, show
 from gellight.cli.sweeping import Sweeping, Workers
-from gellight.lab.design.geometry import read_geometry
-from gellight.lab.simulator.batches import Computer
-from gellight.lab.simulator.dataset import DatasetRequest, LightKind, make_dataset, store_in
-from gellight.lab.simulator.demo_presses import press_ahead
-from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind
-from gellight.lab.simulator.one_drag import drag_once, read_path
-from gellight.lab.simulator.one_press import PressRequest, press_once
-from gellight.lab.simulator.sequence import read_sequence, write_sequence
-from gellight.lab.simulator.sweep import ResultStore, default_folder
-from sim_reference.fem.newton import Step
-from sim_reference.geometry import SensorGeometry
-from sim_reference.objects import OBJECT_NAMES
+from gellight.lab.simulator.choices import RESOLUTION_MM, Computer, GelKind, LightKind
+
+if TYPE_CHECKING:
+    from sim_reference.fem.newton import Step
 
 TAKES = "about a minute by finite elements 0.3 mm apart, longer with finer ones"
 app = typer.Typer(rich_markup_mode=MARKUP, no_args_is_help=True)
@@ -67,25 +59,24 @@ def press(
     What was interrupted goes on with the same command, a press by finite elements from its last step, a drag with the
     pose that was under way.
     """
+    from gellight.lab.design.geometry import read_geometry  # this and what is below: not for the help, a second
+    from gellight.lab.simulator.one_drag import drag_once, read_path
+    from gellight.lab.simulator.one_press import PressRequest, press_once
+
     _check_load(depth, force, free, load_at)
-    refuse_existing(out / ("report.json" if path else "press.npz"), overwrite)
+    check_out(out / ("report.json" if path else "press.npz"), overwrite)
     request = PressRequest(object_name=object_name, depth_mm=depth, force_n=force, gel=gel, resolution_mm=resolution,
                      friction=friction, free_at_mm=(load_at or (0.0, 0.0)) if free else None)  # fmt: skip
-    _press(request, path, out, read_geometry(geometry), as_json)
+    sensor = read_geometry(geometry)
+    with progress(object_name, TAKES if gel == "fem" else "") as tell:
 
-
-def _press(request: PressRequest, path: Path | None, out: Path, geometry: SensorGeometry, as_json: bool) -> None:
-    """Press, drag where there is a path, and show what came of it."""
-    with progress(request.object_name, TAKES if request.gel == "fem" else "") as tell:
-
-        def on_step(step: Step) -> None:
+        def on_step(step: "Step") -> None:
             tell(None, None, in_words(step))
 
         if path:
-            dragged = drag_once(request, read_path(path), out, geometry, on_step)
-            show(dragged, as_json)
+            show(drag_once(request, read_path(path), out, sensor, on_step), as_json)
         else:
-            show(press_once(request, out, geometry, on_step), as_json)
+            show(press_once(request, out, sensor, on_step), as_json)
 
 
 def _check_load(depth: float | None, force: float | None, free: bool, load_at: tuple[float, float] | None) -> None:
@@ -124,6 +115,10 @@ def dataset(
 
     The same command goes on where it was interrupted; with more --presses it adds to what is there.
     """
+    from gellight.lab.design.geometry import read_geometry
+    from gellight.lab.simulator.dataset import DatasetRequest, make_dataset, store_in
+    from sim_reference.objects import OBJECT_NAMES
+
     request = DatasetRequest(
         presses=presses,
         objects=tuple(name.upper() for name in objects or OBJECT_NAMES),
@@ -158,6 +153,10 @@ def demo(
     These are the presses of its programme, and each object as deep as the page offers it at first. What is there is not
     computed again. Ends with status 1 where finite elements did not find a press.
     """
+    from gellight.lab.design.geometry import read_geometry
+    from gellight.lab.simulator.demo_presses import press_ahead
+    from gellight.lab.simulator.sweep import ResultStore, default_folder
+
     with Sweeping(workers=workers).sweep_in(ResultStore(default_folder()), "presses", as_json=as_json) as options:
         made = press_ahead(resolution, read_geometry(geometry), options)
     lines = [f"not found: {each}" for each in made.not_found]
@@ -180,7 +179,10 @@ def sequence(
     as_json: AsJson = False,
 ) -> None:
     """Move one object through the gel as a file says: a picture a step, and poses.csv with the true pose of each."""
-    refuse_existing(out / "poses.csv", overwrite)
+    from gellight.lab.design.geometry import read_geometry
+    from gellight.lab.simulator.sequence import read_sequence, write_sequence
+
+    check_out(out / "poses.csv", overwrite)
     sensor = read_geometry(geometry)
     report = write_sequence(
         read_sequence(file, sensor), out, sensor, gel=gel, resolution_mm=resolution, noise_grey=noise, seed=seed
@@ -188,7 +190,7 @@ def sequence(
     show(report, as_json, f"{report.frames} pictures and poses.csv are in {report.folder}")
 
 
-def in_words(step: Step) -> str:
+def in_words(step: "Step") -> str:
     """Return how Newton's iteration goes, for people."""
     figures = f"gap {step.min_gap_mm * 1e3:.1f} um, det F {step.min_det_f:.2f}"
     return f"step {step.number}, {step.longest_mm:.1e} mm, {figures}"

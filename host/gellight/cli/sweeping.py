@@ -4,16 +4,17 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gellight.base.errors import InputError
 from gellight.cli.showing import progress, show
-from gellight.lab.simulator.sweep import ResultStore, SweepIncomplete, SweepOptions, available_cores, parse_shard
-from sim_reference.deformation import NotConverged
 
-Workers = Annotated[int, typer.Option("--workers", min=0, help="Processes; 0: one for each core.")]
+if TYPE_CHECKING:
+    from gellight.lab.simulator.sweep import ResultStore, SweepOptions
+
+Workers = Annotated[int, typer.Option("--workers", min=0, max=1024, help="Processes; 0: one for each core.")]
 
 
 @dataclass(frozen=True)
@@ -26,13 +27,22 @@ class Sweeping:
         None
     )
 
+    def __post_init__(self) -> None:
+        """Refuse a part that is none, before a folder is made."""
+        from gellight.lab.simulator.sweep import parse_shard  # this and what is below: not for the help
+
+        parse_shard(self.shard)
+
     @contextmanager
-    def sweep_in(self, store: ResultStore, title: str, *, as_json: bool) -> Iterator[SweepOptions]:
+    def sweep_in(self, store: "ResultStore", title: str, *, as_json: bool) -> "Iterator[SweepOptions]":
         """Yield how to compute, with a progress bar on a terminal.
 
         Raises InputError for what the simulator refuses, and says where to go on after Ctrl-C. Ends the command, with
         a line, where results of other shards are missing.
         """
+        from gellight.lab.simulator.sweep import SweepIncomplete, SweepOptions, available_cores, parse_shard
+        from sim_reference.deformation import NotConverged
+
         shard, workers = parse_shard(self.shard), self.workers or available_cores()
         with progress(title) as tell:
             try:
@@ -48,7 +58,7 @@ class Sweeping:
                 )
                 raise
 
-    def _answer_part(self, store: ResultStore, *, as_json: bool) -> None:
+    def _answer_part(self, store: "ResultStore", *, as_json: bool) -> None:
         """Print that only a part of the sweep is there."""
         part = {"shard": self.shard, "complete": False, "store": str(store.folder)}
         text = f"shard {self.shard} is done; the others are still missing in {store.folder}"

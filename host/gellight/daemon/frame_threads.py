@@ -92,8 +92,16 @@ class FrameThreads:
         self._ended.set()
         for mailbox in (self.captured, self.delivered):
             mailbox.close(CameraError("the daemon was stopped"))
+        try:
+            self._join()
+        except BaseException:  # Ctrl-C for the second time: the camera is closed next, and nobody may read it then
+            self._join()
+            raise
+
+    def _join(self) -> None:
         for thread in self._threads:
-            thread.join()
+            if thread.ident is not None:  # it was started
+                thread.join()
 
     @property
     def ended(self) -> bool:

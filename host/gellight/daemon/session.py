@@ -90,16 +90,18 @@ class SensorSession:
         """Start the threads; InputError where the system does not let them run first."""
         try:
             self._threads.start()
-        except InputError:
+        except BaseException:
             self.__exit__()
             raise
         return self
 
     def __exit__(self, *problem: object) -> None:
         """Stop the threads and close the camera, which makes the LEDs dark."""
-        self._threads.stop()
-        with self._changing:  # nobody lights the LEDs after that
-            self._camera.close()
+        try:
+            self._threads.stop()
+        finally:
+            with self._changing:  # nobody lights the LEDs after that
+                self._camera.close()
 
     @property
     def stage(self) -> PressStage | None:

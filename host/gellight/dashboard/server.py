@@ -13,7 +13,7 @@ from typing import Self
 
 from aiohttp import web
 
-from gellight.base.errors import ConfigError, ServerError
+from gellight.base.errors import ConfigError, ServerError, first_line
 from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import is_loopback
@@ -140,7 +140,8 @@ def _tls(cert: str, key: str) -> ssl.SSLContext | None:
         context.load_cert_chain(cert, key, password="")
     except (ssl.SSLError, OSError, ValueError) as error:
         raise ConfigError(
-            f"{cert} and {key} are no certificate with its private key ({error}): give PEM files without a password"
+            f"{cert} and {key} are no certificate with its private key ({first_line(error)}): give PEM files "
+            "without a password"
         ) from error
     return context
 

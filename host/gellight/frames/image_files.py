@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import CameraError, InputError
+from gellight.base.errors import CameraError, InputError, first_line
 from gellight.base.png import cut_off
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
@@ -89,7 +89,7 @@ def read_levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
         readable = content.size and not cut_off(content.tobytes())
         image = cv2.imdecode(content, cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION) if readable else None
     except (OSError, cv2.error) as error:
-        raise InputError(f"{path} cannot be read ({error}): capture or copy it again") from error
+        raise InputError(f"{path} cannot be read ({first_line(error)}): capture or copy it again") from error
     if image is None:
         raise InputError(f"{path} is not an image or is cut off: capture or copy it again")
     if image.dtype not in (np.uint8, np.uint16):

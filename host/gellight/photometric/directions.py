@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import InputError
+from gellight.base.errors import InputError, first_line
 from gellight.base.writing import write_file
 from gellight.bundle.contents import UNZIPPING, arrays_of, npz
 from gellight.photometric.solver import LEAST_LIGHTS, slopes, solve_robustly
@@ -95,7 +95,7 @@ class LightDirections:
         try:
             content = path.read_bytes()
         except OSError as error:
-            raise InputError(f"{path} holds no lights ({error}): {_REMEDY}") from error
+            raise InputError(f"{path} holds no lights ({first_line(error)}): {_REMEDY}") from error
         return cls.of_content(content, str(path))
 
     @classmethod
@@ -106,7 +106,7 @@ class LightDirections:
             given = {name: stored[name] for name in ("vectors", "untouched", "noise_grey", "pixel_size_mm")}
             groups = stored["groups"] if "groups" in stored else _recorded()
         except (*UNZIPPING, KeyError) as error:
-            raise InputError(f"{source} holds no lights ({error}): {_REMEDY}") from error
+            raise InputError(f"{source} holds no lights ({first_line(error)}): {_REMEDY}") from error
         vectors, untouched = given["vectors"], given["untouched"]
         right = vectors.shape == (len(untouched), 3, 3) and untouched.ndim == 3 and len(untouched) >= LEAST_LIGHTS
         if not right or (len(groups) and len(lights_of(groups)) != len(untouched)):

@@ -65,7 +65,7 @@ def _read(path: Path, source: str) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise BundleError(f"{source}: the network cannot be loaded ({error}): {REMEDY}") from error
+        raise BundleError(f"{source}: the network cannot be loaded ({first_line(error)}): {REMEDY}") from error
 
 
 def _session(content: bytes, threads: int, source: str) -> onnxruntime.InferenceSession:

@@ -18,7 +18,6 @@ import os
 import struct
 import time
 from collections.abc import Collection, Iterator
-from enum import StrEnum
 from io import BufferedReader
 from pathlib import Path
 from typing import Any, Self
@@ -39,6 +38,7 @@ from gellight.frames.frames import CameraFrame, CaptureStamp, Patch, Provenance,
 from gellight.frames.measures import MapOnRequest
 from gellight.frames.pose import PoseFigures
 from gellight.frames.shear import ShearFigures
+from gellight.recording.depth_kind import DepthKind
 from gellight.recording.frame_record import FrameInfo, FrameRecord, packed_picture
 from gellight.recording.ros_messages import (
     COMPRESSED_IMAGE,
@@ -65,14 +65,6 @@ _ENCODINGS = {"float32": "32FC1", "uint8": "mono8"}
 """of ROS, by NumPy's type of a map"""
 _ATTACHED = "calibration-"
 _M_PER_MM, _UNITS_PER_MM = np.float32(1e-3), 1e4
-
-
-class DepthKind(StrEnum):
-    """How depth is recorded; it can be computed again from the pictures in any case."""
-
-    NONE = "none"
-    FLOAT32 = "float32"
-    UINT16 = "uint16"
 
 
 class ContactInfo(StrictModel):

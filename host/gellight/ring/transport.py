@@ -11,7 +11,7 @@ import logging
 import re
 from typing import TYPE_CHECKING, Any, Protocol
 
-from gellight.base.errors import BoardError
+from gellight.base.errors import BoardError, first_line
 from gellight.base.holders import holders_text
 from gellight.ring import usb_numbers as numbers
 from gellight.ring.wire import LED_COUNT
@@ -103,7 +103,9 @@ class SerialTransport:
             self._port.write(data)
         except OSError as error:  # SerialException is one
             kind = SilentError if isinstance(error, self._timeout) else BoardError
-            raise kind(f"the board at {self.url} takes no bytes ({error}): unplug it and plug it in") from error
+            raise kind(
+                f"the board at {self.url} takes no bytes ({first_line(error)}): unplug it and plug it in"
+            ) from error
 
     def read(self, timeout_s: float) -> bytes:
         """Wait for the first byte, then take what is there."""
@@ -112,7 +114,7 @@ class SerialTransport:
             first = bytes(self._port.read(1))
             return first + bytes(self._port.read(self._port.in_waiting)) if first else b""
         except OSError as error:
-            raise BoardError(f"the board at {self.url} is gone ({error}): plug it in again") from error
+            raise BoardError(f"the board at {self.url} is gone ({first_line(error)}): plug it in again") from error
 
     def close(self) -> None:
         """Close the port, which drops DTR."""
@@ -152,7 +154,9 @@ class UsbTransport:
             self._claim()
         except usb.core.USBError as error:
             self._release()
-            raise BoardError(f"cannot use {url} ({error}): install the udev rule or use serial://") from error
+            raise BoardError(
+                f"cannot use {url} ({first_line(error)}): install the udev rule or use serial://"
+            ) from error
 
     def _is_board(self, device: Any) -> bool:
         """Ask for its product string where the numbers do not tell; a device that may not be read is another one."""
@@ -191,7 +195,7 @@ class UsbTransport:
             self._device.write(numbers.OUT_ENDPOINT, data, USB_TIMEOUT_MS)
         except self._usb.core.USBError as error:
             kind = SilentError if isinstance(error, self._usb.core.USBTimeoutError) else BoardError
-            raise kind(f"the board at {self.url} takes no bytes ({error}): plug it in again") from error
+            raise kind(f"the board at {self.url} takes no bytes ({first_line(error)}): plug it in again") from error
 
     def read(self, timeout_s: float) -> bytes:
         """Take one USB packet."""
@@ -200,7 +204,7 @@ class UsbTransport:
         except self._usb.core.USBTimeoutError:
             return b""
         except self._usb.core.USBError as error:
-            raise BoardError(f"the board at {self.url} is gone ({error}): plug it in again") from error
+            raise BoardError(f"the board at {self.url} is gone ({first_line(error)}): plug it in again") from error
 
     def close(self) -> None:
         """Drop DTR and let go of the board."""

@@ -5,7 +5,7 @@ import subprocess
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from gellight.base.errors import InputError
+from gellight.base.errors import InputError, first_line
 from gellight.base.writing import make_folder, write_file
 
 RULE = Path(__file__).parent / "60-gellight.rules"
@@ -46,7 +46,7 @@ def install(*, folder: Path = FOLDER, run: Callable[[Sequence[str]], None] = _ru
             run(command)
         except (OSError, subprocess.CalledProcessError) as error:
             raise InputError(
-                f"{target} is written, but `{' '.join(command)}` failed ({error}): unplug the sensor and plug it in, "
-                "or restart the computer"
+                f"{target} is written, but `{' '.join(command)}` failed ({first_line(error)}): unplug the sensor and "
+                "plug it in, or restart the computer"
             ) from error
     return target

@@ -34,7 +34,8 @@ from gellight.frames.pose import ObjectPose
 from gellight.frames.shear import Shear
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.lens.intrinsics import intrinsics
-from gellight.recording.recording_file import DepthKind, depth_image
+from gellight.recording.depth_kind import DepthKind
+from gellight.recording.recording_file import depth_image
 from gellight.recording.ros_messages import (
     CAMERA_INFO,
     IMAGE,

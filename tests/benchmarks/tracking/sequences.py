@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.lab.simulator.gel_models import GelKind
+from gellight.lab.simulator.choices import GelKind
 from gellight.lab.simulator.sequence import read_sequence, write_sequence
 from sim_reference.geometry import SensorGeometry
 

@@ -9,7 +9,7 @@ from unittest.mock import Mock
 import pytest
 
 from gellight.base import writing
-from gellight.base.writing import make_folder, whole, write_file, write_folder
+from gellight.base.writing import check_place, make_folder, whole, write_file, write_folder
 
 Step = tuple[str, str]
 
@@ -159,6 +159,16 @@ def test_a_folder_that_another_program_makes_at_the_same_time_is_no_error(
     monkeypatch.setattr(Path, "mkdir", late)
     make_folder(tmp_path / "one" / "two")
     assert (tmp_path / "one" / "two").is_dir()
+
+
+def test_a_place_is_tried_without_leaving_anything(tmp_path: Path) -> None:
+    check_place(tmp_path / "new/folder/file")
+    check_place(Path("file"))
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "file").touch()
+    for place in (tmp_path / "file/below", Path("/proc/below")):
+        with pytest.raises(OSError):  # noqa: PT011 -- systems give several reasons
+            check_place(place)
 
 
 def test_a_file_in_the_way_of_a_folder_is_an_error(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from gellight.lab.training.training import Learning, TrainingOptions, read_refer
 from gellight.reconstruction.integration import angle_deg
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
-from tests.helpers.command_line import invoke
+from tests.helpers.command_line import invoke, refused
 from tests.helpers.places import real
 from tests.helpers.pressed_unit import pressed_unit
 
@@ -222,9 +222,15 @@ def test_each_fold_is_measured_by_a_network_that_never_saw_it(pressed: Path, mon
 def test_an_existing_bundle_is_kept_unless_told_otherwise(bundle: Path, pressed: Path) -> None:
     before = (bundle / "manifest.toml").read_bytes()
     result = run("fit", *sources(pressed), "--out", bundle)
-    assert result.exit_code == 2
-    assert "--overwrite" in result.output
+    assert "--overwrite" in refused(result)
     assert (bundle / "manifest.toml").read_bytes() == before
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_anything_is_learnt(pressed: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    result = run("fit", *sources(pressed), "--out", tmp_path / "file/sensor")
+    assert "file/sensor cannot be written (Not a directory)" in refused(result)
+    assert "training" not in result.stderr
 
 
 def test_a_press_file_with_a_fault_leaves_no_bundle(pressed: Path, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.deformation import NO_OBJECT, grid
 from sim_reference.geometry import SensorGeometry
-from tests.helpers.command_line import invoke
+from tests.helpers.command_line import invoke, refused
 from tests.helpers.places import REAL_CROPS
 
 PIXEL_MM = 0.1176
@@ -113,7 +113,7 @@ def test_the_overlay_shows_the_circle_on_the_picture(folder: Path, tmp_path: Pat
 
 def test_an_existing_csv_is_kept_and_no_image_counts_twice(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "presses.csv").write_text("mine")
-    assert run(folder, folder / "a.png", out=tmp_path / "presses.csv").exit_code == 2
+    assert "exists: choose another name" in refused(run(folder, folder / "a.png", out=tmp_path / "presses.csv"))
     assert (tmp_path / "presses.csv").read_text() == "mine"
     twice = run(folder, folder / "a.png", folder / "a.png", out=tmp_path / "other.csv")
     assert isinstance(twice.exception, InputError)
@@ -124,15 +124,23 @@ def test_a_place_that_cannot_be_written_is_told(folder: Path, tmp_path: Path) ->
     (tmp_path / "file").write_text("no folder")
     for out in (tmp_path / "file/presses.csv", folder):
         assert "cannot be written" in str(run(folder, folder / "a.png", "--overwrite", out=out).exception)
-    refused = run(folder, folder / "a.png", "--overlay", tmp_path / "file", out=tmp_path / "presses.csv")
-    assert "overlays cannot be written" in str(refused.exception)
+    result = run(folder, folder / "a.png", "--overlay", tmp_path / "file", out=tmp_path / "presses.csv")
+    assert "--overlay: " in refused(result)
+    assert not (tmp_path / "presses.csv").exists(), "it is refused before the work"
+
+
+def test_the_reference_itself_is_no_press(folder: Path, tmp_path: Path) -> None:
+    same = ["--reference", folder / "a.png", *BALL, "--out", tmp_path / "presses.csv"]
+    result = invoke("calibrate", "detect", folder / "a.png", *same)
+    assert isinstance(result.exception, InputError)
+    assert "no press: nothing has changed" in result.stdout
 
 
 def test_what_was_found_is_printed_also_where_it_cannot_be_written(folder: Path, tmp_path: Path) -> None:
     """It took minutes; it was lost where the csv or the overlays could not be written."""
-    (tmp_path / "file").write_text("no folder")
-    for how in (["--overlay", tmp_path / "file"], []):
-        out = tmp_path / ("presses.csv" if how else "file/presses.csv")
+    (tmp_path / "seen/a.png").mkdir(parents=True)
+    for how in (["--overlay", tmp_path / "seen"], []):
+        out = tmp_path / ("presses.csv" if how else "seen")
         result = run(folder, folder / "a.png", folder / "nothing.png", "--json", *how, "--overwrite", out=out)
         assert isinstance(result.exception, InputError)
         found, nothing = json.loads(result.stdout)

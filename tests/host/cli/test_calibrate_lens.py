@@ -11,7 +11,7 @@ import pytest
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.reconstruction.lens.lens_file import read_record
-from tests.helpers.command_line import invoke
+from tests.helpers.command_line import invoke, refused
 from tests.helpers.distorted import PIXEL_MM, SHAPE, TrueLens, dimple_picture, pin_picture, untouched
 from tests.helpers.linear_sensor import linear_bundle
 
@@ -82,5 +82,5 @@ def test_what_cannot_be_measured_is_refused_and_nothing_is_written(
 
 def test_an_existing_bundle_is_kept(folder: Path, tmp_path: Path) -> None:
     kept: Bundle = load_bundle(folder / "bundle")
-    assert run(folder, folder / "grid.png", out=folder / "bundle").exit_code == 2
+    assert "exists: choose another name" in refused(run(folder, folder / "grid.png", out=folder / "bundle"))
     assert load_bundle(folder / "bundle").identity == kept.identity

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, CameraError, InputError
-from gellight.cli.calibrate.routine import Target, Tools
+from gellight.cli.calibrate.routine_options import Target, Tools
 from gellight.cli.calibrate.screen import _read_lines, obey, screen
 from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View

@@ -1,6 +1,7 @@
 """The command itself: its version, its help in groups, what options of several verbs check, and how it ends."""
 
 import importlib.metadata
+import re
 import sys
 from collections import Counter
 from pathlib import Path
@@ -49,6 +50,9 @@ def test_a_group_shows_of_a_verb_the_first_paragraph_of_its_help(verb: LazyVerb)
         ("config --help", HEAVY),
         ("firmware --help", HEAVY),
         ("ring --help", HEAVY - {"numpy"}),
+        *((f"{verb} --help", HEAVY - {"numpy"}) for verb in ("run", "demo", "record", "replay", "export", "scan")),
+        *((f"{verb} --help", HEAVY - {"numpy"}) for verb in ("reconstruct", "surface", "selfcheck", "calibrate")),
+        *((f"{verb} --help", HEAVY - {"numpy"}) for verb in ("simulate press", "optimize design")),
     ],
 )
 def test_a_verb_imports_only_what_it_needs(arguments: str, own: set[str], tmp_path: Path) -> None:
@@ -130,6 +134,22 @@ def test_a_path_without_a_name_is_refused_and_this_folder_is_left_alone(
     monkeypatch.chdir(tmp_path)
     assert f"{named} names no file" in refused(invoke(*arguments))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("typed", ["nan", "inf", "-inf", "1e300", "99999999999999999999"])
+def test_no_verb_takes_a_number_that_nothing_can_have(typed: str) -> None:
+    options = [option for verb in VERBS for option in verb.params]
+    numbers = [one for one in options if re.search(r"\b(int|float)\b", str(one.type_descriptor.annotation))]
+    assert len(numbers) > 100
+    for option in numbers:
+        with pytest.raises(InputError, match=re.escape(f"{option.opts[-1]} {typed} is not possible: give a number")):
+            option.process_value(None, [typed] if option.multiple or option.nargs != 1 else typed)
+
+
+@pytest.mark.parametrize("verb", [("export", "a.mcap", "--out", "b"), ("calibrate",), ("doctor",)])
+def test_an_empty_text_is_refused_but_for_what_may_be_empty(verb: tuple[str, ...]) -> None:
+    option = {"export": ["--calibration", ""], "calibrate": ["--like", ""], "doctor": [""]}[verb[0]]
+    assert "'' is empty: give it a value, or leave it out" in refused(invoke(*verb, *option))
 
 
 @pytest.mark.parametrize("verb", VERBS, ids=lambda verb: verb.name)

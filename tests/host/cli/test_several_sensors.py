@@ -11,10 +11,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from subprocess import STDOUT, Popen
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from gellight.base.settings import SensorSettings, Settings
+from gellight.cli.one_sensor import RunOptions
+from gellight.cli.several_sensors import SensorProcess
 from tests.helpers.children import GELLIGHT, gellight, started
 
 PATIENCE_S = 90.0
@@ -61,7 +65,24 @@ def children(process: int) -> list[int]:
     return [one for one in workers if "spawn_main" in Path(f"/proc/{one}/cmdline").read_text()]
 
 
-def test_two_sensors_run_in_processes_of_their_own_that_are_started_anew_and_sigterm_ends_all(tmp_path: Path) -> None:
+def ignores_ctrl_c(process: int) -> bool:
+    (ignored,) = re.findall(r"SigIgn:\s*(\w+)", Path(f"/proc/{process}/status").read_text())
+    return bool(int(ignored, 16) >> signal.SIGINT - 1 & 1)
+
+
+def test_a_process_is_asked_to_end_once() -> None:
+    """A second signal would interrupt what makes the LEDs dark."""
+    asked, settings = [], Settings(sensor=SensorSettings(url="sim://"))
+    sensor = SensorProcess(1, settings, RunOptions())
+    sensor._process = SimpleNamespace(  # type: ignore[assignment]
+        terminate=lambda: asked.append("to end"), join=lambda timeout_s: None, is_alive=lambda: False
+    )
+    sensor.ask_to_end()
+    sensor.stop()
+    assert asked == ["to end"]
+
+
+def test_two_sensors_run_in_processes_of_their_own_that_are_started_anew_and_ctrl_c_ends_all(tmp_path: Path) -> None:
     with running(tmp_path, *TWO) as (verb, shown):
         address = wait_for(shown, r"dashboard: (\S+)")[0]
         wait_for(shown, r"publishing: gellight.subscribe\('(.*)'\)", 2)
@@ -82,8 +103,9 @@ def test_two_sensors_run_in_processes_of_their_own_that_are_started_anew_and_sig
         assert second in processes
         assert first not in processes
 
-        verb.send_signal(signal.SIGTERM)
-        assert verb.wait(20) == 0, shown.read_text()
+        assert all(ignores_ctrl_c(process) for process in processes), "their parent asks them to end, once"
+        os.killpg(verb.pid, signal.SIGINT)  # as a terminal does
+        assert verb.wait(PATIENCE_S) == 0, shown.read_text()
         assert not any(Path(f"/proc/{process}").exists() for process in processes)
         assert "Traceback" not in shown.read_text()
 

@@ -1,7 +1,6 @@
 """Setting and lighting a sensor: from the thread that reads it, and beside a daemon that reads it all the time."""
 
 import itertools
-import time
 from collections.abc import Callable
 from pathlib import Path
 from unittest.mock import Mock
@@ -18,6 +17,7 @@ from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.scripted_camera import ScriptedCamera, ScriptedControls
 from tests.helpers.scripted_ring import ScriptedRing
 from tests.helpers.sessions import session_of
+from tests.helpers.waiting import eventually
 
 GEOMETRY = {"image_width_px": 160, "image_height_px": 120, "pixel_size_mm": 4 * 0.0588}
 URL = "sim://?programme=0&noise=0&fps=200"
@@ -110,7 +110,7 @@ def test_a_light_that_the_board_took_away_is_in_no_frame_of_the_simulated_sensor
     with open_camera(URL, geometry=GEOMETRY) as camera:
         (lit,) = set_and_light(camera, {}, RED)
         with camera.ring._lock:  # nothing is sent to the board
-            time.sleep(1.5)
+            eventually(lambda: not camera.ring.transport.timeline[-1].colours.any())
         frames = [camera.read() for _ in range(20)]
     assert "host silent); they are lit again" in caplog.text
     assert all(frame.image.mean() == pytest.approx(lit.image.mean(), rel=0.05) for frame in frames)

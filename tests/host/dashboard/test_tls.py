@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, expect
 
 from gellight.base.errors import ConfigError
 from gellight.base.settings import load_settings
-from gellight.cli.one_sensor import RunOptions
+from gellight.cli.run_options import RunOptions
 from gellight.cli.several_sensors import SensorProcess
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.browsing import draw

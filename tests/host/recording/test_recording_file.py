@@ -18,9 +18,9 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CaptureStamp
 from gellight.frames.measures import MapOnRequest
 from gellight.opening import open_camera
+from gellight.recording.depth_kind import DepthKind
 from gellight.recording.recording_file import (
     ContactInfo,
-    DepthKind,
     Recording,
     RecordingWriter,
     depth_image,

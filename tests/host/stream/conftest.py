@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import gellight
-from gellight.recording.recording_file import DepthKind
+from gellight.recording.depth_kind import DepthKind
 from gellight.stream.recorder import Recorder
 
 

@@ -89,13 +89,14 @@ def test_two_sensors_are_read_by_their_names(tmp_path: Path) -> None:
 
 def test_the_depth_is_drawn_until_the_window_is_closed() -> None:
     pytest.importorskip("matplotlib")
-    closed = "import threading, runpy, sys, matplotlib.pyplot as plt; sys.argv.pop()\n"
-    closed += "threading.Timer(5, lambda: (print(plt.gca().images[0].get_array().max()), plt.close('all'))).start()\n"
-    closed += f"runpy.run_path({str(EXAMPLES / 'live_picture.py')!r})"
+    closed = "import itertools, runpy, sys, matplotlib.pyplot as plt; sys.argv.pop(); drawn = itertools.count(1)\n"
+    closed += "def pause(_):\n print(plt.gca().images[0].get_array().max())\n next(drawn) < 3 or plt.close('all')\n"
+    closed += f"plt.pause = pause; runpy.run_path({str(EXAMPLES / 'live_picture.py')!r})"
     daemon, _ = bump_daemon(period_s=0.03)
     with daemon, Publisher(daemon):
         done = run([sys.executable, "-c", closed, ""], check=True, env={**os.environ, "MPLBACKEND": "Agg"})
-    assert 0.5 < float(done.stdout) < 1, "the bump of the daemon"
+    depths = [float(line) for line in done.stdout.splitlines()]
+    assert 0.5 < depths[0] < depths[1] < depths[2], "the bump of the daemon, which is deeper in each frame"
 
 
 def test_pictures_without_a_calibration_show_where_and_how_large(tmp_path: Path) -> None:

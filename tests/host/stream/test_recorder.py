@@ -15,7 +15,8 @@ from rosbags.typesys import Stores, get_typestore
 import gellight
 from gellight.base.errors import InputError
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.recording.recording_file import DepthKind, Recording, depth_image
+from gellight.recording.depth_kind import DepthKind
+from gellight.recording.recording_file import Recording, depth_image
 from gellight.recording.replay_camera import open_replay
 from gellight.stream import recorder as recorder_module
 from gellight.stream.recorder import RESERVE_BYTES, Recorder

@@ -9,7 +9,7 @@ import typer
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.cli.calibrate.directions import Pictures
-from gellight.cli.calibrate.training import SizedTraining
+from gellight.cli.calibrate.training_options import SizedTraining
 from gellight.cli.options import AsJson, NewBundle, Sensor, with_options
 from gellight.cli.showing import progress, show
 from gellight.daemon.bundle_choice import sensor_name

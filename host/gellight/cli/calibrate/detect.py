@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 from gellight.base.errors import InputError
-from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_options
+from gellight.cli.options import AsJson, Overwrite, check_out, with_options
 from gellight.cli.showing import show
 from gellight.frames.image_files import image_files, read_image
 from gellight.lab.report.pictures import write_png
@@ -116,7 +116,9 @@ def command(
     An image without a usable press is listed with the reason and `fit` passes over it. The exit status is 0 if every
     image has its contact, 1 if some were refused, and 2 if all were, or for a wrong argument; then no file is written.
     """
-    refuse_existing(out, overwrite)
+    check_out(out, overwrite)
+    if overlay is not None:
+        check_out(overlay / "overlay", True, "--overlay")
     paths = _images(images)
     found, scale = pressed.found(paths, pressed.untouched(paths, out.with_name(f"{out.stem}-untouched.png"), overwrite))
     refused = [detection for detection in found if detection.contact is None]
@@ -161,7 +163,7 @@ class PlateScale:
 
 def _written_untouched(paths: list[Path], ball: Ball, target: Path, overwrite: bool) -> str:
     """Write the gel between the balls, the mean of all images, and return its name; InputError where it cannot be."""
-    refuse_existing(target, overwrite)
+    check_out(target, overwrite)
     mean = np.mean([untouched_between(read_image(path), ball) for path in paths], axis=0)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 from gellight.base.errors import InputError
-from gellight.cli.options import AsJson, Overwrite, refuse_existing, with_options
+from gellight.cli.options import AsJson, Overwrite, check_out, with_options
 from gellight.cli.showing import show
 from gellight.frames.image_files import image_files, read_grey
 from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
@@ -57,7 +57,7 @@ def command(
     pattern is expanded in natural order. Several series, one after the other, are divided by series. `gellight
     reconstruct --lights` uses the file.
     """
-    refuse_existing(out, overwrite)
+    check_out(out, overwrite)
     given = pictures.read()
     training, judging = divided(given.series)
     same = given.untouched, given.ball, given.noise_grey

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from gellight.bundle.bundle import load_bundle
-from gellight.cli.calibrate.training import Training
+from gellight.cli.calibrate.training_options import Training
 from gellight.cli.options import AsJson, NewBundle, with_options
 from gellight.cli.showing import progress, show
 from gellight.lab.training.starter import make_starter

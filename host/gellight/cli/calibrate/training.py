@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.cli.calibrate.training_options import Like, SizedTraining, Threads, Trainer, check_recipe
 from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
 from gellight.cli.showing import progress, show
 from gellight.frames.dots import Dots
@@ -23,8 +23,7 @@ from gellight.lab.training.labelling.ball_size import check_ball, felt_radius_mm
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.prisms import PrismError, PrismPress, prism_errors, read_prisms
 from gellight.lab.training.synthetic import make_synthetic
-from gellight.lab.training.trainer import TrainerName
-from gellight.lab.training.training import RECIPES, Learning, Reference, TrainingOptions, like_words, read_reference
+from gellight.lab.training.training import Learning, Reference, like_words, read_reference
 from gellight.lab.training.validation import AngleFigures, PressFigures
 
 Given = tuple[list[Press], Reference, Ball]
@@ -36,35 +35,6 @@ Labels = Annotated[
 Prisms = Annotated[
     Path | None, typer.Option(help="csv of presses of prisms of known angle, as `detect --prism-angle-deg` writes it")
 ]
-Like = Annotated[str | None, typer.Option(help="bundle of a like unit: with few presses of this one, its presses help")]
-Threads = Annotated[int, typer.Option(min=1, help="of its matrix products")]
-Trainer = Annotated[TrainerName, typer.Option(help="torch: PyTorch, where it is installed")]
-
-
-@dataclass(frozen=True)
-class Training:
-    """How a network is trained."""
-
-    recipe: Annotated[str, typer.Option(help="fast, thorough (three times as long), paper (the longest)")] = "thorough"
-    seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0
-    threads: Threads = 1
-    trainer: Trainer = "numpy"
-
-    def __post_init__(self) -> None:
-        """Refuse a recipe that does not exist."""
-        check_recipe(self.recipe)
-
-    def options(self) -> TrainingOptions:
-        """Return them as the training takes them."""
-        return TrainingOptions(**vars(self))
-
-
-@dataclass(frozen=True)
-class SizedTraining(Training):
-    """How a network of any size is trained."""
-
-    width: Annotated[int, typer.Option(min=1, help="units in each hidden layer")] = 32
-    epochs: Annotated[int | None, typer.Option(min=1, help="instead of the recipe's number")] = None
 
 
 @dataclass(frozen=True)
@@ -81,7 +51,7 @@ class Recorded:
     prisms: Prisms = None
     like: Like = None
 
-    def learning(self, untouched: Reference, how: "SizedTraining") -> Learning:
+    def learning(self, untouched: Reference, how: SizedTraining) -> Learning:
         """Return how is learnt from them, and from presses of prisms; InputError for a csv that cannot be used."""
         prisms = _prisms(self.prisms, untouched.image_shape, untouched.dots)
         like = load_bundle(self.like) if self.like else None
@@ -200,12 +170,6 @@ def synthetic(
     test = [f"{name:<28}{value:>10.4g}" for name, value in written.metrics["test"].items()]
     lines = ["measured on simulated presses it was not trained on:", *test]
     _print_written(written, bundle.out, as_json, lines)
-
-
-def check_recipe(name: str) -> None:
-    """Refuse a recipe that there is not; raises InputError."""
-    if name not in RECIPES:
-        raise InputError(f"recipe {name!r}: give one of {', '.join(RECIPES)}")
 
 
 def which_ball(labelled: list[Press], untouched: Reference, ball: Ball, previous: str | None) -> dict[str, object]:

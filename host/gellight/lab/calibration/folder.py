@@ -22,7 +22,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import BundleError, GellightError, InputError
+from gellight.base.errors import BundleError, GellightError, InputError, first_line
 from gellight.base.writing import make_folder, write_file
 from gellight.bundle.bundle import Bundle, save_bundle
 from gellight.lab.calibration.display import Picture
@@ -174,7 +174,7 @@ class Folder:
         try:
             image: NDArray[np.float32] = np.load(self.path / REFERENCE, allow_pickle=False)
         except (OSError, ValueError) as error:
-            raise BundleError(f"{self.path / REFERENCE} is damaged ({error}): begin again") from error
+            raise BundleError(f"{self.path / REFERENCE} is damaged ({first_line(error)}): begin again") from error
         return image
 
     def add_press(self, picture: Picture, circle: Circle) -> PressRecord:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gellight.base.errors import BundleError, InputError
+from gellight.base.errors import BundleError, InputError, first_line
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.manifest import MANIFEST
 from gellight.frames.picture import PictureSteps
@@ -201,7 +201,7 @@ def state_in(path: Path) -> State | None:
     except (FileNotFoundError, NotADirectoryError):
         return None
     except (OSError, ValueError, RecursionError) as error:
-        raise BundleError(f"{place} cannot be read ({error}): move {path} away and begin again") from error
+        raise BundleError(f"{place} cannot be read ({first_line(error)}): move {path} away and begin again") from error
     if not isinstance(content, dict) or not {"schema_version", "identity"} <= set(content):
         raise InputError(f"{place} is not the state of a calibration: give a new folder, nothing was changed in {path}")
     if content["schema_version"] != SCHEMA_VERSION:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from gellight.base.errors import BoardError
+from gellight.base.errors import BoardError, first_line
 from gellight.lab.emulator.analog import COLDEST_C, HOTTEST_C
 from gellight.lab.emulator.waveform import Light, LightTimeline
 from gellight.ring.wire import LED_COUNT, MOST_LEDS
@@ -117,7 +117,7 @@ class SimulatedBoard:
         try:
             self._ours.sendall(data)
         except OSError as error:
-            raise BoardError(f"the simulated board is gone ({error}): open sim:// again") from error
+            raise BoardError(f"the simulated board is gone ({first_line(error)}): open sim:// again") from error
 
     def read(self, timeout_s: float) -> bytes:
         """Return what has arrived, waiting for the first byte for `timeout_s` at most."""
@@ -125,7 +125,7 @@ class SimulatedBoard:
             ready = select.select([self._ours], [], [], timeout_s)[0]
             data = self._ours.recv(4096) if ready else None
         except (OSError, ValueError) as error:
-            raise BoardError(f"the simulated board is gone ({error}): open sim:// again") from error
+            raise BoardError(f"the simulated board is gone ({first_line(error)}): open sim:// again") from error
         if data == b"":
             raise BoardError("the simulated board has ended: open sim:// again")
         return data or b""
@@ -168,7 +168,7 @@ class SimulatedBoard:
             self._process.stdin.write("x")
             self._process.stdin.flush()
         except OSError as error:
-            raise BoardError(f"the simulated board is gone ({error}): open sim:// again") from error
+            raise BoardError(f"the simulated board is gone ({first_line(error)}): open sim:// again") from error
         with self._lock:
             self._wait_for(lambda: bool(self._edges))
             if not self._edges:

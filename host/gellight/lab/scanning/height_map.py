@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import InputError
+from gellight.base.errors import InputError, first_line
 from gellight.base.writing import write_file
 from gellight.bundle.contents import UNZIPPING, arrays_of, read_file
 from gellight.frames.frames import TactileFrame
@@ -70,7 +70,9 @@ def load_height_map(path: Path) -> HeightMap:
         height, error, pixel = (arrays[name] for name in FIELDS)
         return HeightMap(height.astype(np.float32), error.astype(np.float32), float(pixel))
     except (*UNZIPPING, KeyError, TypeError) as problem:
-        raise InputError(f"{path} is no map of heights ({problem}); `gellight scan` writes one") from problem
+        raise InputError(
+            f"{path} is no map of heights ({first_line(problem)}); `gellight scan` writes one"
+        ) from problem
 
 
 def map_of_press(frame: TactileFrame, pixel_size_mm: tuple[float, float], error_mm: float | None = None) -> HeightMap:

@@ -8,21 +8,20 @@ import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from types import SimpleNamespace
-from typing import IO, Any, Literal
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.base.gelnet_child import gelnet_environment
+from gellight.lab.simulator.choices import Computer
 from gellight.lab.simulator.scene import SPACING_MM, Press
 from sim_reference.deformation import Deformation
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import Surface
 
 Array = NDArray[np.float64]
-Computer = Literal["numpy", "torch", "cuda"]
-"""NumPy, a press at a time; PyTorch on the processor, or on a GPU, many presses at once"""
 BATCH = 16
 """presses that are asked for at once"""
 

@@ -19,7 +19,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,9 @@ from numpy.typing import NDArray
 import gellight
 from gellight.base.errors import InputError
 from gellight.base.writing import make_folder, write_file
-from gellight.lab.simulator.batches import BATCH, BatchComputer, Computer
-from gellight.lab.simulator.gel_models import GelKind, gel_model
+from gellight.lab.simulator.batches import BATCH, BatchComputer
+from gellight.lab.simulator.choices import Computer, GelKind, LightKind
+from gellight.lab.simulator.gel_models import gel_model
 from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.scene import BRIGHTEST_GREY, Press, Scene
 from gellight.lab.simulator.sweep import ResultStore, SweepOptions, Task, run_all
@@ -48,8 +49,6 @@ REFERENCE_PICTURES = 8
 """are averaged: the noise of the reference images is a third of that of a picture"""
 Seen = tuple[NDArray[np.float32], Surface, Deformation]
 """of a press: (K, H, W, 3) grey levels before noise under K lights, and the gel"""
-LightKind = Literal["ring", "singles"]
-"""one picture under the whole ring in its colours; or one a LED, all in white"""
 
 
 @dataclass(frozen=True, kw_only=True)

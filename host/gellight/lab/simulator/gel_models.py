@@ -12,14 +12,14 @@ import zlib
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import platformdirs
 
 import sim_reference
-from gellight.base.errors import InputError
+from gellight.base.errors import InputError, first_line
 from gellight.base.writing import write_file
+from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
 from gellight.lab.simulator.scene import Array
 from sim_reference import gel
 from sim_reference.deformation import Deformation, GelModel, NotConverged
@@ -29,12 +29,6 @@ from sim_reference.geometry import SensorGeometry
 logger = logging.getLogger(__name__)
 
 
-GelKind = Literal["layer", "fem"]
-"""how the gel is computed: as an elastic layer of small strain, a second a press; or by finite elements, a minute"""
-
-
-RESOLUTION_MM = 0.3
-"""of the finite elements"""
 DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
 """what NumPy raises for an .npz that cannot be read, or lacks a field"""
 
@@ -115,4 +109,6 @@ def _read(path: Path, spacing_mm: float) -> Deformation:
         with np.load(path) as kept:
             return Deformation(kept["depth_mm"].astype(np.float64), kept["pressure"].astype(np.float64), spacing_mm)
     except DAMAGED as error:
-        raise InputError(f"the kept press {path} cannot be read ({error}): remove it, it is made again") from error
+        raise InputError(
+            f"the kept press {path} cannot be read ({first_line(error)}): remove it, it is made again"
+        ) from error

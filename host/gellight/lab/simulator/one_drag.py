@@ -6,7 +6,6 @@ press.npz holds, on a grid about where the press was. report.json has the forces
 also state.npz, from which the same command goes on with the pose under way.
 """
 
-import csv
 import hashlib
 import io
 import json
@@ -16,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gellight.base.errors import InputError
+from gellight.base.csv_file import Row, number_in, read_rows
+from gellight.base.errors import InputError, first_line
 from gellight.base.writing import new_folder, write_file
 from gellight.lab.simulator.gel_models import DAMAGED, source_digest
 from gellight.lab.simulator.memory import check_memory
@@ -61,24 +61,14 @@ class DragReport:
 
 def read_path(path: Path) -> list[Pose]:
     """Read a path; raises InputError, naming the line, for what is none."""
-    try:
-        rows = list(csv.DictReader(io.StringIO(path.read_text("utf-8")), strict=True))
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}): give a CSV file") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path} is no CSV file ({error})") from error
-    if not rows or set(rows[0]) != set(COLUMNS):
-        raise InputError(f"{path}: give a first line {','.join(COLUMNS)}, and below it a line for each pose")
-    return [_pose(f"{path}, line {number}", row) for number, row in enumerate(rows, 2)]
+    rows = read_rows(path, "path", COLUMNS)
+    if not rows:
+        raise InputError(f"{path} has no poses: add a line for each")
+    return [_pose(row, f"{path}, line {line}") for line, row in rows]
 
 
-def _pose(where: str, row: dict[str, str]) -> Pose:
-    try:
-        x, y, z, turn = (float(row[column]) for column in COLUMNS)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{where}: {list(row.values())} are not four numbers") from error
-    if not all(map(math.isfinite, (x, y, z, turn))):
-        raise InputError(f"{where}: {x}, {y}, {z}, {turn} are not all finite numbers")
+def _pose(row: Row, where: str) -> Pose:
+    x, y, z, turn = (number_in(row, column, where) for column in COLUMNS)
     return Pose((x, y, z), (0.0, 0.0, math.radians(turn)))
 
 
@@ -102,10 +92,10 @@ def drag_once(
     try:
         with new_folder(folder):
             report = _Drag(request, depth, [Pose(), *path], folder, geometry, show).run()
+        write_file(folder / "report.json", json.dumps(asdict(report), indent=2).encode())
+        (folder / "state.npz").unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"the drag cannot be written to {folder} ({error.strerror}): choose another --out") from error
-    write_file(folder / "report.json", json.dumps(asdict(report), indent=2).encode())
-    (folder / "state.npz").unlink(missing_ok=True)
     return report
 
 
@@ -191,7 +181,7 @@ class _Drag:
                 return poses, Checkpoint(state, float(kept["increment_mm"]), True, float(kept["gap_share"]),
                                          kept["anchor"], kept["layer_mm"])  # fmt: skip
         except DAMAGED as error:
-            raise InputError(f"{path} cannot be read ({error}): remove it, the drag begins anew") from error
+            raise InputError(f"{path} cannot be read ({first_line(error)}): remove it, the drag begins anew") from error
 
 
 def _told(one: Dragged) -> PoseReport:

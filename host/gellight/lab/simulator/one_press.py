@@ -16,9 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gellight.base.errors import InputError
+from gellight.base.errors import InputError, first_line
 from gellight.base.writing import new_folder, write_file
-from gellight.lab.simulator.gel_models import DAMAGED, GelKind, source_digest
+from gellight.lab.simulator.choices import GelKind
+from gellight.lab.simulator.gel_models import DAMAGED, source_digest
 from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.scene import Array
 from sim_reference import gel
@@ -113,8 +114,11 @@ def press_once(request: PressRequest, folder: Path, geometry: SensorGeometry, sh
 def object_heights(name: str) -> Array:
     """Return the height map of an object of the simulator, in any case, or of an STL file; raises InputError."""
     at = grid(GRID_SIZE, SPACING_MM)
+    is_file = name.lower().endswith(".stl")
+    if not is_file and "/" in name:
+        raise InputError(f"{name} is not a .stl file: convert it, or give the name of an object of the simulator")
     try:
-        if not name.lower().endswith(".stl"):
+        if not is_file:
             return object_height(name.upper(), at[None, :], at[:, None])
     except ValueError as error:
         raise InputError(f"{error}, or give a .stl file") from error
@@ -155,7 +159,9 @@ class _Progress:
                 return Checkpoint(state, float(kept["increment_mm"]), bool(kept["narrow"]), float(kept["gap_share"]),
                                   kept["anchor"], kept["layer_mm"])  # fmt: skip
         except DAMAGED as error:
-            raise InputError(f"{self.path} cannot be read ({error}): remove it, the press begins anew") from error
+            raise InputError(
+                f"{self.path} cannot be read ({first_line(error)}): remove it, the press begins anew"
+            ) from error
 
     def keep(self, step: Step, checkpoint: Checkpoint) -> None:
         """Write the state, so that an interruption costs one step."""

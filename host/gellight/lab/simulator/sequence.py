@@ -21,7 +21,8 @@ from pydantic import Field, ValidationError
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import InputError
 from gellight.base.writing import new_folder, write_file
-from gellight.lab.simulator.gel_models import RESOLUTION_MM, GelKind, gel_model
+from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
+from gellight.lab.simulator.gel_models import gel_model
 from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.recording.frame_record import packed_picture

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import SYNTHETIC, load_bundle
 from gellight.lab.emulator.analog import COLDEST_C, HOTTEST_C
-from gellight.lab.simulator.gel_models import GelKind
+from gellight.lab.simulator.choices import GelKind
 from gellight.lab.simulator.printed_dots import PrintedDots
 from gellight.lab.simulator.scene import Array, Printed
 from gellight.lab.simulator.unit import Unit

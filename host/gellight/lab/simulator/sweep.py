@@ -17,7 +17,7 @@ from typing import Any, Generic, TypeVar
 
 import platformdirs
 
-from gellight.base.errors import InputError
+from gellight.base.errors import InputError, first_line
 from gellight.base.packages import needed
 from gellight.base.parent import end_with_parent
 from gellight.base.writing import write_file
@@ -246,7 +246,9 @@ def _cluster(scheduler: str, kept_in: Path) -> Iterator[Executor]:
     try:
         client = Client(scheduler, timeout="10s")
     except (OSError, ValueError) as error:
-        raise InputError(f"no Dask scheduler at {scheduler} ({error}): start one with `dask scheduler`") from error
+        raise InputError(
+            f"no Dask scheduler at {scheduler} ({first_line(error)}): start one with `dask scheduler`"
+        ) from error
     kept = f"What is done is kept in {kept_in}; the same command goes on there"
     with client:
         if not client.scheduler_info()["workers"]:

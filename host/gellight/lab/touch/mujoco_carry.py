@@ -15,11 +15,6 @@ with the layer's force f0 there, and tau the gel's loss time. Where MuJoCo's own
 gel presses), they answer the gels' forces within the step: M then is M + Jc' D Jc with the rows Jc that act and their
 stiffness D, as MuJoCo's solver has them (Todorov, ICRA 2014), v0 is with them, and both are found anew until the gels
 give what was solved for.
-
-A gel pushes only, tilts a body by no more than its pressure can move, and holds it by no more than friction. What is
-cut away would have turned and stopped the body too, so the other forces are solved for again until all agree (projected
-Gauss-Seidel: Jourdan, Alart and Jean, Comput. Methods Appl. Mech. Eng. 155, 1998). Cut once and left, they give a light
-body energy.
 """
 
 from dataclasses import dataclass
@@ -31,18 +26,11 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.lab.touch.mujoco_gap import MM
 from gellight.lab.touch.mujoco_gels import MujocoGel, MujocoGels
+from gellight.lab.touch.springs import SLIDING, Spring, solve
 from gellight.lab.touch.touch_sensor import Felt
 from gellight.lab.touch.traction import Sheared
 
 Floats = NDArray[np.float64]
-SLIDING = [0, 1, 5]
-"""of the six motions: along x, along y, and the spin"""
-APART = ([2], [3], [4], SLIDING[:2], [5])
-"""motions whose forces are cut together: out of the gel, the tilts, along it, the spin"""
-MOST_SWEEPS, AGREED = 200, 1e-9
-"""until no force changes by more, N and N m"""
-AT_LIMIT = 1 - 1e-6
-"""of what friction holds, from where a body slips"""
 MOST_LOOKS, AS_EXPECTED = 20, 1e-9
 """at MuJoCo's contacts, until no velocity is off by more, m/s and rad/s"""
 HALVED = (1, 1 / 2, 1 / 4, 1 / 8, 1 / 16)
@@ -68,27 +56,6 @@ class Held:
     """(3,) where the force acts, in the world"""
 
 
-@dataclass(eq=False)
-class _Spring:
-    """One body in one gel, during a step."""
-
-    gel: str
-    body: int
-    holder: int
-    axes: Floats
-    point: Floats
-    jacobian: Floats
-    stiffness: Floats
-    """(6,) N/m and N m/rad"""
-    at_rest: Floats
-    """(6,) force and torque if nothing moved on, as linear in the motion"""
-    layer_force: float
-    """N, of the layer where the body would be without gels"""
-    reach: Floats
-    """(2,) m: how far from its centre the pressure can move, in y and x"""
-    radius: float
-
-
 class Carrying:
     """Steps a model whose gels carry what touches them."""
 
@@ -110,13 +77,20 @@ class Carrying:
         for name, gel in gels.items():
             _check_excluded(model, name, gel)
         self.gels, self._model, self._friction, self._loss_time_s = gels, model, friction, loss_time_s
-        poisson = next(iter(gels.values())).sensor.geometry.poisson_ratio
-        self._ratio = 2 * (1 - poisson) / (2 - poisson) if sliding_ratio is None else sliding_ratio
+        self._sliding_ratio = sliding_ratio
         self._bristles: dict[tuple[str, int], Floats] = {}
         """by gel and body: how far the body has moved since it stuck, x and y in m, spin in rad"""
+        self._before_s = -np.inf
+        """when the last step began"""
 
     def step(self, data: mujoco.MjData) -> list[Held]:
-        """Step the model with the gels' forces, and return them; raises as `TouchSensor.feel`."""
+        """Step the model with the gels' forces, and return them; raises as `TouchSensor.feel`.
+
+        Nothing sticks yet in data whose time has gone back, as of `mj_resetData`.
+        """
+        if data.time <= self._before_s:
+            self._bristles = {}
+        self._before_s = data.time
         mujoco.mj_step1(self._model, data)
         others = data.xfrc_applied.copy()
         held = self._apply(data)
@@ -156,12 +130,12 @@ class Carrying:
             mujoco.mj_fwdConstraint(self._model, data)
         return np.asarray(data.qvel + self._model.opt.timestep * (data.qacc if data.nefc else data.qacc_smooth))
 
-    def _alone(self, data: mujoco.MjData, springs: list[_Spring], free: Floats) -> Floats:
+    def _alone(self, data: mujoco.MjData, springs: list[Spring], free: Floats) -> Floats:
         """Return the forces (n, 6) of the gels where nothing else touches."""
         jacobian = np.vstack([spring.jacobian for spring in springs])
         return self._solve(springs, jacobian, self._by_inertia(data, jacobian), free)
 
-    def _answered(self, data: mujoco.MjData, springs: list[_Spring], free: Floats) -> Floats:
+    def _answered(self, data: mujoco.MjData, springs: list[Spring], free: Floats) -> Floats:
         """Return the forces (n, 6) of the gels, which MuJoCo's contacts answer.
 
         Newton's method. Contacts come and go with the forces, so a step is halved until it brings the forces nearer to
@@ -194,6 +168,9 @@ class Carrying:
         data.xfrc_applied[:] = others
         return forces
 
+    def _solve(self, springs: list[Spring], jacobian: Floats, moved: Floats, free: Floats) -> Floats:
+        return solve(springs, jacobian, moved, free, self._model.opt.timestep, self._loss_time_s)
+
     def _moved(self, data: mujoco.MjData, jacobian: Floats) -> Floats:
         """Return the accelerations (n, nv) by a unit of each force, with the contacts of MuJoCo's that act now."""
         moved, rows = self._by_inertia(data, jacobian), _acting(self._model, data)
@@ -205,7 +182,7 @@ class Carrying:
         mujoco.mj_solveM(self._model, data, moved, forces)
         return moved
 
-    def _springs(self, name: str, gel: MujocoGel, data: mujoco.MjData, free: Floats) -> list[_Spring]:
+    def _springs(self, name: str, gel: MujocoGel, data: mujoco.MjData, free: Floats) -> list[Spring]:
         now, layer, bodies = gel.gap.gap_mm(data), gel.sensor.layer, gel.gap.bodies()
         layer.check(now)
         gap = np.maximum(now + self._moved_mm(gel, data, bodies, free), DEEPER_MM - layer.deepest_mm).astype(np.float32)
@@ -232,7 +209,7 @@ class Carrying:
     def _spring(
         self, name: str, gel: MujocoGel, data: mujoco.MjData, free: Floats, body: int,
         pressure: NDArray[np.float32], deeper: float,
-    ) -> _Spring:  # fmt: skip
+    ) -> Spring:  # fmt: skip
         layer = gel.sensor.layer
         at, cell = layer.at_mm * MM, layer.spacing_mm * MM
         force = layer.force_n(pressure)
@@ -243,7 +220,7 @@ class Carrying:
         axes = gel.gap.rotation(data)
         point = data.site_xpos[gel.gap.site] + axes @ [x, y, 0.0]
         normal = max((deeper * layer.spacing_mm**2 - force) / (DEEPER_MM * MM), 0.0)
-        along, radius = self._ratio * normal, float(np.sqrt(len(rows) / np.pi)) * cell
+        along, radius = self._ratio(gel) * normal, float(np.sqrt(len(rows) / np.pi)) * cell
         tilts = normal * (np.array([np.mean(from_y**2), np.mean(from_x**2)]) + cell**2 / 12)
         stiffness = np.array([along, along, normal, *tilts, along * radius**2 / 2])
         jacobian = self._relative(data, axes, point, body, gel.body)
@@ -253,7 +230,12 @@ class Carrying:
         at_rest[2] += force
         at_rest[SLIDING] = -stiffness[SLIDING] * bristle
         reach = np.array([np.abs(from_y).max(), np.abs(from_x).max()]) + cell / 2
-        return _Spring(name, body, gel.body, axes, point, jacobian, stiffness, at_rest, force, reach, radius)
+        return Spring(name, body, gel.body, axes, point, jacobian, stiffness, at_rest, self._friction, reach, radius)
+
+    def _ratio(self, gel: MujocoGel) -> float:
+        """Return tangential over normal stiffness."""
+        poisson = gel.sensor.geometry.poisson_ratio
+        return 2 * (1 - poisson) / (2 - poisson) if self._sliding_ratio is None else self._sliding_ratio
 
     def _relative(self, data: mujoco.MjData, axes: Floats, point: Floats, body: int, holder: int) -> Floats:
         """Return the Jacobian (6, nv) of body against gel at a point, in the gel's frame: translation, rotation."""
@@ -264,62 +246,14 @@ class Carrying:
             parts.append(np.vstack([axes.T @ move, axes.T @ turn]))
         return np.asarray(parts[0] - parts[1])
 
-    def _solve(self, springs: list[_Spring], jacobian: Floats, moved: Floats, free: Floats) -> Floats:
-        dt = self._model.opt.timestep
-        damping = (dt + self._loss_time_s) * np.concatenate([spring.stiffness for spring in springs])
-        at_rest = np.concatenate([spring.at_rest for spring in springs])
-        system = np.eye(len(damping)) + dt * damping[:, None] * (jacobian @ moved.T)
-        wanted = at_rest - damping * (jacobian @ free)
-        forces = np.linalg.solve(system, wanted).reshape(-1, 6)
-        uncut = forces.copy()
-        for spring, force in zip(springs, forces, strict=True):
-            self._cut(spring, force)
-        if not np.array_equal(forces, uncut):
-            self._agree(springs, forces, system, wanted)
-        return forces
-
-    def _agree(self, springs: list[_Spring], forces: Floats, system: Floats, wanted: Floats) -> None:
-        """Change forces (n, 6) in place until system @ forces = wanted but where they are cut."""
-        flat = forces.reshape(-1)
-        parts = [
-            (spring, force, row, 1 / np.linalg.norm(system[np.ix_(row, row)], 2))
-            for number, (spring, force) in enumerate(zip(springs, forces, strict=True))
-            for row in (6 * number + np.array(part) for part in APART)
-        ]
-        for _ in range(MOST_SWEEPS):
-            before = flat.copy()
-            for spring, force, row, step in parts:
-                flat[row] += step * (wanted[row] - system[row] @ flat)
-                self._cut(spring, force)
-            if np.abs(flat - before).max() <= AGREED:
-                return
-
-    def _cut(self, spring: _Spring, force: Floats) -> None:
-        """Cut a force (6,) in place to what a gel can do: push, tilt within the contact, hold within friction."""
-        force[2] = max(force[2], 0.0)
-        limit, most = self._limits(spring, force)
-        _shorten(force[:2], limit)
-        for turn, longest in zip((3, 4, 5), (*(force[2] * spring.reach), most), strict=True):
-            force[turn] = min(max(force[turn], -longest), longest)
-
-    def _limits(self, spring: _Spring, force: Floats) -> tuple[float, float]:
-        """Return what friction holds, N along the gel and N m of spin."""
-        limit = self._friction * float(force[2])
-        return limit, 2 / 3 * limit * spring.radius
-
-    def _held(self, spring: _Spring, force: Floats) -> Held:
+    def _held(self, spring: Spring, force: Floats) -> Held:
         """Let the bristle slip as far as friction does not hold it, and tell what the gel does."""
-        limit, most = self._limits(spring, force)
-        sticks = bool(np.linalg.norm(force[:2]) < AT_LIMIT * limit and abs(force[5]) < AT_LIMIT * most)
-        bristle, stiffness = self._bristles[spring.gel, spring.body], spring.stiffness
-        _shorten(bristle[:2], limit / max(stiffness[0], 1e-9))
-        bristle[2] = np.clip(bristle[2], *(np.array([-1, 1]) * most / max(stiffness[5], 1e-9)))
-        return Held(
-            spring.gel, spring.body, force[:3].copy(), force[3:] / MM, float(spring.at_rest[2]), sticks, spring.point
-        )
+        spring.slip(self._bristles[spring.gel, spring.body], force)
+        pressed_n, sticks = float(spring.at_rest[2]), spring.sticks(force)
+        return Held(spring.gel, spring.body, force[:3].copy(), force[3:] / MM, pressed_n, sticks, spring.point)
 
 
-def _push(data: mujoco.MjData, springs: list[_Spring], forces: Floats) -> None:
+def _push(data: mujoco.MjData, springs: list[Spring], forces: Floats) -> None:
     """Give forces (n, 6) to the bodies and to the gels'."""
     for spring, force in zip(springs, forces, strict=True):
         push, turn = spring.axes @ force[:3], spring.axes @ force[3:]
@@ -345,23 +279,18 @@ def _acting(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
     return np.asarray(rows[acts] * np.sqrt(data.efc_D[:count][acts])[:, None])
 
 
-def _shorten(vector: Floats, longest: float) -> None:
-    """Shorten a vector (2,) in place to a length at most."""
-    length = np.hypot(*vector)
-    if length > longest:
-        vector *= longest / length
-
-
 def _check_excluded(model: mujoco.MjModel, name: str, gel: MujocoGel) -> None:
-    excluded = {(int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature}
+    excluded = [{int(pair) >> 16, int(pair) & 0xFFFF} for pair in model.exclude_signature]
+    paired = [set(pair) for pair in zip(model.pair_geom1, model.pair_geom2, strict=True)]
     own = [geom for geom in range(model.ngeom) if model.geom_bodyid[geom] == gel.body]
     for geom in gel.geoms:
-        body = int(model.geom_bodyid[geom])
-        pair = (gel.body, body)
-        if pair in excluded or pair[::-1] in excluded:
-            continue
-        if any(_collide(model, geom, mine) for mine in own):
-            first, second = (mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, one) for one in pair)
+        pair = gel.body, int(model.geom_bodyid[geom])
+        first, second = (mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, one) for one in pair)
+        if any({geom, mine} in paired for mine in own):
+            raise InputError(
+                f"gel {name} is to carry body {second}, but a <pair> of the model's <contact> does so too: take it out"
+            )
+        if set(pair) not in excluded and any(_collide(model, geom, mine) for mine in own):
             raise InputError(
                 f"gel {name} is to carry body {second}, but MuJoCo's contact does so too: add "
                 f'<contact><exclude body1="{first}" body2="{second}"/></contact> to the model'

@@ -117,6 +117,9 @@ class Traction:
         rim_mm = float(np.sqrt(np.count_nonzero(pressure_mpa) * cell_mm2 / np.pi))
         wanted = np.array([load[0], load[1], (load[2] - x * load[1] + y * load[0]) / rim_mm])
         ways, sheared = self._ways(centre_mm, rim_mm), rest
+        # Shortened to what friction holds: under more, what slips would go on without an end, and not along the load.
+        held = [friction * cell_mm2 * np.vdot(pressure_mpa, np.linalg.norm(way, axis=-1)) for way in ways[1:]]
+        wanted *= min(1, *(held / np.maximum([np.hypot(*wanted[:2]), abs(wanted[2])], 1e-9)))
 
         def moved(motion_mm: NDArray[np.float64], guess: Sheared) -> Sheared:
             begun = replace(rest.state, traction=guess.state.traction)

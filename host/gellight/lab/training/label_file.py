@@ -1,10 +1,10 @@
 """The csv of labels beside its images: read and checked, with file, line and value in every refusal."""
 
-import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
+from gellight.base.csv_file import number_in, read_rows
 from gellight.base.errors import InputError
 from gellight.frames.dots import Dots
 from gellight.frames.image_files import read_image
@@ -15,7 +15,6 @@ QUALITY = "quality"
 """optional column: how well the pattern of a ball fits, of a circle that `detect` found"""
 REFUSED = "refused"
 """optional column: why an image is not used; such a row has no circle"""
-Row = dict[str, str | None]
 
 
 def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int], dots: Dots | None = None) -> list[Press]:
@@ -27,7 +26,7 @@ def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int], dots: 
     """
     presses: list[Press] = []
     seen: dict[Press, int] = {}
-    for line, row in read_rows(path, COLUMNS):
+    for line, row in read_rows(path, "presses", COLUMNS):
         if (row.get(REFUSED) or "").strip():
             continue
         where = f"{path}, line {line}"
@@ -46,40 +45,6 @@ def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int], dots: 
     if not presses:
         raise InputError(f"{path} has no presses: add a line for each image with the columns {', '.join(COLUMNS)}")
     return presses
-
-
-def read_rows(path: Path, columns: Sequence[str]) -> list[tuple[int, Row]]:
-    """Read a csv of presses that must have these columns, each row with its line; InputError as `read_csv`."""
-    found, rows = read_csv(path, "presses")
-    if missing := [column for column in columns if column not in found]:
-        raise InputError(f"{path} has no column {', '.join(missing)}: its first line must be {','.join(columns)}")
-    return rows
-
-
-def read_csv(path: Path, what: str) -> tuple[list[str], list[tuple[int, Row]]]:
-    """Read the names of the columns, and each row with its line; InputError, naming `what`, where it cannot be read."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.DictReader(stream)
-            rows = [(reader.line_num, dict(row)) for row in reader]
-            names = list(reader.fieldnames or [])
-    except OSError as error:
-        raise InputError(f"{what} {path} cannot be opened ({error.strerror}): check the name") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{what} {path} is not a csv file ({error}): save it as UTF-8 text") from error
-    return names, rows
-
-
-def number_in(row: Row, column: str, where: str) -> float:
-    """Return the number in a column of a row; InputError where there is none."""
-    text = row[column]
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"{where}: {column} is {text!r}: give a number")
-    return value
 
 
 def _check_circle(press: Press, ball: Ball, image_shape: tuple[int, int], where: str) -> None:

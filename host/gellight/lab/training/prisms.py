@@ -13,13 +13,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.csv_file import number_in, read_rows
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.dots import Dots
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
-from gellight.lab.training.label_file import REFUSED, check_image, number_in, read_rows
+from gellight.lab.training.label_file import REFUSED, check_image
 from gellight.lab.training.table import RIM, PressTable, TableOptions
 from gellight.reconstruction.light_drift import difference_of
 
@@ -121,7 +122,7 @@ def read_prisms(path: Path, *, image_shape: tuple[int, int], dots: Dots | None =
     Raises InputError naming file, row and value. A row with a text in the column `refused` is passed over.
     """
     presses = []
-    for line, row in read_rows(path, PRISM_COLUMNS):
+    for line, row in read_rows(path, "presses", PRISM_COLUMNS):
         if (row.get(REFUSED) or "").strip():
             continue
         where = f"{path}, line {line}"

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import TrainingError
+from gellight.base.errors import TrainingError, first_line
 from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.camera import EndOfStream
 from gellight.frames.dots import Dots, find_dots
@@ -32,7 +32,6 @@ from gellight.reconstruction.image_noise import measure_noise, noise_of_one
 from gellight.sensor.findings import Finding, ok, warning
 
 Floats = NDArray[np.float32]
-RECIPES = ("fast", "thorough", "paper")
 MATCHED_PRESSES = 9
 """evenly chosen: they show how well the fine pattern of the unit can be seen"""
 HAND_DRAWN = TableOptions(rim_share=0.25)
@@ -220,7 +219,8 @@ def _trained_by(trainer: TrainerName, check: Check) -> str:
         _, record = train(table, TrainingOptions(recipe="fast", width=1, epochs=1, trainer=trainer), check=check)
     except (TrainingError, OSError) as error:
         raise TrainingError(
-            f"no network can be trained here ({error}): repair what is named there, or choose the other --trainer"
+            f"no network can be trained here ({first_line(error)}): repair what is named there, or choose "
+            "the other --trainer"
         ) from error
     return str(record["trainer"])
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.errors import first_line
 from gellight.reconstruction.native.build import CHECKSUMS, library_file
 
 SIGNATURES = {
@@ -105,7 +106,7 @@ class Library:
             loaded = ctypes.CDLL(str(path))
             self._functions = {name: getattr(loaded, name) for name in SIGNATURES}
         except (OSError, AttributeError) as error:
-            raise NativePathError(f"{path} cannot be loaded ({error}): install gellight again") from error
+            raise NativePathError(f"{path} cannot be loaded ({first_line(error)}): install gellight again") from error
         for name, kinds in SIGNATURES.items():
             self._functions[name].argtypes = [_KINDS[kind] for kind in kinds]
             self._functions[name].restype = ctypes.c_int if name in _COUNTING else None

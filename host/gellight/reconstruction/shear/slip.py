@@ -46,6 +46,9 @@ class SlipFollower:
 
     def __init__(self) -> None:
         """Begin without a contact."""
+        self._forget()
+
+    def _forget(self) -> None:
         self._before: deque[_Seen] = deque()
         self._slid_s = -np.inf
         """when all of it slipped last"""
@@ -59,14 +62,14 @@ class SlipFollower:
     def _judged(self, frame: TactileFrame) -> Slip:
         patch = frame.contacts[0] if frame.contacts else None
         if patch is None:
-            self._before.clear()
+            self._forget()
             return Slip(state=SlipState.UNKNOWN, why="nothing touches")
         seen = _seen(frame, patch)
         if isinstance(seen, str):
-            self._before.clear()
+            self._forget()
             return Slip(state=SlipState.UNKNOWN, why=seen)
         if self._before and not _same(self._before[-1], seen):
-            self._before.clear()
+            self._forget()
         self._before.append(seen)
         while seen.time_s - self._before[0].time_s > CREEP_S and len(self._before) > 2:
             self._before.popleft()
@@ -115,9 +118,9 @@ def _seen(frame: TactileFrame, patch: Patch) -> _Seen | str:
 
 
 def _same(before: _Seen, now: _Seen) -> bool:
-    """Whether two frames show one contact."""
+    """Whether two frames show one contact, the later one after the other: a recording may begin again."""
     away = float(np.hypot(*(now.imprint_mm - before.imprint_mm)))
-    return now.time_s - before.time_s < LONGEST_S and away < np.sqrt(now.area_mm2 / np.pi)
+    return 0 < now.time_s - before.time_s < LONGEST_S and away < np.sqrt(now.area_mm2 / np.pi)
 
 
 def _between(first: _Seen, last: _Seen) -> Slip:

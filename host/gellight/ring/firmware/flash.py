@@ -11,7 +11,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from gellight.base.errors import BoardError, InputError
+from gellight.base.errors import BoardError, InputError, first_line
 from gellight.ring.enumerations import Check
 from gellight.ring.firmware.build import committed_image
 from gellight.ring.firmware.image import FLASH_BASE, image_crc, image_family, to_uf2
@@ -85,7 +85,9 @@ def copy_uf2(image: bytes | None, drive: Path) -> bytes:
             file.flush()
             os.fsync(file.fileno())
     except OSError as error:
-        raise BoardError(f"copying to {drive} failed ({error}): hold BOOTSEL, plug the board in, try again") from error
+        raise BoardError(
+            f"copying to {drive} failed ({first_line(error)}): hold BOOTSEL, plug the board in, try again"
+        ) from error
     return image
 
 
@@ -96,7 +98,9 @@ def touch(port: str) -> None:
     try:
         serial.Serial(port, TOUCH_BAUD, exclusive=True).close()
     except OSError as error:
-        raise BoardError(f"cannot open {port} ({error}): is the board plugged in and the port free?") from error
+        raise BoardError(
+            f"cannot open {port} ({first_line(error)}): is the board plugged in and the port free?"
+        ) from error
 
 
 class Picoboot:
@@ -118,7 +122,9 @@ class Picoboot:
             usb.util.claim_interface(self._device, INTERFACE)
             self._device.ctrl_transfer(0x41, 0x41, 0, INTERFACE, None, TIMEOUT_MS)
         except usb.core.USBError as error:
-            raise BoardError(f"cannot use the boot loader ({error}): install the udev rule or copy the UF2") from error
+            raise BoardError(
+                f"cannot use the boot loader ({first_line(error)}): install the udev rule or copy the UF2"
+            ) from error
 
     def _command(self, command: int, arguments: bytes, *, data: bytes = b"", count: int = 0) -> bytes:
         """Send a command with its bytes, or take what it returns; both ends say when they are done."""

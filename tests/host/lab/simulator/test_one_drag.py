@@ -13,7 +13,7 @@ from gellight.lab.simulator.one_press import PressRequest
 from sim_reference.fem.dragging import Pose
 from sim_reference.fem.newton import Step
 from sim_reference.geometry import SensorGeometry
-from tests.helpers.command_line import invoke
+from tests.helpers.command_line import invoke, refused
 
 GEOMETRY = SensorGeometry()
 BALL = PressRequest(object_name="ball", depth_mm=0.4, force_n=None, gel="fem", resolution_mm=1.25, friction=0.8)
@@ -49,18 +49,20 @@ def test_the_verb_writes_each_pose_and_goes_on_where_it_was_interrupted(tmp_path
         assert written["pressure_mpa"].sum() * written["spacing_mm"] ** 2 == pytest.approx(dragged[2], rel=0.05)
         assert written["tangential_mm"][256, 256] == pytest.approx([-0.05, 0.0], abs=0.01)
     assert not (folder / "state.npz").exists()
-    assert "exists" in invoke(*command).output
+    assert "exists" in refused(invoke(*command))
 
 
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "give a first line x_mm,y_mm,z_mm,turn_deg"),
-        ("x_mm,y_mm,z_mm\n1,2,3\n", "give a first line"),
-        ("x_mm,y_mm,z_mm,turn_deg\n0,0,0,0\n1,2,a,0\n", "line 3: .* are not four numbers"),
-        ("x_mm,y_mm,z_mm,turn_deg\n0,0,0\n", "line 2: .* are not four numbers"),
-        ("x_mm,y_mm,z_mm,turn_deg\n0,0,nan,0\n", "line 2: .* are not all finite"),
-        ("\xff", "no CSV file"),
+        ("", "its first line must be x_mm,y_mm,z_mm,turn_deg"),
+        ("x_mm,y_mm,z_mm\n1,2,3\n", "has no column turn_deg"),
+        ("x_mm,y_mm,z_mm,turn_deg\n", "has no poses: add a line for each"),
+        ("x_mm,y_mm,z_mm,turn_deg\n0,0,0,0\n\n1,2,a,0\n", "line 4: z_mm is 'a': give a number"),
+        ("x_mm,y_mm,z_mm,turn_deg\n0,0,0\n", "line 2: turn_deg is None"),
+        ("x_mm,y_mm,z_mm,turn_deg\n0,0,nan,0\n", "line 2: z_mm is 'nan'"),
+        ("x_mm,y_mm,z_mm,turn_deg\n0,1,0,0,0\n", "line 2: it has more values than columns; write numbers with a point"),
+        ("\xff", "not a csv file"),
     ],
 )
 def test_a_path_that_is_none_is_refused_with_its_line(text: str, reason: str, tmp_path: Path) -> None:
@@ -68,6 +70,12 @@ def test_a_path_that_is_none_is_refused_with_its_line(text: str, reason: str, tm
     path.write_bytes(text.encode("latin-1"))
     with pytest.raises(InputError, match=reason):
         read_path(path)
+
+
+def test_a_path_is_read_as_a_spreadsheet_saves_it(tmp_path: Path) -> None:
+    """With a mark in front, with its columns in any order, and with commas behind what is empty."""
+    (tmp_path / "path.csv").write_text("\ufeffturn_deg,x_mm,y_mm,z_mm\n90,1,2,3,,\n", "utf-8")
+    assert read_path(tmp_path / "path.csv") == [Pose((1.0, 2.0, 3.0), (0.0, 0.0, np.pi / 2))]
 
 
 @pytest.mark.parametrize(

@@ -249,15 +249,30 @@ def test_frames_go_on_while_a_press_of_the_programme_is_computed() -> None:
         assert time.monotonic() < deadline_s, "the press is shown when it is computed"
 
 
-def test_the_schedule_stays_where_frames_are_read_late() -> None:
+class Clock:
+    """Time in which nothing takes any."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def sleep(self, for_s: float) -> None:
+        self.now_s += for_s
+
+
+def test_the_schedule_stays_where_frames_are_read_late(monkeypatch: pytest.MonkeyPatch) -> None:
     """Some that came meanwhile wait, those before are left out, and the next ones come when they would have."""
+    clock = Clock()
+    monkeypatch.setattr(simulated_camera, "time", clock)
     with open_simulated("sim://?board=0&programme=0&fps=50") as camera:
         first_s = camera.read().time_s
-        time.sleep(0.25)
-        begun_s = time.monotonic()
+        clock.sleep(0.25)
+        begun_s = clock.now_s
         late_s = [camera.read().time_s for _ in range(BUFFERS)]
         assert begun_s - late_s[0] > BUFFERS * 0.02
-        assert time.monotonic() - begun_s < 0.25
+        assert clock.now_s == begun_s, "none is waited for"
         steps = np.diff([first_s, *late_s, camera.read().time_s]) / 0.02
     assert steps == pytest.approx(np.round(steps), abs=1e-6)
     assert steps[1:].tolist() == pytest.approx([1] * BUFFERS, abs=1e-6)

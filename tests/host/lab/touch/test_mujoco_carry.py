@@ -9,6 +9,7 @@ from gellight.lab.touch import GRIPPER, TouchSensor
 from gellight.lab.touch.mujoco_carry import Carrying, Held
 from gellight.lab.touch.mujoco_drag import Dragging
 from gellight.lab.touch.mujoco_gels import MujocoGels
+from sim_reference.geometry import SensorGeometry
 from tests.benchmarks.touch import grows
 
 MODEL = GRIPPER.read_text()
@@ -136,6 +137,44 @@ def test_mujoco_and_the_gel_do_not_both_carry() -> None:
     model = mujoco.MjModel.from_xml_string(DROP.replace('contype="0" conaffinity="0"', ""))
     with pytest.raises(InputError, match='<exclude body1="finger" body2="object"/>'):
         carrying(model, sites=("gel",))
+
+
+def test_no_pair_of_the_model_carries_what_the_gel_does() -> None:
+    """MuJoCo lets a <pair> touch whatever else says that it does not."""
+    text = DROP.replace('type="box" size=".02', 'name="back" type="box" size=".02').replace(
+        '<geom type="box" size=".005', '<geom name="box" type="box" size=".005'
+    )
+    paired = '<contact><exclude body1="finger" body2="object"/><pair geom1="back" geom2="box"/></contact></mujoco>'
+    with pytest.raises(InputError, match="body object, but a <pair> of the model's <contact> does so too: take it"):
+        carrying(mujoco.MjModel.from_xml_string(text.replace("</mujoco>", paired)), sites=("gel",))
+
+
+def test_what_begins_again_is_held_as_the_first_time() -> None:
+    """A body that is pulled along the gel has moved a little; of that nothing is left in data that were reset."""
+    model = mujoco.MjModel.from_xml_string(DROP.replace(".012", ".0028"))
+    model.opt.gravity[:] = 4.0, 0.0, -9.0
+    data, carry = mujoco.MjData(model), carrying(model, sites=("gel",))
+    (first,) = carry.step(data)
+    for _ in range(100):
+        (held,) = carry.step(data)
+    assert held.force_n[0] < 1.5 * first.force_n[0] < 0
+    mujoco.mj_resetData(model, data)
+    (again,) = carry.step(data)
+    np.testing.assert_array_equal(again.force_n, first.force_n)
+
+
+def test_each_gel_is_as_stiff_sideways_as_its_own_poissons_ratio_says() -> None:
+    """2 (1 - nu) / (2 - nu) of what it has along its normal."""
+    twin = '<body name="other"><site name="twin"/></body><body name="object" pos'
+    model = mujoco.MjModel.from_xml_string(DROP.replace('<body name="object" pos', twin).replace(".012", ".0028"))
+    made = iter([SensorGeometry(poisson_ratio=nu) for nu in (0.49, 0.2)])
+    gels = MujocoGels(model, ["gel", "twin"], touching=["object"],
+                      sensor=lambda: TouchSensor(next(made), size=32, extent_mm=32.0))  # fmt: skip
+    carry, data = Carrying(gels, friction=1e9), mujoco.MjData(model)
+    mujoco.mj_step1(model, data)
+    free = np.zeros(model.nv)
+    springs = [carry._springs(name, gel, data, free)[0] for name, gel in gels.items()]
+    assert [one.stiffness[0] / one.stiffness[2] for one in springs] == pytest.approx([1.02 / 1.51, 1.6 / 1.8])
 
 
 def test_what_stands_in_the_world_carries_as_a_body_does() -> None:

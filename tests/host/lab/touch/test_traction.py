@@ -72,6 +72,24 @@ def test_a_motion_or_load_that_is_none_is_refused(touch: TouchSensor, felt: Felt
             touch.go_on(felt, moved_mm)
 
 
+@pytest.mark.parametrize("load", [(1.2, 0.3), (-3.0, 1.0), (2.0, -300.0)])
+def test_what_is_pulled_harder_than_friction_holds_slips_along_the_load(
+    touch: TouchSensor, felt: Felt, load: tuple[float, float]
+) -> None:
+    most = FRICTION * felt.force_n
+    pulled = touch.pull(felt, (load[0] * most, load[1] * most), friction=FRICTION)
+    assert np.hypot(*pulled.force_n) == pytest.approx(most, rel=2e-3)
+    assert np.arctan2(*pulled.force_n) == pytest.approx(np.arctan2(*load), abs=2e-3)
+    assert pulled.torque_nmm == pytest.approx(0.0, abs=1e-3 * most)
+
+
+def test_what_slips_and_turns_pulls_along_what_pulls_it(touch: TouchSensor, felt: Felt) -> None:
+    pulled = touch.pull(felt, (0.8 * FRICTION * felt.force_n, 0.4 * FRICTION * felt.force_n), 1.0, friction=FRICTION)
+    assert pulled.torque_nmm > 0.1
+    assert np.hypot(*pulled.force_n) < 0.9 * FRICTION * felt.force_n
+    assert np.arctan2(*pulled.force_n) == pytest.approx(np.arctan2(0.8, 0.4), abs=0.01)
+
+
 def test_two_objects_carry_a_load_and_a_torque_together(touch: TouchSensor) -> None:
     at = touch.layer.at_mm
     balls = [

@@ -102,6 +102,16 @@ def test_a_slow_drag_slips_in_part_where_most_of_the_contact_does_and_only_while
     assert {slip.state for slip, _ in told[27:]} == {SlipState.STICK}
 
 
+def test_what_begins_again_is_judged_as_the_first_time(scene: Scene, bundle: Bundle) -> None:
+    """The times of its frames are earlier then; nothing from before is compared with them."""
+    drag = [0.05 * step for step in range(1, 12)] + [0.55 + 0.025 * step for step in range(1, 11)]
+    played, slips = [frame for frame, _ in frames(scene, bundle, drag, (1.0, 0.5))], SlipFollower()
+    first, again = ([slips.follow(frame).slip for frame in played] for _ in range(2))
+    assert first[-1] is not None
+    assert first[-1].state is SlipState.PARTIAL
+    assert again == first
+
+
 def test_nothing_is_said_where_no_dot_is_under_the_contact(scene: Scene, bundle: Bundle) -> None:
     told = judged(scene, bundle, [0.0, 0.06, 0.12, 0.18], at=(15.0, 0.0))
     assert {(slip.state, slip.why) for slip, _ in told} == {(SlipState.UNKNOWN, "no dot is under the contact")}

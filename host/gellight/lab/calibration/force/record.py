@@ -14,8 +14,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.csv_file import number_in, read_csv
 from gellight.base.errors import InputError
-from gellight.lab.training.label_file import number_in, read_csv
 
 FORCE, IMAGE, TIME, OBJECT = "force_n", "image", "unix_s", "object"
 SIDES = "side_x_n", "side_y_n"

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Mapping
 from typing import Self
 
-from gellight.base.errors import BoardError, GellightError, InputError
+from gellight.base.errors import BoardError, GellightError, InputError, first_line
 from gellight.lab.simulator.usb.device import VirtualSensor
 from gellight.lab.simulator.usb.usbip import REQUEST_LIST, pack_import, pack_list, read_operation
 
@@ -25,7 +25,9 @@ class UsbipServer:
         try:
             self._listener = socket.create_server((host, port))
         except (OSError, OverflowError) as error:  # OverflowError: a port above 65535
-            raise InputError(f"cannot listen on {host}:{port} ({error}): choose another host or port") from None
+            raise InputError(
+                f"cannot listen on {host}:{port} ({first_line(error)}): choose another host or port"
+            ) from None
         self.port = int(self._listener.getsockname()[1])
         self._thread = threading.Thread(target=self._accept, daemon=True)
 

@@ -4,7 +4,7 @@ import os
 import socket
 from pathlib import Path
 
-from gellight.base.errors import BoardError
+from gellight.base.errors import BoardError, first_line
 from gellight.lab.simulator.usb.device import VirtualSensor
 from gellight.lab.simulator.usb.usbip import HIGH_SPEED
 
@@ -56,7 +56,7 @@ def attach(connection: socket.socket, port: int, *, device_id: int = 0x10001, sp
         finally:
             os.close(descriptor)
     except OSError as error:
-        raise BoardError(f"the kernel does not take the virtual device at port {port} ({error})") from error
+        raise BoardError(f"the kernel does not take the virtual device at port {port} ({first_line(error)})") from error
 
 
 def plug_in(sensor: VirtualSensor, port: int | None = None) -> int:

@@ -166,6 +166,8 @@ def difference_image(image: NDArray[np.uint8], reference: NDArray[np.number]) ->
         raise InputError(f"the image is dark (mean {image.mean():.1f} grey levels): light the gel, open the camera")
     difference = image.astype(np.float32) - reference.astype(np.float32)
     difference -= light_drift(difference)
+    if not difference.any():
+        raise InputError("no press: nothing has changed from the reference: give another image of the untouched gel")
     blurred: Array = ndimage.gaussian_filter(difference.astype(np.float64), (_BLUR_PX, _BLUR_PX, 0))
     return blurred
 

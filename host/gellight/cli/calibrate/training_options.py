@@ -1,0 +1,50 @@
+"""How a network is trained, as options: apart from what trains, which takes a second to import."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gellight.base.errors import InputError
+from gellight.lab.training.trainer import RECIPES, TrainerName
+
+if TYPE_CHECKING:
+    from gellight.lab.training.training import TrainingOptions
+
+Like = Annotated[str | None, typer.Option(help="bundle of a like unit: with few presses of this one, its presses help")]
+Threads = Annotated[int, typer.Option(min=1, max=1024, help="of its matrix products")]
+Trainer = Annotated[TrainerName, typer.Option(help="torch: PyTorch, where it is installed")]
+
+
+@dataclass(frozen=True)
+class Training:
+    """How a network is trained."""
+
+    recipe: Annotated[str, typer.Option(help="fast, thorough (three times as long), paper (the longest)")] = "thorough"
+    seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0
+    threads: Threads = 1
+    trainer: Trainer = "numpy"
+
+    def __post_init__(self) -> None:
+        """Refuse a recipe that does not exist."""
+        check_recipe(self.recipe)
+
+    def options(self) -> "TrainingOptions":
+        """Return them as the training takes them."""
+        from gellight.lab.training.training import TrainingOptions  # not for the help: a second
+
+        return TrainingOptions(**vars(self))
+
+
+@dataclass(frozen=True)
+class SizedTraining(Training):
+    """How a network of any size is trained."""
+
+    width: Annotated[int, typer.Option(min=1, help="units in each hidden layer")] = 32
+    epochs: Annotated[int | None, typer.Option(min=1, help="instead of the recipe's number")] = None
+
+
+def check_recipe(name: str) -> None:
+    """Refuse a recipe that there is not; raises InputError."""
+    if name not in RECIPES:
+        raise InputError(f"recipe {name!r}: give one of {', '.join(RECIPES)}")

@@ -1,0 +1,97 @@
+"""A recording as files that other programs read."""
+
+import sys
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from gellight.base.errors import InputError
+from gellight.base.writing import whole, write_file
+from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.cli.showing import show
+from gellight.cli.work.felt import felt_frames
+from gellight.cli.work.reconstruct import maps_file
+from gellight.frames.frames import TactileFrame
+from gellight.frames.point_cloud import ply
+from gellight.lab.report.pictures import encode_png, four_panels
+from gellight.lab.report.video import VideoFile
+from gellight.recording.array_files import write_arrays
+from gellight.recording.export_kind import ONE_FILE, Kind
+from gellight.recording.lerobot_files import write_lerobot
+from gellight.recording.recording_file import Recording
+from gellight.recording.shard_files import write_shards
+from gellight.tracking.following import ObjectFollower
+
+VIDEO = "video.mp4"
+FPS_FRAMES = 30
+"""from this number of frames the frame rate of a video is measured"""
+
+
+def export(
+    file: Path,
+    out: Path,
+    kind: Kind,
+    calibration: str | None,
+    *,
+    every: int,
+    scale_um: float,
+    track: bool,
+    as_json: bool,
+) -> None:
+    """Write every n-th frame of a recording into the folder `out`, and show how many; scale_um: of the colours."""
+    recording = Recording(file)
+    felt = felt_frames(recording, load_bundle(calibration) if calibration else None)
+    frames = islice(map(ObjectFollower(on=track).follow, felt), 0, None, every)
+    used = recording.bundle
+    known: dict[str, Any] = {"pixel_size_mm": used.pixel_size_mm, "calibration": used.identity, "source": file.name}
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        match kind:
+            case Kind.VIDEO:
+                count = _video(frames, out, scale_um, fps_of(recording) / every)
+            case Kind.WEBDATASET:
+                count = write_shards(frames, out / ONE_FILE[kind], task=file.stem, png=encode_png, **known)
+            case Kind.HDF5 | Kind.ZARR:
+                count = write_arrays(frames, out / ONE_FILE[kind], **known)
+            case Kind.LEROBOT:
+                count = write_lerobot(frames, out / ONE_FILE[kind], fps=fps_of(recording) / every, task=file.stem,
+                                      png=encode_png, tracked=track)  # fmt: skip
+            case _:
+                count = sum(_written(frame, out, kind, scale_um, recording.bundle) for frame in frames)
+    except OSError as error:
+        why = error.strerror or error
+        raise InputError(f"{out} cannot be written ({why}): choose another folder, or free space") from error
+    if not recording.whole:
+        print(f"gellight: the end of {file} is missing: its recording was cut short", file=sys.stderr)
+    show({"frames": count, "whole": recording.whole}, as_json, f"{count} frames in {out}")
+
+
+def fps_of(recording: Recording) -> float:
+    """Return the frame rate at the beginning of a recording."""
+    times_s = [record.info.time_s for record in islice(recording.frames(), FPS_FRAMES)]
+    duration_s = times_s[-1] - times_s[0]
+    return (len(times_s) - 1) / duration_s if duration_s > 0 else float(FPS_FRAMES)
+
+
+def _written(frame: TactileFrame, out: Path, kind: Kind, depth_scale_um: float, bundle: Bundle) -> int:
+    """Write the file of one frame; return 1."""
+    match kind:
+        case Kind.NPZ:
+            content = maps_file(frame, frame.provenance.findings if frame.provenance else ())
+        case Kind.PNG:
+            content = encode_png(four_panels(frame, scale_um=depth_scale_um))
+        case _:
+            content = ply(frame.depth_mm, bundle.pixel_size_mm, frame.camera_frame.image)
+    write_file(out / f"{frame.camera_frame.sequence:06}.{kind}", content)
+    return 1
+
+
+def _video(frames: Iterator[TactileFrame], out: Path, depth_scale_um: float, fps: float) -> int:
+    """Write the video; return the number of its frames."""
+    count = 0
+    with whole(out / VIDEO) as partial, VideoFile(partial, fps) as video:
+        for frame in frames:
+            video.add(four_panels(frame, scale_um=depth_scale_um))
+            count += 1
+    return count

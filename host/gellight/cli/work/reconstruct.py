@@ -1,0 +1,187 @@
+"""Pictures of the gel to depth, normals and contact."""
+
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from gellight.base.errors import InputError
+from gellight.base.logs import say
+from gellight.base.settings import load_settings
+from gellight.base.writing import write_file
+from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.cli.ending import Ending
+from gellight.cli.reconstruct_options import Method
+from gellight.cli.showing import show
+from gellight.frame_path.pipeline import Reconstructor
+from gellight.frames.frames import TactileFrame
+from gellight.frames.image_files import ImageCamera, image_files
+from gellight.frames.picture import prepared
+from gellight.lab.report.pictures import encode_png, four_panels
+from gellight.photometric.directions import LightDirections
+from gellight.reconstruction.measures import BundleMeasures
+from gellight.series.recorded import frame_of_lights
+from gellight.series.single_light_path import has_single_lights, read_directions, slopes_by
+from gellight.watch.findings import WatchFinding
+from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth, learnt_elsewhere
+
+
+@dataclass(frozen=True)
+class Row:
+    """The contact in one image, and what was written of it."""
+
+    image: str
+    npz: str
+    png: str
+    indentation_mm: float
+    area_mm2: float
+    centroid_mm: tuple[float, float] | None
+    force_n: float | None
+    """None where the bundle has no constant for it"""
+    force_error_n: float | None
+    findings: tuple[str, ...]
+    """what is known against it; empty where nothing is"""
+
+
+def reconstruct(images: Sequence[str], out: Path, method: Method, scale_um: float, as_json: bool) -> None:
+    """Reconstruct the images that the texts name, write the files of each into `out`, and show the contacts."""
+    paths = [path for text in images for path in image_files(text)]
+    _refuse_clashes(paths, out)
+    bundle = load_bundle(method.calibration) if method.calibration is not None else None
+    thickness_mm = _thickness_mm(bundle)
+    rows = [
+        _written(frame, path, out, scale_um, tuple(_against(frame, thickness_mm)))
+        for frame, path in _frames(method, paths, bundle)
+    ]
+    show(rows, as_json, _table(rows))
+    for finding in learnt_elsewhere(bundle) if bundle is not None else ():
+        say(f"gellight: {finding.text}")
+    if thickness_mm is None:
+        say(
+            "gellight: no depth was judged, since nobody told how thick the gel is: give gel_thickness_mm under "
+            "[geometry] in gellight.toml"
+        )
+    if any(row.findings for row in rows):
+        raise typer.Exit(Ending.JUDGED_BAD)
+
+
+def _frames(method: Method, paths: Sequence[Path], bundle: Bundle | None) -> Iterator[tuple[TactileFrame, Path]]:
+    """Reconstruct the images, each with the path that names its result."""
+    if bundle is None:
+        assert method.lights is not None, "one of both is there"
+        _refuse_useless(method, "--lights", "least_squares", "dense")
+        return iter([(frame_of_lights(LightDirections.read(method.lights), paths, method.white), paths[0])])
+    if has_single_lights(bundle):
+        _refuse_useless(method, "a bundle of several lights", "dense")
+        return iter([(_of_channels(method, bundle, paths), paths[0])])
+    _refuse_useless(method, "a bundle of one light", "white", "least_squares")
+    return _of_colours(method, bundle, paths)
+
+
+def _refuse_useless(method: Method, source: str, *names: str) -> None:
+    """Refuse options that change nothing for this source of the light: the asker would believe that they did."""
+    useless = [f"--{name.replace('_', '-')}" for name in names if getattr(method, name)]
+    if useless:
+        raise InputError(f"{' and '.join(useless)} changes nothing with {source}: leave it away")
+
+
+def _of_channels(method: Method, bundle: Bundle, paths: Sequence[Path]) -> TactileFrame:
+    """Reconstruct the pictures of one series by a bundle with a channel for each light."""
+    directions = read_directions(bundle)
+    mode = "photometric" if method.least_squares else "network"
+    slopes = slopes_by(bundle, directions, mode, threads=method.threads)
+    measures = BundleMeasures(bundle, from_network=mode == "network")
+    return frame_of_lights(directions, paths, method.white, slopes=slopes, measures=measures)
+
+
+def _of_colours(method: Method, bundle: Bundle, paths: Sequence[Path]) -> Iterator[tuple[TactileFrame, Path]]:
+    """Reconstruct each picture by itself, one after the other."""
+    reconstructor = Reconstructor(bundle, threads=method.threads, masked=not method.dense)
+    with prepared(ImageCamera(list(paths)), bundle) as camera:
+        for path in paths:
+            yield reconstructor.reconstruct(camera.read()), path
+
+
+def _thickness_mm(bundle: Bundle | None) -> float | None:
+    """Return how thick the gel is, by the bundle, else by the settings; None where nobody told."""
+    told_mm = load_settings({}).geometry.gel_thickness_mm
+    return gel_thickness_mm(bundle, told_mm) if bundle is not None else told_mm
+
+
+def _against(frame: TactileFrame, thickness_mm: float | None) -> Iterator[WatchFinding]:
+    """Yield what is known against what was found in one image."""
+    yield from impossible_depth(frame, thickness_mm)
+    yield from guessed_contact(frame)
+
+
+def _refuse_clashes(paths: Sequence[Path], out: Path) -> None:
+    """Before any work: two images must not write one file, and no result may replace an image."""
+    by_stem: dict[str, Path] = {}
+    sources = {path.resolve() for path in paths}
+    for path in paths:
+        # Folded, because some file systems take ball.png and Ball.png for one file.
+        other = by_stem.setdefault(path.stem.casefold(), path)
+        if other is not path:
+            raise InputError(f"{other} and {path} would both be written to {path.stem}.npz: reconstruct them apart")
+        if (out / f"{path.stem}.png").resolve() in sources:
+            raise InputError(f"the picture of {path} would replace an image in {out}: give another folder to --out")
+
+
+def _written(frame: TactileFrame, image: Path, out: Path, scale_um: float, findings: Sequence[WatchFinding]) -> Row:
+    """Write what was found in an image, and return what is said about it."""
+    npz, png = out / f"{image.stem}.npz", out / f"{image.stem}.png"
+    contact, against = frame.contact, tuple(f"{finding.kind}: {finding.text}" for finding in findings)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        write_file(npz, maps_file(frame, against))
+        write_file(png, encode_png(four_panels(frame, scale_um=scale_um)))
+    except OSError as error:
+        raise InputError(
+            f"{npz} or .png was not written ({error.strerror}): give --out a folder that can be written and has space"
+        ) from error
+    return Row(
+        image=str(image),
+        npz=str(npz),
+        png=str(png),
+        indentation_mm=contact.indentation_mm,
+        area_mm2=contact.area_mm2,
+        centroid_mm=contact.centroid_mm,
+        force_n=frame.force.normal_n if frame.force else None,
+        force_error_n=frame.force.error_n if frame.force else None,
+        findings=against,
+    )
+
+
+def maps_file(frame: TactileFrame, findings: Sequence[str] = ()) -> bytes:
+    """Return the content of an .npz file with the maps of a frame and what is known against it."""
+    content = io.BytesIO()
+    maps: dict[str, NDArray[Any]] = {
+        "gradient_map": frame.gradient_map,
+        "normal_map": frame.normal_map,
+        "depth_mm": frame.depth_mm,
+        "contact": frame.contact.mask,
+        "findings": np.array(findings, np.str_),
+    }
+    maps |= frame.maps_on_request()
+    if bounds := frame.error_bounds:
+        maps |= {"normal_error_deg": bounds.normal_deg, "shape_error_mm": bounds.shape_mm}
+    if frame.force:
+        maps |= {"force_n": np.array(frame.force.normal_n), "force_error_n": np.array(frame.force.error_n)}
+    np.savez(content, **maps)  # type: ignore[arg-type]
+    return content.getvalue()
+
+
+def _table(rows: Sequence[Row]) -> str:
+    width = max(5, *(len(Path(row.image).name) for row in rows))
+    lines = [f"{'image':{width}}  indentation mm  area mm2  centroid mm (x, y)"]
+    for row in rows:
+        place = "{:8.3f}, {:.3f}".format(*row.centroid_mm) if row.centroid_mm else "      no contact"
+        force = f"  {row.force_n:7.3f} ± {row.force_error_n:.3f} N" if row.force_n is not None else ""
+        lines.append(f"{Path(row.image).name:{width}}  {row.indentation_mm:14.4f}  {row.area_mm2:8.3f}  {place}{force}")
+        lines += [f"{'':{width}}  {finding}" for finding in row.findings]
+    return "\n".join(lines)

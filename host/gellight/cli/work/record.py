@@ -1,0 +1,69 @@
+"""What a sensor gives, in a file."""
+
+import sys
+import time
+from collections.abc import Collection
+from dataclasses import asdict
+from pathlib import Path
+
+from gellight.base import logs
+from gellight.base.errors import InputError
+from gellight.base.settings import Settings
+from gellight.cli.ending import until_interrupted
+from gellight.cli.one_sensor import WAIT_S, opened
+from gellight.cli.showing import show
+from gellight.daemon.session import SensorSession
+from gellight.frames.camera import EndOfStream
+from gellight.frames.measures import MapOnRequest
+from gellight.recording.depth_kind import DepthKind
+from gellight.stream.recorder import Recorder, RecordingStatus
+
+STATUS_S = 1.0
+
+
+def record(
+    settings: Settings,
+    out: Path,
+    *,
+    depth: DepthKind,
+    maps: Collection[MapOnRequest],
+    frames: int,
+    seconds: float,
+    dashboard: bool,
+    as_json: bool,
+) -> None:
+    """Record this number of frames or seconds (0: for ever) in the file `out`, and show what was recorded."""
+    with opened(settings, dashboard=dashboard) as (daemon, _):
+        recorder = Recorder(daemon, out, name=settings.stream.name, depth=depth, maps=maps, frames=frames)
+        if not daemon.camera.waits:  # of a file every frame is recorded
+            logs.say(f"recording: about {recorder.bytes_a_minute() / 1e6:.0f} MB a minute")
+        with recorder, until_interrupted(not (seconds or frames)):
+            follow(daemon, recorder, frames, seconds)
+        show({"file": str(out), **asdict(recorder.status)}, as_json, said(out, recorder.status))
+    if recorder.ended:
+        raise InputError(recorder.status.ended)
+
+
+def follow(daemon: SensorSession, recorder: Recorder, frames: int, seconds: float) -> None:
+    """Wait until this number of frames or seconds is recorded (0: for ever), or until there is no more to record."""
+    begun_s = shown_s = time.monotonic()
+    sequence = -1
+    while not recorder.ended and not (frames and recorder.status.frames >= frames):
+        now_s = time.monotonic()
+        if seconds and now_s - begun_s >= seconds:
+            return
+        try:
+            sequence = daemon.next_frame(sequence, WAIT_S).camera_frame.sequence
+        except EndOfStream:
+            return
+        except TimeoutError:
+            continue
+        if sys.stderr.isatty() and now_s - shown_s >= STATUS_S:
+            shown_s = now_s
+            print(f"\r{said(recorder.path, recorder.status)}", end="", file=sys.stderr, flush=True)
+
+
+def said(out: Path, status: RecordingStatus) -> str:
+    """Return how far a recording is, for people."""
+    left = f", room for {status.left_s / 60:.0f} min" if status.left_s is not None else ""
+    return f"{out}: {status.frames} frames, {status.size_bytes / 1e6:.1f} MB, {status.lost} lost{left}"
