@@ -19,10 +19,7 @@ def runs(process: int) -> bool:
 
 
 def test_a_test_that_fails_leaves_neither_its_program_nor_what_that_started() -> None:
-    with (
-        suppress(RuntimeError),
-        started(["sh", "-c", "sleep 100 & echo $!; wait"], stdout=PIPE, text=True) as program,
-    ):
+    with suppress(RuntimeError), started(["sh", "-c", "sleep 100 & echo $!; wait"], stdout=PIPE, text=True) as program:
         below = int(program.stdout.readline())
         assert runs(below)
         raise RuntimeError("the test fails")

@@ -17,12 +17,13 @@ import gellight
 from gellight.cli.main import app
 from tests.helpers.children import run
 from tests.helpers.command_line import verbs
+from tests.helpers.doc_examples import examples
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
 
 
-@pytest.mark.parametrize("block", re.findall(r"```python\n(.*?)```", README, re.DOTALL))
+@pytest.mark.parametrize("block", examples("README.md"))
 def test_the_program_in_the_readme_runs(block: str) -> None:
     done = run([sys.executable, "-c", block])
     assert done.returncode == 0, done.stderr

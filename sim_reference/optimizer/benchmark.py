@@ -99,11 +99,7 @@ def press_benchmark(
 
 
 def deformed(
-    name: str,
-    sampling: Sampling,
-    geometry: SensorGeometry,
-    parameters: ObjectParameters,
-    model: GelModel = gel.press,
+    name: str, sampling: Sampling, geometry: SensorGeometry, parameters: ObjectParameters, model: GelModel = gel.press
 ) -> Deformation:
     """Press object `name` into the gel; the last few presses are kept, for studies repeat them."""
     pad = SensorGeometry(

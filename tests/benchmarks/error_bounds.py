@@ -89,7 +89,6 @@ def judge_halves(name: str, images: RealSet) -> None:
 
 
 def _told(frame: TactileFrame) -> NDArray[np.bool_]:
-    assert frame.confidence is not None
     return frame.confidence.not_learnt
 
 
@@ -111,7 +110,6 @@ def judge_objects(calibration: str) -> None:
         with gellight.connect(f"sim://?object={name}&depth={press_mm}&x=2&y=-1", calibration=calibration) as sensor:
             frame = sensor.next_frame()
         truth, bounds = frame.camera_frame.truth, frame.error_bounds
-        assert truth is not None
         assert bounds is not None, f"{calibration} does not tell its errors: make it by gellight calibrate --auto"
         touched = frame.contact.mask
         known = touched & np.isfinite(bounds.normal_deg)

@@ -68,10 +68,7 @@ def by_true_slopes(path: Reconstructor) -> Feel:
 def by_network_alone(bundle: Bundle) -> Feel:
     """Return the network's answer to every pixel as it is, not rounded, not smoothed; the depth is the truth."""
     network = GradientNetwork(bundle.network, bundle.image_shape, noise_grey=1.0)
-    return lambda grey, surface: (
-        network.gradient_map((grey - bundle.reference).astype(np.float32)),
-        surface.depth_mm,
-    )
+    return lambda grey, surface: (network.gradient_map((grey - bundle.reference).astype(np.float32)), surface.depth_mm)
 
 
 def ways(bundle: Bundle) -> Iterator[tuple[str, Feel, bool, float | None]]:
@@ -112,7 +109,6 @@ def main() -> None:
     parser.add_argument("--objects", action="store_true")
     given = parser.parse_args()
     bundle, pressed = load_bundle(given.bundle), presses(given.objects)
-    assert bundle.colours is not None
     light = bundle.colours / 255
     print(f"{'':26}{'contact':>9}{'rim':>9}{'inside':>9}{'depth':>10}")
     for name, feel, shadows, coating in ways(bundle):

@@ -117,7 +117,6 @@ def main() -> None:
 
 def as_bright(other: Table, untouched: Floats) -> Table:
     """Return another unit's presses, their colours as bright as under this unit's light."""
-    assert other.untouched is not None
     x, y = other.rows[:, 3:5].astype(np.intp).T
     dark = teacher.DARKEST_GREY
     rows = other.rows.copy()

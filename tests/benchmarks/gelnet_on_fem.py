@@ -38,10 +38,7 @@ from tests.benchmarks.width import NOISE_GREY, Picture, pictures, spread, traine
 
 OPTIONS = Options(presses=80, places=4, rows_per_press=1562)
 """as many rows as the shipped network learns from, of fewer balls: a press takes seconds"""
-MODELS: dict[str, GelModel] = {
-    "layer": gel.press,
-    "fem": KeptPresses(FemGel(resolution_mm=0.6, dense_radius_mm=9.0)),
-}
+MODELS: dict[str, GelModel] = {"layer": gel.press, "fem": KeptPresses(FemGel(resolution_mm=0.6, dense_radius_mm=9.0))}
 LEARNT_ON = {"layer": ("layer",), "fem": ("fem",), "both": ("layer", "fem")}
 SEEDS = (0, 1)
 BALLS_AT_DEPTHS = 6

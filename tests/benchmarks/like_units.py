@@ -54,7 +54,6 @@ def begin_again(begun: Path, state: Path, presses: int) -> None:
     """Copy a calibration as it stood when it had this number of presses."""
     shutil.copytree(begun, state)
     kept = state_in(state)
-    assert kept is not None
     steps = kept.steps.model_copy(update=dict.fromkeys(("presses", "fit", "verify")))
     again = {"steps": steps, "presses": kept.presses[:presses], "checks": [], "finished": False}
     Folder(state, kept.model_copy(update=again)).save()

@@ -57,7 +57,6 @@ def rezeroed(bundle: Bundle, camera: Camera) -> Bundle:
 
 
 def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: float) -> ObjectError:
-    assert camera.stage is not None
     camera.stage.press(name, depth_mm, 0.0, 0.0)
     frame = camera.read()
     assert frame.truth is not None

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.daemon.front_camera import bright_exposure_of
+from gellight.daemon.switched_camera import bright_exposure_of
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, ExposureSeries
 from gellight.lab.simulator.scene import Press, Scene

@@ -18,8 +18,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
-from gellight.lab.scanning.height_map import HeightMap
-from gellight.lab.scanning.press_map import map_of_press
+from gellight.lab.scanning.height_map import HeightMap, map_of_press
 from gellight.lab.scanning.roughness import (
     AreaRoughness,
     Evaluation,

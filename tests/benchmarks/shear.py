@@ -53,7 +53,6 @@ def cases(seed: int, count: int, longest_mm: float, most_turn: float) -> Iterato
 
 def carry(camera: Camera, case: Case, steps: int) -> Iterator[None]:
     """Press, then move in so many steps; yield after each."""
-    assert camera.stage is not None
     camera.stage.press(case.name, case.depth_mm, *case.place_mm)
     yield
     for share in np.linspace(0, 1, steps + 1)[1:]:
@@ -73,7 +72,6 @@ def opened(query: str) -> tuple[Camera, PictureSteps]:
 def truth_of(camera: Camera) -> ShearTruth:
     """Return the truth of the next frame."""
     truth = camera.read().truth
-    assert truth is not None
     assert truth.shear is not None
     return truth.shear
 
@@ -88,15 +86,12 @@ def forces(query: str, seed: int, bundle: Bundle) -> None:
             for _ in carry(camera, case, 2):
                 frame = prepared.read()
             felt, truth = reconstructor.reconstruct(frame), truth_of(camera)
-            assert felt.force is not None
             _ = felt.force.pressure_mpa
             began = time.process_time()
             shear = felt.shear
             spent += time.process_time() - began
-            assert shear is not None
             assert shear.force_n is not None
             assert shear.force_error_n is not None
-            assert shear.torque_nmm is not None
             miss, whole = np.hypot(*np.subtract(shear.force_n, truth.force_n)), np.hypot(*truth.force_n)
             arm = 0.25 * np.sqrt(felt.contact.area_mm2 / np.pi)
             off.append(miss / whole)
@@ -112,7 +107,6 @@ def forces(query: str, seed: int, bundle: Bundle) -> None:
 def following(query: str, seed: int, steps: int) -> None:
     """Judge names and places, in so many steps a drag, and back."""
     camera, pictures = opened(query)
-    assert pictures.dots is not None
     rest = np.array(pictures.dots.places_px)
     right = dots = 0
     off: list[float] = []
@@ -125,7 +119,6 @@ def following(query: str, seed: int, steps: int) -> None:
         for case in cases(seed, FOLLOWED, 1.8, 0.3):
             camera.stage.release()  # type: ignore[union-attr]
             follower = pictures.follower()
-            assert follower is not None
             follower.follow(camera.read().image)
             before = at_rest[names]
             for number, _ in enumerate(carry(camera, case, steps)):

@@ -73,9 +73,7 @@ def felt(surface_mm: Array, moved_mm: Array, modulus_mpa: float, random: np.rand
     of_gel = CloughTocher2DInterpolator((surface_mm - moved_mm)[:, :2], moved_mm[:, :2])
     now = rest + of_gel(rest) + random.normal(0, NOISE_MM, rest.shape)
     seen = DotsSeen(
-        rest_px=rest / PIXEL_MM + MIDDLE_PX,
-        places_px=now / PIXEL_MM + MIDDLE_PX,
-        reasons=np.zeros(len(rest), np.uint8),
+        rest_px=rest / PIXEL_MM + MIDDLE_PX, places_px=now / PIXEL_MM + MIDDLE_PX, reasons=np.zeros(len(rest), np.uint8)
     )
     gel = Gel(pixel_size_mm=(PIXEL_MM, PIXEL_MM), camera_height_mm=None, to_gel=lambda px: (px - MIDDLE_PX) * PIXEL_MM)
     layer = Layer(GEOMETRY.gel_thickness_mm, GEOMETRY.poisson_ratio)
@@ -116,7 +114,6 @@ def main() -> None:
 def _judged(press: tuple[float, float], one: Dragged, shear: Shear) -> tuple[float, float, float]:
     """Return the felt force along the true one and across it, and how far the torque is off, as shares; print them."""
     assert shear.force_n is not None, shear.unknown
-    assert shear.torque_nmm is not None
     truth, (x, y) = one.force_n[:2], shear.force_n
     whole = float(np.hypot(*truth))
     along, aside = (x * truth[0] + y * truth[1]) / whole**2, (y * truth[0] - x * truth[1]) / whole**2

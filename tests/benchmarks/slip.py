@@ -33,7 +33,6 @@ def told(case: Case, query: str) -> list[tuple[str, Slip]]:
     shares = np.clip(np.arange(-REST, MOVING + 2 * REST), 0, MOVING) / MOVING
     lately: deque[str] = deque(maxlen=SETTLED + 1)
     with PreparedCamera(camera, steps) as prepared:
-        assert camera.stage is not None
         prepared.read()  # the dots at rest
         camera.stage.press(case.name, case.depth_mm, *case.place_mm)
         for number, share in enumerate(shares):

@@ -1,12 +1,19 @@
-"""The portable core on a virtual clock: the LEDs get dimmer while the chip beside them is hot."""
+"""The portable core on a virtual clock: the LEDs get dimmer while the chip beside them or the ring's NTC is hot."""
+
+from math import exp, log
 
 import pytest
 
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import SyncMode
-from gellight.ring.protocol import COOLER_C, DIMMING_US, HOTTEST_C
+from gellight.ring.protocol import COOLER_C, DIMMING_US, HOTTEST_C, NO_TEMPERATURE, RING_HOTTEST_C
 from tests.firmware.helpers.virtual_board import VirtualBoard
 from tests.firmware.helpers.warming import HALVED, PATTERN, SETTLED_US, wait
+
+MURATA = {-20: 68236.7, -10: 42506.2, 0: 27218.6, 10: 17925.5, 20: 12080.5, 25: 10000.0, 30: 8314.5, 40: 5833.6,
+          50: 4160.9, 60: 3014.3, 70: 2227.5, 80: 1668.5, 100: 973.8}  # fmt: skip
+"""ohm of an NCP18XH103 by degrees, from the maker's table"""
+OPEN, SHORT = 4095, 0
 
 
 def test_a_still_light_is_halved_step_by_step_and_comes_back(core: VirtualBoard) -> None:
@@ -126,3 +133,88 @@ def test_cold_is_no_heat(core: VirtualBoard) -> None:
     core.warm(-20)
     assert wait(core, SETTLED_US) == []
     assert core.status().temperature == -200
+
+
+def reading(ohm: float) -> int:
+    """What the converter reads of the carrier's divider, 10 kohm to full scale."""
+    return int(4096 * ohm / (ohm + 10e3))
+
+
+def warm_ring(core: VirtualBoard, celsius: float) -> None:
+    core.warm_ring(reading(10e3 * exp(3380 * (1 / (celsius + 273.15) - 1 / 298.15))))
+
+
+def ring_temperature(core: VirtualBoard) -> int:
+    wait(core, 4_000_000)
+    return core.status().ring_temperature
+
+
+@pytest.mark.parametrize("celsius", MURATA)
+def test_it_is_as_warm_as_the_makers_table_says(core: VirtualBoard, celsius: int) -> None:
+    core.warm_ring(reading(MURATA[celsius]))
+    assert ring_temperature(core) / 10 == pytest.approx(celsius, abs=1.0 if 0 <= celsius <= 80 else 2.5)
+
+
+@pytest.mark.parametrize("counts", [101, 150, 500, 1011, 2047, 2048, 2049, 3000, 3700, 3989])
+def test_the_integers_follow_the_beta_equation(core: VirtualBoard, counts: int) -> None:
+    core.warm_ring(counts)
+    kelvin = 1 / (1 / 298.15 + log(counts / (4096 - counts)) / 3380)
+    assert ring_temperature(core) / 10 == pytest.approx(kelvin - 273.15, abs=0.15)
+
+
+@pytest.mark.parametrize("counts", [SHORT, 100, 3990, OPEN, 0xFFFF])
+def test_a_broken_or_short_one_is_unknown_and_dims_nothing(core: VirtualBoard, counts: int) -> None:
+    core.warm_ring(counts)
+    assert wait(core, SETTLED_US) == []
+    assert (core.status().ring_temperature, core.status().dimmed) == (NO_TEMPERATURE, 0)
+
+
+def test_a_board_without_one_says_unknown_and_lights(core: VirtualBoard) -> None:
+    core.ok("SET_LEDS", p.SetLeds(PATTERN))
+    assert wait(core, SETTLED_US) == []
+    assert core.status().ring_temperature == NO_TEMPERATURE
+    assert core.lights()[-1][2] == PATTERN
+
+
+def test_a_hot_ring_is_dimmed_step_by_step_while_the_chip_is_cool(core: VirtualBoard) -> None:
+    core.ok("SET_LEDS", p.SetLeds(PATTERN))
+    warm_ring(core, RING_HOTTEST_C - 2)
+    assert wait(core, SETTLED_US) == []
+    warm_ring(core, RING_HOTTEST_C + 2)
+    events = wait(core, 4 * DIMMING_US)
+    assert [event.dimmed for event in events] == [1, 2, 3]
+    assert events[2].ring_temperature / 10 == pytest.approx(RING_HOTTEST_C + 2, abs=0.3)
+    warm_ring(core, RING_HOTTEST_C - COOLER_C + 2)
+    assert wait(core, 2 * DIMMING_US) == []
+    warm_ring(core, RING_HOTTEST_C - COOLER_C - 2)
+    assert [event.dimmed for event in wait(core, 4 * DIMMING_US)] == [2, 1, 0]
+    assert [colours for _, _, colours in core.lights()[1:]] == [HALVED[k] for k in (0, 1, 2, 3, 2, 1, 0)]
+
+
+@pytest.mark.parametrize("lost", [SHORT, OPEN])
+def test_one_that_is_lost_while_hot_keeps_the_leds_dimmed(core: VirtualBoard, lost: int) -> None:
+    core.ok("SET_LEDS", p.SetLeds(PATTERN))
+    warm_ring(core, RING_HOTTEST_C + 2)
+    assert [event.dimmed for event in wait(core, 9_000_000)] == [1]
+    core.warm_ring(lost)
+    assert wait(core, 4 * DIMMING_US) == []
+    assert (core.status().ring_temperature, core.status().dimmed) == (NO_TEMPERATURE, 1)
+    warm_ring(core, 25)
+    assert [event.dimmed for event in wait(core, 2 * DIMMING_US)] == [0]
+
+
+def test_no_configuration_raises_the_limit_of_the_ring(core: VirtualBoard) -> None:
+    before = core.ok("GET_CONFIG")
+    assert isinstance(before, p.Configuration)
+    core.ok("SET_CONFIG", p.Configuration(**(vars(before) | {"hottest_c": 85})))
+    warm_ring(core, RING_HOTTEST_C + 2)
+    assert wait(core, 9_000_000)[0].dimmed == 1
+
+
+def test_a_reading_of_the_ring_that_strays_dims_nothing(core: VirtualBoard) -> None:
+    warm_ring(core, RING_HOTTEST_C - 3)
+    wait(core, SETTLED_US)
+    warm_ring(core, RING_HOTTEST_C + 30)
+    core.advance(100_000)
+    warm_ring(core, RING_HOTTEST_C - 3)
+    assert wait(core, SETTLED_US) == []

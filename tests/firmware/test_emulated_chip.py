@@ -1,10 +1,14 @@
-"""The emulated chip by itself, where the data sheet lets it take time, or where it starts with anything."""
+"""The emulated chip by itself: where it takes time or starts with anything; its instructions by another emulator."""
+
+from itertools import pairwise
 
 import pytest
 
 from gellight.lab.emulator.chip import PSM, WATCHDOG_SELECTION
 from gellight.lab.emulator.clocks import CS, CTRL, FBDIV, LOCK_US, PWR, Crystal, Pll
 from gellight.lab.emulator.registers import ALL_RESETS, RESET_US, Resets
+from gellight.ring.firmware.image import BOOT2_BYTES
+from tests.firmware.helpers.thumb_blocks import asks_about, differences, known_wrong
 from tests.helpers.bench_board import BenchBoard
 
 TIMER_LOW, WATCHDOG_TICK, CLK_REF = 0x40054028, 0x4005802C, 0x40008030
@@ -91,3 +95,17 @@ def test_the_watchdog_resets_what_it_is_told(image: bytes, selected: int, restar
     board.run(100)
     assert board.resets == restarts
     assert bool(board.faults) == (not restarts)
+
+
+@pytest.mark.parametrize(("count", "longest"), [(6_000, 1), (14_000, 10)])
+def test_random_blocks_leave_the_same_registers_flags_and_memory(count: int, longest: int) -> None:
+    """More of them: `python -m tests.benchmarks.instructions`."""
+    assert differences(count, 29, longest) == []
+
+
+def test_the_image_asks_about_no_flag_that_the_emulator_gets_wrong(image: bytes) -> None:
+    words = [int.from_bytes(image[at : at + 2], "little") for at in range(BOOT2_BYTES, len(image) - 1, 2)]
+    assert any(known_wrong(word) for word in words)
+    assert not [
+        f"{first:04x} {second:04x}" for first, second in pairwise(words) if known_wrong(first) & asks_about(second)
+    ]

@@ -9,15 +9,10 @@ from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import Dark, Policy, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
-from tests.helpers.bench_board import BenchBoard, VirtualTransport
+from tests.helpers.bench_board import BLUE, GREEN, RED, BenchBoard, VirtualTransport
 
-RED, GREEN, BLUE = (np.tile(np.array(c, np.uint8), (12, 1)) for c in ((200, 0, 0), (0, 200, 0), (0, 0, 200)))
 PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97
 JITTER_US = 1.0
-
-
-def lit(board: BenchBoard) -> np.ndarray:
-    return board.timeline.at(board.now_us)
 
 
 def starts(board: BenchBoard, since: int) -> np.ndarray:
@@ -49,7 +44,7 @@ def test_every_bit_keeps_the_windows_of_the_data_sheets(board: BenchBoard, ring:
     periods = {round(bit.high_ns + bit.low_ns) for bit in bits if bit.low_ns}
     assert highs == {333, 667}
     assert periods == {1250}
-    np.testing.assert_array_equal(lit(board), PATTERN)
+    np.testing.assert_array_equal(board.lit, PATTERN)
 
 
 def test_an_led_frame_is_never_torn(board: BenchBoard, ring: LightRing) -> None:
@@ -78,7 +73,7 @@ def test_after_a_transfer_that_breaks_off_the_watchdog_makes_the_leds_dark(image
         assert board.run_until(lambda: board.resets, 140_000)
         board.run(10_000)
         assert [fault.split(": ")[-1] for fault in board.faults] == ["torn"]
-        assert not lit(board).any()
+        assert not board.lit.any()
     with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
         assert again.hello.reset_reason == ResetReason.WATCHDOG
 
@@ -182,9 +177,9 @@ def test_a_second_of_sleep_costs_nothing(board: BenchBoard, ring: LightRing) -> 
 def test_a_silent_host_leaves_the_leds_dark(board: BenchBoard, ring: LightRing) -> None:
     ring.set_leds(RED)
     board.run(900_000)
-    assert lit(board).any()
+    assert board.lit.any()
     board.run(200_000)
-    assert not lit(board).any()
+    assert not board.lit.any()
     assert ring.status().dark == Dark.HOST_SILENT
 
 
@@ -193,7 +188,7 @@ def test_closing_the_port_darkens(board: BenchBoard, ring: LightRing) -> None:
     board.run(3_000)
     board.host.close()
     board.run(3_000)
-    assert not lit(board).any()
+    assert not board.lit.any()
 
 
 def test_nothing_is_lit_by_what_was_under_way_when_the_port_closed(board: BenchBoard, ring: LightRing) -> None:
@@ -204,7 +199,7 @@ def test_nothing_is_lit_by_what_was_under_way_when_the_port_closed(board: BenchB
     board.run(1_500)
     board.host.close()
     board.run(20_000)
-    assert not lit(board).any()
+    assert not board.lit.any()
 
 
 def test_a_port_that_is_opened_again_at_once_has_been_dark(board: BenchBoard, ring: LightRing) -> None:
@@ -218,7 +213,7 @@ def test_a_port_that_is_opened_again_at_once_has_been_dark(board: BenchBoard, ri
     board.host.open()
     board.run(30_000)
     assert len(board.timeline) > before
-    assert not lit(board).any()
+    assert not board.lit.any()
 
 
 def test_suspending_the_bus_darkens(board: BenchBoard, ring: LightRing) -> None:
@@ -226,7 +221,7 @@ def test_suspending_the_bus_darkens(board: BenchBoard, ring: LightRing) -> None:
     board.run(3_000)
     board.suspend()
     board.run(3_000)
-    assert not lit(board).any()
+    assert not board.lit.any()
 
 
 def test_an_exception_darkens(board: BenchBoard) -> None:
@@ -234,13 +229,13 @@ def test_an_exception_darkens(board: BenchBoard) -> None:
         with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
             ring.set_leds(RED)
             board.run(2_000)
-            assert lit(board).any()
+            assert board.lit.any()
             raise KeyError
 
     with pytest.raises(KeyError):
         fail()
     board.run(2_000)
-    assert not lit(board).any()
+    assert not board.lit.any()
 
 
 def test_full_white_is_refused(board: BenchBoard, ring: LightRing) -> None:
@@ -250,7 +245,7 @@ def test_full_white_is_refused(board: BenchBoard, ring: LightRing) -> None:
     reply = ring.set_leds(np.full((12, 3), 255, np.uint8))
     board.run(2_000)
     assert reply.current_ma <= 450
-    assert 12 + 20 * lit(board).sum() / 255 <= 450
+    assert 12 + 20 * board.lit.sum() / 255 <= 450
 
 
 def test_a_processor_that_hangs_is_restarted_in_the_dark(board: BenchBoard, ring: LightRing) -> None:
@@ -264,7 +259,7 @@ def test_a_processor_that_hangs_is_restarted_in_the_dark(board: BenchBoard, ring
     board.run_until(lambda: board.resets, 150_000)
     assert board.resets == 1
     board.run(8_000)
-    assert not lit(board).any()
+    assert not board.lit.any()
     board.run_until(lambda: board.host.configured, 200_000)
     with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
         assert again.hello.reset_reason == ResetReason.WATCHDOG
@@ -279,7 +274,7 @@ def test_a_fault_of_the_processor_darkens_and_restarts(image: bytes) -> None:
         board.chip.core.pc = board.chip.read_uint32(vectors + 12) & ~1  # what HardFault would enter
         board.chip.core.waiting = False
         board.run_until(lambda: board.resets, 150_000)
-        assert not lit(board).any()
+        assert not board.lit.any()
     board.run_until(lambda: board.host.configured, 200_000)
     with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
         assert again.hello.reset_reason == ResetReason.FAULT

@@ -15,14 +15,7 @@ from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.transport import UsbTransport
 from gellight.ring.wire import Packet, encode
 from tests.firmware.helpers.usb_backend import EmulatedBackend
-from tests.helpers.bench_board import BenchBoard, VirtualTransport
-
-RED, GREEN, BLUE = (np.tile(np.array(c, np.uint8), (12, 1)) for c in ((200, 0, 0), (0, 200, 0), (0, 0, 200)))
-
-
-def lit(board: BenchBoard) -> np.ndarray:
-    return board.timeline.at(board.now_us)
-
+from tests.helpers.bench_board import BLUE, GREEN, RED, BenchBoard, VirtualTransport
 
 # ---- the bus ----
 
@@ -33,9 +26,9 @@ def test_unplug_and_replug_in_mid_sequence(board: BenchBoard) -> None:
     ring.set_sync(SyncMode.FREE)
     ring.start()
     board.run(20_000)
-    assert lit(board).any()
+    assert board.lit.any()
     board.power_off()
-    assert not lit(board).any()
+    assert not board.lit.any()
     with pytest.raises(BoardError, match="did not answer"):
         ring.status()
     ring.close()
@@ -44,7 +37,7 @@ def test_unplug_and_replug_in_mid_sequence(board: BenchBoard) -> None:
         assert again.status().state == 0
         again.set_leds(GREEN)
         board.run(2_000)
-        np.testing.assert_array_equal(lit(board), GREEN)
+        np.testing.assert_array_equal(board.lit, GREEN)
 
 
 def test_a_flood_of_rubbish_is_counted_and_survived(board: BenchBoard, ring: LightRing) -> None:
@@ -90,9 +83,9 @@ def test_a_lost_reply_is_asked_for_again_without_a_second_step(board: BenchBoard
         reply = ring.step()
         assert ring.retries == 1
         ring.wait_for_light(reply.light_id)
-        np.testing.assert_array_equal(lit(board), RED)
+        np.testing.assert_array_equal(board.lit, RED)
         ring.wait_for_light(ring.step().light_id)
-        np.testing.assert_array_equal(lit(board), GREEN)
+        np.testing.assert_array_equal(board.lit, GREEN)
 
 
 def test_the_descriptors_are_those_of_a_serial_port(board: BenchBoard, ring: LightRing) -> None:
@@ -108,9 +101,9 @@ def test_pyusb_reaches_the_board(board: BenchBoard) -> None:
     with LightRing(UsbTransport(number, url=f"usb://{number}", backend=backend), keep_alive_s=None) as ring:
         ring.set_leds(GREEN)
         board.run(2_000)
-        np.testing.assert_array_equal(lit(board), GREEN)
+        np.testing.assert_array_equal(board.lit, GREEN)
     board.run(2_000)
-    assert not lit(board).any()
+    assert not board.lit.any()
 
 
 class KernelsBackend(EmulatedBackend):

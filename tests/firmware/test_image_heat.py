@@ -36,13 +36,13 @@ def test_a_hot_board_dims_its_leds_and_the_host_says_so(
     board.set_temperature(HOTTEST_C + 8)
     with caplog.at_level(logging.WARNING):
         attend(ring, board, 8e6)
-    np.testing.assert_array_equal(board.timeline.at(board.now_us), RED // 2)
+    np.testing.assert_array_equal(board.lit, RED // 2)
     assert ring.lit_since_s() == np.inf  # no frame is of the light that was asked for
     assert (ring.dimmed, ring.status().dimmed) == (1, 1)
     assert "68 °C" in caplog.text or "6" in caplog.text.split(" °C")[0][-2:]
     assert "dims its LEDs to 1/2" in caplog.text
     attend(ring, board, DIMMING_US)
-    np.testing.assert_array_equal(board.timeline.at(board.now_us), RED // 4)
+    np.testing.assert_array_equal(board.lit, RED // 4)
     with pytest.raises(BoardError, match="dims its LEDs to 1/4: let it cool"):
         ring.light(RED)
     finding = check_board(ring)
@@ -59,7 +59,7 @@ def test_a_board_that_has_cooled_shows_the_light_again(
     with caplog.at_level(logging.WARNING):
         attend(ring, board, DIMMING_US)
     assert "the board is cool again; they are lit again" in caplog.text
-    np.testing.assert_array_equal(board.timeline.at(board.now_us), RED)
+    np.testing.assert_array_equal(board.lit, RED)
     assert np.isfinite(ring.lit_since_s())
     assert ring.dimmed == 0
     assert [event.dimmed for event in ring.events if isinstance(event, DimmedEvent)] == [1, 0]
@@ -110,7 +110,7 @@ def test_a_hot_ring_beside_a_cool_chip_is_dimmed(
     ring.light(RED)
     with caplog.at_level(logging.WARNING):
         attend(ring, board, 3e6)
-    np.testing.assert_array_equal(board.timeline.at(board.now_us), RED // 2)
+    np.testing.assert_array_equal(board.lit, RED // 2)
     assert "the ring 65 °C (its limit is 60)" in caplog.text
     assert "the ring 65 °C" in check_board(ring).remedy
 

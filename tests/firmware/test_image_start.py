@@ -8,9 +8,8 @@ import pytest
 from gellight.lab.emulator.chip import VTOR
 from gellight.ring.enumerations import ResetReason
 from gellight.ring.light_ring import LightRing
-from tests.helpers.bench_board import BenchBoard, VirtualTransport
+from tests.helpers.bench_board import RED, BenchBoard, VirtualTransport
 
-RED = np.tile(np.array((200, 0, 0), np.uint8), (12, 1))
 WAITS_FOR_THE_CRYSTAL_US, COPIES_US, LATE_US = (1_500, 40_000), (64_700, 65_300), (65_800, 70_000)
 FAULT_VECTOR = 12
 
@@ -48,9 +47,9 @@ def test_after_the_watchdog_nothing_waits_for_the_crystal(board: BenchBoard, rin
     board.run(2_000)
     hang(board)
     assert board.run_until(lambda: board.resets, 150_000)
-    assert board.timeline.at(board.now_us).any()
+    assert board.lit.any()
     board.run(4_000)
-    assert not board.timeline.at(board.now_us).any()
+    assert not board.lit.any()
 
 
 def test_a_start_after_flashing_does_not_pass_for_a_bite_of_the_watchdog(board: BenchBoard, ring: LightRing) -> None:

@@ -1,12 +1,9 @@
 """An edge of the trigger at every instruction of a look at the timeout: it lights its step."""
 
-import numpy as np
-
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.light_ring import LightRing, Step
-from tests.helpers.bench_board import BenchBoard
+from tests.helpers.bench_board import RED, BenchBoard
 
-RED = np.tile(np.array((200, 0, 0), np.uint8), (12, 1))
 DELAY_US, EDGE_TOLERANCE_US = 300, 3.0
 
 
@@ -28,7 +25,7 @@ def look(board: BenchBoard) -> bool:
     for asleep in (True, False):
         while board.chip.core.waiting != asleep:
             step(board)
-    return bool(board.timeline.at(board.now_us).any())
+    return bool(board.lit.any())
 
 
 def start(board: BenchBoard, ring: LightRing, timeout_us: int) -> None:

@@ -9,14 +9,9 @@ from gellight.ring.enumerations import Dark
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import Packet, encode
 from tests.helpers import usb_requests as usb
-from tests.helpers.bench_board import BenchBoard, VirtualTransport
+from tests.helpers.bench_board import RED, BenchBoard, VirtualTransport
 
 CLOCK = p.COMMANDS["CLOCK"].code
-RED = np.tile(np.array((200, 0, 0), np.uint8), (12, 1))
-
-
-def lit(board: BenchBoard) -> np.ndarray:
-    return board.timeline.at(board.now_us)
 
 
 def test_after_a_resume_the_open_port_answers_again(board: BenchBoard, ring: LightRing) -> None:
@@ -24,12 +19,12 @@ def test_after_a_resume_the_open_port_answers_again(board: BenchBoard, ring: Lig
     board.run(3_000)
     board.suspend()
     board.run(20_000)
-    assert not lit(board).any()
+    assert not board.lit.any()
     board.resume()
     assert ring.status().dark == Dark.SUSPENDED
     ring.set_leds(RED)
     board.run(3_000)
-    np.testing.assert_array_equal(lit(board), RED)
+    np.testing.assert_array_equal(board.lit, RED)
 
 
 def test_a_resume_opens_no_port_that_was_closed(board: BenchBoard, ring: LightRing) -> None:
@@ -95,12 +90,12 @@ def test_a_controller_that_hangs_is_reset_in_the_dark(board: BenchBoard, ring: L
     assert board.run_until(lambda: not board.host.configured, 11_500_000)
     assert board.run_until(lambda: board.host.configured, 200_000)
     board.run(3_000)
-    assert not lit(board).any()
+    assert not board.lit.any()
     assert board.resets == 0
     with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
         again.set_leds(RED)
         board.run(3_000)
-        assert lit(board).any()
+        assert board.lit.any()
 
 
 def test_no_packet_keeps_the_host_waiting_for_the_next(board: BenchBoard, ring: LightRing) -> None:
@@ -126,11 +121,11 @@ def test_a_reset_in_mid_transfer_enumerates_anew(image: bytes, after_us: float) 
         board.host.latency_us = 0.0
         assert board.run_until(lambda: board.host.configured, 200_000)
         board.run(3_000)
-        assert not lit(board).any()
+        assert not board.lit.any()
     with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
         again.set_leds(RED)
         board.run(2_000)
-        assert lit(board).any()
+        assert board.lit.any()
     assert board.faults == []
 
 
@@ -220,7 +215,7 @@ def test_a_host_that_does_not_read_for_nine_seconds_keeps_its_port(board: BenchB
     board.run(30_000)
     board.host.latency_us = 9e6
     board.run(8_900_000)
-    assert not lit(board).any()
+    assert not board.lit.any()
     assert board.host.opened
     board.host.latency_us = 0.0
     board.run(200_000)

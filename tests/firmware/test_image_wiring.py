@@ -13,9 +13,8 @@ from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import ColourOrder, OutputAt, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from tests.firmware.helpers.wiring import opened, wired
-from tests.helpers.bench_board import BenchBoard
+from tests.helpers.bench_board import RED, BenchBoard
 
-RED = np.tile(np.array((200, 0, 0), np.uint8), (12, 1))
 OUTPUT, PULSE_US = 4, 100
 DWELL_US = 20_000
 
@@ -36,7 +35,7 @@ def test_any_number_of_leds_in_any_order_at_any_pin(image: bytes, leds: int, ord
         assert ring.hello.led_count == ring.led_count == leds
         event = ring.wait_for_light(ring.set_leds(pattern).light_id)
         board.run(1_000)
-        np.testing.assert_array_equal(board.timeline.at(board.now_us), pattern)
+        np.testing.assert_array_equal(board.lit, pattern)
         assert event.latched_us - event.first_bit_us == strip.bits * 1.25 + 301
         ring.load_sequence([pattern, pattern[::-1]], [Step(group=k, dwell_us=2_000) for k in range(2)])
         ring.set_sync(SyncMode.FREE)
@@ -66,7 +65,7 @@ def test_pins_and_leds_change_with_the_next_start_alone(board: BenchBoard, ring:
     ring.configure(replace(ring.configuration(), led_count=24, data_pin=7))
     ring.set_leds(RED)
     board.run(2_000)
-    np.testing.assert_array_equal(board.timeline.at(board.now_us), RED)
+    np.testing.assert_array_equal(board.lit, RED)
 
 
 @pytest.mark.parametrize(
@@ -91,10 +90,10 @@ def test_the_trigger_may_come_at_another_pin(image: bytes) -> None:
         board.run(5_000)
         board.set_trigger(True)
         board.run(3_000)
-        assert not board.timeline.at(board.now_us).any()
+        assert not board.lit.any()
         board.chip.gpio[17].set_input_value(True)
         board.run(3_000)
-        assert board.timeline.at(board.now_us).any()
+        assert board.lit.any()
 
 
 @pytest.mark.parametrize("at", list(OutputAt))
@@ -167,10 +166,10 @@ def test_the_load_switch_is_closed_while_the_leds_are_lit_alone(image: bytes, lo
         for end in (ring.blank, lambda: board.run(1_200_000)):  # the second: a host that is silent
             ring.wait_for_light(ring.set_leds(RED).light_id)
             board.run(1_000)
-            np.testing.assert_array_equal(board.timeline.at(board.now_us), RED)
+            np.testing.assert_array_equal(board.lit, RED)
             end()
             board.run(2_000)
-            assert not board.timeline.at(board.now_us).any()
+            assert not board.lit.any()
         ring.load_sequence([RED], [Step(group=0, dwell_us=5_000, blank_us=5_000)], loops=3)
         ring.set_sync(SyncMode.FREE)
         ring.start()
@@ -186,14 +185,14 @@ def test_a_fault_and_a_hang_leave_the_load_switch_open(image: bytes) -> None:
         with opened(board) as ring:
             ring.wait_for_light(ring.set_leds(RED).light_id)
             board.run(1_000)
-            assert board.timeline.at(board.now_us).any()
+            assert board.lit.any()
             core, resets, begun_us = board.chip.core, board.resets, board.now_us
             board.chip.write_uint32(0x2003FF00, 0xE7FEE7FE)
             target = (
                 0x2003FF00 if vector is None else board.chip.read_uint32(board.chip.read_uint32(VTOR) + vector) & ~1
             )
             core.pc, core.pm, core.waiting = target, vector is None, False
-            assert board.run_until(lambda: not board.timeline.at(board.now_us).any(), 130_000)
+            assert board.run_until(lambda: not board.lit.any(), 130_000)
             if vector is not None:
                 assert board.now_us - begun_us < 100  # before the LEDs are told, and before the chip starts anew
             assert board.run_until(lambda n=resets: board.resets > n, 150_000)
@@ -205,5 +204,5 @@ def test_an_image_that_lights_leds_without_power_is_told(image: bytes) -> None:
     with opened(board) as ring:
         ring.set_leds(RED)
         board.run(2_000)
-        assert not board.timeline.at(board.now_us).any()
+        assert not board.lit.any()
     assert any("supply of the LEDs" in fault for fault in board.faults)

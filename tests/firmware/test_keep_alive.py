@@ -4,26 +4,19 @@ import logging
 import time
 from collections.abc import Callable
 
-import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError
 from gellight.ring.enumerations import State, SyncMode
 from gellight.ring.light_ring import LightRing, Step
-from tests.helpers.bench_board import BenchBoard, VirtualTransport
-
-RED = np.tile(np.array((200, 0, 0), np.uint8), (12, 1))
-
-
-def lit(board: BenchBoard) -> np.ndarray:
-    return board.timeline.at(board.now_us)
+from tests.helpers.bench_board import RED, BenchBoard, VirtualTransport
 
 
 def hold_up(board: BenchBoard, ring: LightRing) -> None:
     """Let the board hear nothing for more than a second of its time."""
     with ring._lock:
         board.run(1_200_000)
-        assert not lit(board).any()
+        assert not board.lit.any()
 
 
 def trigger(board: BenchBoard, ring: LightRing) -> None:
@@ -50,7 +43,7 @@ def test_a_light_comes_back_after_the_program_was_held_up(board: BenchBoard, cap
     with LightRing(VirtualTransport(board), keep_alive_s=0.01) as ring:
         ring.set_leds(RED)
         hold_up(board, ring)
-        assert comes(board, ring, lambda: bool((lit(board) == RED).all()))
+        assert comes(board, ring, lambda: bool((board.lit == RED).all()))
     assert "they are lit again" in caplog.text
 
 
@@ -59,7 +52,7 @@ def test_darkness_that_was_asked_for_stays(board: BenchBoard, caplog: pytest.Log
         ring.load_sequence([RED], [Step(group=0, dwell_us=5_000)])
         ring.set_sync(SyncMode.FREE)
         ring.start()
-        board_lit = lambda: bool(lit(board).any())  # noqa: E731
+        board_lit = lambda: bool(board.lit.any())  # noqa: E731
         assert comes(board, ring, board_lit)
         hold_up(board, ring)
         assert comes(board, ring, lambda: "a sequence that ran has ended" in caplog.text)
@@ -79,7 +72,7 @@ def test_a_sequence_that_misses_its_triggers_is_not_called_ended(
         assert "has ended" not in caplog.text
         assert ring.status().state == State.RUNNING
         trigger(board, ring)
-        assert comes(board, ring, lambda: bool((lit(board) == RED).all()))
+        assert comes(board, ring, lambda: bool((board.lit == RED).all()))
 
 
 def test_a_board_that_does_not_answer_for_a_while_is_asked_on(
@@ -102,5 +95,5 @@ def test_a_board_that_does_not_answer_for_a_while_is_asked_on(
         assert comes(board, ring, lambda: "does not answer" in caplog.text)
         hold_up(board, ring)
         transport.busy = False
-        assert comes(board, ring, lambda: bool(lit(board).any()))
+        assert comes(board, ring, lambda: bool(board.lit.any()))
     assert caplog.text.count("does not answer") == 1

@@ -6,18 +6,16 @@ Its power can fail, its chip be warmed, its trigger pin be driven, and its USB b
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from gellight.base.errors import BoardError
-from gellight.lab.emulator.chip import (
-    ROOM_C,
-    TEMPERATURE_CHANNEL,
-    USB,
-    EmulatedBoard,
-    temperature_reading,
-)
+from gellight.lab.emulator.chip import ROOM_C, TEMPERATURE_CHANNEL, USB, EmulatedBoard, temperature_reading
 from gellight.lab.emulator.clocks import Crystal
 from gellight.lab.emulator.registers import TIMER, UsbGuard
 from gellight.lab.emulator.waveform import Light, LightTimeline, Strip, WaveformDecoder
 
+RED, GREEN, BLUE = (np.tile(np.array(c, np.uint8), (12, 1)) for c in ((200, 0, 0), (0, 200, 0), (0, 0, 200)))
+"""(12, 3) uint8 of the whole ring"""
 USB_INTERRUPT = 5
 SIE_STATUS, INTS = 0x50, 0x98
 SUSPENDED, RESUMED, SUSPEND_INTERRUPT = 1 << 4, 1 << 11, 1 << 14
@@ -92,6 +90,11 @@ class BenchBoard(EmulatedBoard):
     def _start(self, scratch: list[int] | None = None, reason: int = 0, crystal: Crystal | None = None) -> None:
         super()._start(scratch, reason, crystal)
         self.set_temperature(self.temperature_c)
+
+    @property
+    def lit(self) -> np.ndarray:
+        """(leds, 3) what the LEDs show now."""
+        return self.timeline.at(self.now_us)
 
     def power_on(self) -> None:
         """Start the chip; RAM, scratch registers and the colours of the LEDs are lost."""

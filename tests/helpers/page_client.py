@@ -1,79 +1,106 @@
-"""A client of the dashboard that speaks as the page does."""
+"""Clients of the dashboard: one that speaks as the page does, and one that asks for a single file."""
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import aiohttp
+from aiohttp import WSMsgType
 
-from gellight.dashboard.server import DashboardServer
-from tests.helpers.view_messages import decode
+from tests.helpers.view_messages import View, decode
 
 FRAME_S = 5.0
 """more than any frame needs, even on a loaded machine"""
 SILENCE_S = 0.6
 """without a frame for this time, none comes"""
+ENDED = (WSMsgType.CLOSE, WSMsgType.CLOSED)
 
 
 class Page:
-    """A client that speaks as the page does."""
+    """A client that speaks as the page does; it reads only while it is asked for something."""
 
-    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
-        self.socket = socket
+    def __init__(self, runner: asyncio.Runner, socket: aiohttp.ClientWebSocketResponse) -> None:
+        self._runner, self.socket = runner, socket
 
-    async def send(self, **command: object) -> None:
-        await self.socket.send_json(command)
+    def _first(self, wanted: Callable[[aiohttp.WSMessage], bool], timeout_s: float) -> aiohttp.WSMessage:
+        """Return the next message that is wanted; TimeoutError where none comes."""
 
-    async def credit(self, count: int = 1) -> None:
-        await self.send(type="credit", count=count)
+        async def read() -> aiohttp.WSMessage:
+            async with asyncio.timeout(timeout_s):
+                while not wanted(message := await self.socket.receive()):
+                    assert message.type in (WSMsgType.TEXT, WSMsgType.BINARY), message
+            return message
 
-    async def frame(self, timeout_s: float = FRAME_S) -> dict[str, Any]:
+        return self._runner.run(read())
+
+    def send(self, content: str | bytes = b"", **command: object) -> None:
+        """Send text or bytes as they are, or else a command."""
+        if isinstance(content, str):
+            self._runner.run(self.socket.send_str(content))
+        elif content:
+            self._runner.run(self.socket.send_bytes(content))
+        else:
+            self._runner.run(self.socket.send_json(command))
+
+    def credit(self, count: int = 1) -> None:
+        self.send(type="credit", count=count)
+
+    def message(self, timeout_s: float = FRAME_S) -> View:
+        """Return the next frame."""
+        return decode(self._first(lambda message: message.type is WSMsgType.BINARY, timeout_s).data)
+
+    def frame(self) -> dict[str, Any]:
         """Return the header of the next frame."""
-        async with asyncio.timeout(timeout_s):
-            while True:
-                message = await self.socket.receive()
-                if message.type is aiohttp.WSMsgType.BINARY:
-                    return decode(message.data).header
-                assert message.type is aiohttp.WSMsgType.TEXT, message
+        return self.message().header
 
-    async def text(self, *kinds: str) -> dict[str, Any]:
+    def text(self, *kinds: str) -> dict[str, Any]:
         """Return the next text message of one of `kinds`."""
-        async with asyncio.timeout(FRAME_S):
-            while True:
-                message = await self.socket.receive()
-                assert message.type in (aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY), message
-                if message.type is aiohttp.WSMsgType.TEXT and (found := json.loads(message.data))["type"] in kinds:
-                    return found
 
-    async def answer(self, **command: object) -> dict[str, Any]:
-        await self.send(**command)
-        return await self.text("done", "error")
+        def wanted(message: aiohttp.WSMessage) -> bool:
+            return message.type is WSMsgType.TEXT and json.loads(message.data)["type"] in kinds
 
-    async def is_silent(self) -> bool:
+        return dict(json.loads(self._first(wanted, FRAME_S).data))
+
+    def answer(self, **command: object) -> dict[str, Any]:
+        self.send(**command)
+        return self.text("done", "error")
+
+    def is_silent(self) -> bool:
         try:
-            await self.frame(SILENCE_S)
+            self.message(SILENCE_S)
         except TimeoutError:
             return True
         return False
 
-
-def with_pages(server: DashboardServer, count: int, act: Callable[..., Awaitable[None]]) -> None:
-    """Run `act` with `count` connected pages."""
-
-    async def run() -> None:
-        async with aiohttp.ClientSession() as session:
-            sockets = [await session.ws_connect(server.url + "ws", max_msg_size=0) for _ in range(count)]
-            await act(*(Page(socket) for socket in sockets))
-
-    asyncio.run(run())
+    def is_closed(self) -> bool:
+        """Wait until the server has closed the connection."""
+        return self._first(lambda message: message.type in ENDED, FRAME_S).type in ENDED
 
 
-def get(server: DashboardServer, path: str, **headers: str) -> tuple[int, str, dict[str, str]]:
-    """Return status, text and headers of the answer to a request for `path`."""
+@contextmanager
+def pages(**options: Any) -> Iterator[Callable[..., Page]]:
+    """Give what connects a page to the address of a server; options: of the session."""
 
-    async def run() -> tuple[int, str, dict[str, str]]:
-        async with aiohttp.ClientSession() as session, session.get(server.url + path, headers=headers) as response:
-            return response.status, await response.text(), dict(response.headers)
+    async def begin() -> aiohttp.ClientSession:
+        return aiohttp.ClientSession(**options)
+
+    with asyncio.Runner() as runner:
+        session = runner.run(begin())
+
+        async def connect(url: str, **how: Any) -> aiohttp.ClientWebSocketResponse:
+            return await session.ws_connect(url + "ws", max_msg_size=0, **how)
+
+        yield lambda url, **how: Page(runner, runner.run(connect(url, **how)))
+        runner.run(session.close())
+
+
+def get(url: str, **options: Any) -> tuple[int, str, Mapping[str, str]]:
+    """Return status, text and headers of the answer to a request; options: of aiohttp's `get`."""
+
+    async def run() -> tuple[int, str, Mapping[str, str]]:
+        async with aiohttp.ClientSession() as session, session.get(url, allow_redirects=False, **options) as response:
+            return response.status, await response.text(), response.headers
 
     return asyncio.run(run())

@@ -41,11 +41,7 @@ class BumpReconstructor:
 
 
 def bump_daemon(
-    frames: int = 10**9,
-    period_s: float = 0.01,
-    *,
-    measures: FrameMeasures | None = None,
-    bundle: Bundle | None = None,
+    frames: int = 10**9, period_s: float = 0.01, *, measures: FrameMeasures | None = None, bundle: Bundle | None = None
 ) -> tuple[SensorSession, BumpReconstructor]:
     """Return a daemon (not started) that gives that many frames, and what computes them."""
     reconstructor = BumpReconstructor(bundle, measures)

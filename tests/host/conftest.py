@@ -1,10 +1,11 @@
 """Browsers, started once a module: Playwright keeps an event loop running in the thread as long as it is there.
 
-And a simulated sensor for the watch.
+And a simulated sensor for the watch, and a computer into which sensors are plugged.
 """
 
 import shutil
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, sync_playwright
@@ -17,6 +18,7 @@ from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.browsing import FLAGS, NO_GL, SOFTWARE_GL, Open, opening
 from tests.helpers.dashboard_source import FormulaSource, RecordingStage
+from tests.helpers.sensor_bench import Bench
 from tests.helpers.watched_sensor import NOISE_GREY, WatchedSensor
 
 
@@ -57,6 +59,11 @@ def synthetic() -> Bundle:
 def new_sensor(watched_scene: Scene, synthetic: Bundle) -> Callable[[int], WatchedSensor]:
     """Make a sound sensor that is watched, with noise of this seed."""
     return lambda seed: WatchedSensor(watched_scene, SensorWatch(synthetic), seed)
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path / "computer")
 
 
 @pytest.fixture

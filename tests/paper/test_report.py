@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 
 from gellight.lab.design import output, studies
-from gellight.lab.simulator.sweep import (
-    SweepOptions,
-    run_study,
-)
+from gellight.lab.simulator.sweep import SweepOptions, run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import BENCHMARK_NAMES
 from sim_reference.optimizer import sensitivity

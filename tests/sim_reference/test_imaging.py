@@ -1,4 +1,4 @@
-"""Light on the gel: Lambert, the inverse square, and shadows where geometry puts them."""
+"""Geometry and pixels, light on the gel (Lambert, inverse square, shadows), and from light to grey levels."""
 
 from dataclasses import replace
 from math import cos, radians, sin, tan
@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
+from sim_reference.camera import CameraResponse, digitise, expose, exposure_for, linear_grey
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions, pixel_grid
 from sim_reference.imaging import directional_image, led_irradiance, normals, ring_irradiance, ring_light, visibility
 from sim_reference.surface import press_object, sample, untouched
 
 GEOMETRY = SensorGeometry()
 SMALL = replace(GEOMETRY, image_width_px=160, image_height_px=120, pixel_size_mm=0.2352)
+IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def test_the_ring_is_where_the_paper_puts_it() -> None:
@@ -136,3 +138,78 @@ def test_normals_have_unit_length_and_point_to_the_camera() -> None:
     assert np.linalg.norm(normal, axis=2) == pytest.approx(1)
     assert (normal[..., 2] > 0).all()
     assert -normal[..., :2] / normal[..., 2:] == pytest.approx(slopes)
+
+
+def test_an_ideal_camera_is_proportional_to_light() -> None:
+    light = np.random.default_rng(0).random((4, 5, 3))
+    response = CameraResponse(exposure=0.5, crosstalk=IDENTITY)
+    assert linear_grey(light, response) == pytest.approx(127.5 * light)
+
+
+def test_crosstalk_has_a_row_for_each_channel() -> None:
+    red = np.array([[[1.0, 0.0, 0.0]]])
+    response = CameraResponse()
+    assert linear_grey(red, response)[0, 0] / 255 == pytest.approx([row[0] for row in response.crosstalk])
+    assert np.sum(response.crosstalk, axis=1) == pytest.approx(1), "grey light stays grey"
+
+
+def test_gamma_leaves_black_and_white_where_they_are() -> None:
+    light = np.repeat(np.array([0.0, 0.25, 1.0])[:, None, None], 3, axis=2)
+    assert linear_grey(light, CameraResponse(gamma=2.0))[:, 0, 0] == pytest.approx([0, 127.5, 255])
+
+
+def test_the_noise_has_the_stated_deviation_and_quantisation_adds_a_twelfth() -> None:
+    picture = digitise(np.full((400, 500, 3), 100.3, np.float32), 2.0, np.random.default_rng(1))
+    assert picture.dtype == np.uint8
+    assert picture.mean() == pytest.approx(100.3, abs=0.02)
+    assert picture.std() == pytest.approx(np.sqrt(4 + 1 / 12), rel=0.01)
+
+
+def test_too_much_light_clips_and_does_not_wrap() -> None:
+    picture = expose(np.full((2, 2, 3), 5.0), CameraResponse(noise_grey=0.0), np.random.default_rng(0))
+    assert (picture == 255).all()
+
+
+@pytest.mark.parametrize("gamma", [1.0, 2.2])
+def test_the_exposure_puts_the_brightest_pixel_where_it_is_wanted(gamma: float) -> None:
+    light = np.random.default_rng(2).random((6, 6, 3))
+    exposure = exposure_for(light, CameraResponse(gamma=gamma), 200.0)
+    assert linear_grey(light, CameraResponse(gamma=gamma, exposure=exposure)).max() == pytest.approx(200.0)
+
+
+@pytest.mark.parametrize("wrong", [{"exposure": 0.0}, {"gamma": -1.0}, {"noise_grey": -0.1}])
+def test_impossible_cameras_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="must be positive"):
+        CameraResponse(**wrong)
+
+
+def test_pixels_are_counted_from_the_image_centre() -> None:
+    x, y = pixel_grid(SensorGeometry(image_width_px=4, image_height_px=3, pixel_size_mm=0.5))
+    assert x.ravel() == pytest.approx([-0.75, -0.25, 0.25, 0.75])
+    assert y.ravel() == pytest.approx([-0.5, 0, 0.5])
+
+
+def test_a_beam_of_120_degrees_is_lambertian_and_a_wider_one_flatter() -> None:
+    assert SensorGeometry().emission_exponent == pytest.approx(1)
+    assert SensorGeometry(beam_angle_rad=np.radians(160)).emission_exponent == pytest.approx(0.396, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"mounting_height_mm": 40.0},
+        {"mounting_height_mm": float("nan")},
+        {"led_colours": "RGX"},
+        {"led_colours": "RG"},
+        {"pixel_size_mm": 0.0},
+        {"gel_thickness_mm": float("nan")},
+        {"poisson_ratio": 0.5},
+        {"camera_height_mm": float("nan")},
+        {"coating_smoothing_mm": float("nan")},
+        {"incident_angle_rad": np.pi / 2},
+        {"beam_angle_rad": np.pi},
+    ],
+)
+def test_geometry_that_cannot_be_built_is_refused(wrong: dict) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong)).replace("mounting_", "mounting.")):
+        SensorGeometry(**wrong)

@@ -131,3 +131,73 @@ def test_the_ball_of_the_paper_records_sixty_degrees() -> None:
     assert degrees(maximum_elevation(4.0, 2.0)) == pytest.approx(60, abs=1e-9)
     with pytest.raises(ValueError, match="press depth 5"):
         maximum_elevation(4.0, 5.0)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0, float("nan")])
+def test_a_share_outside_0_to_1_is_refused(share: float) -> None:
+    with pytest.raises(ValueError, match="share"):
+        mean_of_largest([1.0], share)
+
+
+@pytest.mark.parametrize(("radius", "degrees"), [(2.5, 78.463), (3, 70.529), (4, 60), (5, 53.130), (8, 41.410)])
+def test_a_smaller_ball_records_steeper_slopes(radius: float, degrees: float) -> None:
+    assert np.degrees(maximum_elevation(radius, 2.0)) == pytest.approx(degrees, abs=1e-3)
+
+
+def test_equation_8_is_the_arc_tangent_of_the_paper() -> None:
+    edge = np.sqrt(4.0**2 - (4.0 - 1.3) ** 2)
+    assert maximum_elevation(4.0, 1.3) == pytest.approx(np.arctan(edge / (4.0 - 1.3)))
+
+
+@pytest.mark.parametrize("depth", [0.0, -1.0, 4.1, float("nan")])
+def test_a_ball_cannot_be_pressed_beyond_its_equator(depth: float) -> None:
+    with pytest.raises(ValueError, match="radius"):
+        maximum_elevation(4.0, depth)
+
+
+def slopes_of(gx: np.ndarray, gy: np.ndarray) -> np.ndarray:
+    return np.stack(np.broadcast_arrays(gx, gy), axis=2)
+
+
+def centred(depth: np.ndarray) -> np.ndarray:
+    return depth - np.median(depth)
+
+
+@pytest.mark.parametrize("pixel", [0.1, (0.1, 0.25)])
+def test_a_quadratic_surface_is_exact(pixel: float | tuple[float, float]) -> None:
+    size_x, size_y = np.broadcast_to(pixel, 2)
+    x, y = np.arange(23)[None, :] * size_x, np.arange(17)[:, None] * size_y
+    depth = 0.3 * x - 0.2 * y + 0.5 * x**2 - 0.1 * y**2 + 0.4 * x * y
+    gradient = slopes_of(0.3 + x + 0.4 * y, -0.2 - 0.2 * y + 0.4 * x)
+    assert integrate(gradient, pixel) == pytest.approx(centred(depth), abs=1e-9)
+
+
+def test_noise_is_spread_and_not_summed() -> None:
+    noise = np.random.default_rng(3).normal(0, 0.1, (64, 64, 2))
+    assert integrate(noise, 1.0).std() < 0.15  # summing along rows would give 0.1 sqrt(32) = 0.57
+
+
+def cap(steepest_rad: float, size: int = 81) -> np.ndarray:
+    """Gradient map of a sphere's top whose slope at the middle of its border is `steepest_rad`."""
+    at = np.linspace(-1, 1, size) * np.sin(steepest_rad) / np.sqrt(2)
+    x, y = at[None, :], at[:, None]
+    height = np.sqrt(1 - x**2 - y**2)
+    return np.stack([-x / height, -y / height], axis=2)
+
+
+def test_pixels_with_fewer_than_three_lights_keep_all_and_darkness_faces_the_camera() -> None:
+    lights = ring_directions(4, 0.5)
+    dim = np.array([0.0, 0.0, 0.3, 0.4])[:, None, None] * np.ones((4, 1, 1))
+    assert solve_normals(dim, lights, shadow_level=0.1) == pytest.approx(solve_normals(dim, lights))
+    assert solve_normals(np.zeros((4, 2, 2)), lights, shadow_level=0.1)[0, 0] == pytest.approx([0, 0, 1])
+
+
+@pytest.mark.parametrize("shadow_level", [None, 1e-9])
+def test_near_lights_are_solved_pixel_by_pixel(shadow_level: float | None) -> None:
+    gradient = cap(np.radians(30), 21)
+    rng = np.random.default_rng(6)
+    lights = ring_directions(6, 0.5)[:, None, None, :] + rng.normal(0, 0.1, (6, 21, 21, 3))
+    images = np.maximum((lights * normals(gradient)).sum(axis=3), 0)
+    assert images.min() > 0
+    error = angular_error(solve_normals(images, lights, shadow_level), normals(gradient))
+    assert np.degrees(error.max()) < 1e-9

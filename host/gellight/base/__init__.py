@@ -4,13 +4,12 @@ errors.py    one tree of errors
 settings.py  flags over environment over files over defaults
 allowed.py   what a pydantic model allows, in a user's words
 writing.py   files written whole or not at all, flushed to the disk
-locking.py   locks on files, on Windows too
+locking.py   locks on files, on Windows too, and one between threads whose users take turns
 mailbox.py   keeps the newest item, from thread to thread
 field_docs.py  fields in the `help()` of a dataclass
 logs.py      what a service says: lines for people, or JSON
 parent.py    a process that ends with the one that started it
 gelnet_child.py  where a child process finds `gelnet`
-turns.py     a lock whose users take turns
 holders.py   who else has a device open
 service_manager.py   what systemd is told of a service
 """

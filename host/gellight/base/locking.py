@@ -1,10 +1,12 @@
-"""Locks on files. The system gives one back when the process that holds it ends, however it ends.
+"""Locks: on files, given back by the system when the process that holds one ends; and between threads, by turns.
 
 Windows locks one byte far behind the content, so that the content can still be read.
 """
 
 import os
-from typing import IO, Any
+import threading
+from contextlib import suppress
+from typing import IO, Any, Self
 
 try:
     import fcntl
@@ -53,3 +55,35 @@ else:
     def is_locked(handle: IO[str]) -> bool:
         """Return whether another process has locked a file; else nobody can, until it is closed."""
         return not _flock(handle, fcntl.LOCK_SH)
+
+
+class FairLock:
+    """A re-entrant lock: a thread that waits for it gets it before the one that gives it back can take it again."""
+
+    def __init__(self) -> None:
+        """Make a lock that nobody holds."""
+        self._next, self._lock = threading.Lock(), threading.RLock()
+        self._owner: int | None = None
+        self._depth = 0
+
+    def __enter__(self) -> Self:
+        """Wait for the lock."""
+        me = threading.get_ident()
+        if self._owner != me:
+            try:
+                with self._next:
+                    self._lock.acquire()
+            except BaseException:  # Ctrl-C may come when it has just been taken
+                with suppress(RuntimeError):  # it was not
+                    self._lock.release()
+                raise
+            self._owner = me
+        self._depth += 1
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Give it back."""
+        self._depth -= 1
+        if not self._depth:
+            self._owner = None
+            self._lock.release()

@@ -93,8 +93,7 @@ class ReconstructionSettings(StrictModel):
     """How depth is computed."""
 
     mode: Literal["network", "photometric"] = Field(
-        default="network",
-        description="GelNet on every frame, or photometric stereo on series of exposures",
+        default="network", description="GelNet on every frame, or photometric stereo on series of exposures"
     )
     light_groups: Literal["triples", "singles"] = Field(
         default="triples",

@@ -37,7 +37,7 @@ def command(
 
 def _findings(sensor: str | None) -> Iterator[Finding]:
     from gellight.lab.doctor.examination import examine  # not for the help: a second
-    from gellight.lab.training.rehearsal import check_trainer
+    from gellight.lab.training.training import check_trainer
     from gellight.sensor.connection import Surroundings
     from gellight.sensor.v4l2.kernel import LINUX
 

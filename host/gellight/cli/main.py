@@ -17,10 +17,7 @@ VERBS = lazy_group(
         "service": ("service:app", "Let systemd run the sensor of this user."),
         "record": ("record:command", "Record what a sensor gives in a file that ROS 2 tools open too."),
         "replay": ("replay:command", "Play a recording as if it were a sensor."),
-        "export": (
-            "export:command",
-            "Turn a recording into arrays, pictures, surfaces or a video.",
-        ),
+        "export": ("export:command", "Turn a recording into arrays, pictures, surfaces or a video."),
         "scan": (
             "scan:command",
             "Scan a surface that is larger than the view: press, lift, press beside, over half of a press that was.",

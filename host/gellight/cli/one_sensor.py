@@ -124,9 +124,7 @@ def served(daemon: SensorSession, settings: Settings, wanted: bool = True) -> It
         return
     with (
         CalibrationService(
-            daemon,
-            led_colours=settings.geometry.led_colours,
-            gel_thickness_mm=settings.geometry.gel_thickness_mm,
+            daemon, led_colours=settings.geometry.led_colours, gel_thickness_mm=settings.geometry.gel_thickness_mm
         ) as service,
         ScanBeside(daemon, busy=lambda: service.calibrating) as scan,
         DashboardServer(daemon, calibration=service, scan=scan, **settings.dashboard.model_dump()) as server,
@@ -160,10 +158,7 @@ def in_words(summary: Summary, wanted: int) -> str:
 
 
 def follow(
-    daemon: SensorSession,
-    frames: int,
-    show: Callable[[SensorStatus], None] | None = None,
-    patience_s: float = inf,
+    daemon: SensorSession, frames: int, show: Callable[[SensorStatus], None] | None = None, patience_s: float = inf
 ) -> Summary:
     """Follow the tactile frames until `frames` came (0: for ever); return the status with the figures of the run.
 

@@ -5,8 +5,7 @@ active_pipeline.py      what was built of it, which every frame goes through
 session.py              SensorSession: the running sensor, and the one way to exchange what runs
 assembly.py             opens the sensor that the settings name
 bundle_choice.py        which bundle belongs to a sensor
-front_camera.py         what stands in front of the camera, so that frames are taken under the planned light
-switched_camera.py      the camera whose front is exchanged while it runs
+switched_camera.py      the camera whose front, which takes the planned light, is exchanged while it runs
 sensor_state.py         how a sensor is set and lit, and how to set it the same again
 frame_threads.py        the threads that capture and reconstruct; the session's camera for a second reader
 realtime.py             camera and reconstruction before all other programs

@@ -17,7 +17,7 @@ from dataclasses import replace
 from math import inf
 
 from gellight.base.errors import CameraError
-from gellight.base.fair_lock import FairLock
+from gellight.base.locking import FairLock
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle
 from gellight.daemon.realtime import run_first

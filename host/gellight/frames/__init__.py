@@ -10,8 +10,7 @@ view.py            perspective and crop
 dots.py            marker dots, found and filled
 dot_places.py      where their middles are
 dot_following.py   which dot is which from frame to frame
-shear.py           what is known of the gel along its surface
-shear_figures.py   the same as figures that travel
+shear.py           what is known of the gel along its surface; the same as figures that travel
 picture.py         what a bundle does to each picture, and the camera that does it
 pixel_grid.py      where pixels lie on the gel; means over blocks of them
 point_cloud.py     a depth map as points in space

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
-from gellight.base.fair_lock import FairLock
+from gellight.base.locking import FairLock
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, CameraControls, PressStage, ReconnectingError
 from gellight.frames.frames import FrameJudge

@@ -13,8 +13,7 @@ from gellight.base.allowed import StrictModel
 from gellight.base.errors import InputError
 from gellight.base.png import is_whole
 from gellight.frames.frames import CameraFrame, CaptureStamp, LightLabel
-from gellight.frames.shear import DotsSeen
-from gellight.frames.shear_figures import DotFigures
+from gellight.frames.shear import DotFigures, DotsSeen
 from gellight.recording.ros_messages import RosImage, decode_compressed, encode_compressed
 from gellight.sensor.v4l2.decoding import decode
 from gellight.sensor.v4l2.errors import CorruptPictureError

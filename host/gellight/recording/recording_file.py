@@ -37,7 +37,7 @@ from gellight.bundle.bundle import Bundle, packed_bundle, unpack_bundle
 from gellight.frames.frames import CameraFrame, CaptureStamp, Patch, Provenance, TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.frames.pose import PoseFigures
-from gellight.frames.shear_figures import ShearFigures
+from gellight.frames.shear import ShearFigures
 from gellight.recording.depth_kind import DepthKind
 from gellight.recording.frame_record import FrameInfo, FrameRecord, packed_picture
 from gellight.recording.ros_messages import (

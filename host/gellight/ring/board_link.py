@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from gellight.base.errors import BoardError
-from gellight.base.fair_lock import FairLock
+from gellight.base.locking import FairLock
 from gellight.ring import protocol
 from gellight.ring.enumerations import Status
 from gellight.ring.transport import SilentError, Transport

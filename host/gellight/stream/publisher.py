@@ -48,13 +48,7 @@ class Publisher:
     """Publishes a daemon that was started; a context manager."""
 
     def __init__(
-        self,
-        daemon: SensorSession,
-        *,
-        name: str = "",
-        lan: bool = False,
-        config: Path | None = None,
-        token: str = "",
+        self, daemon: SensorSession, *, name: str = "", lan: bool = False, config: Path | None = None, token: str = ""
     ) -> None:
         """Publish `daemon` under `name`, by default that of its sensor; lan, config: see `network.publishing_session`.
 

@@ -21,8 +21,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Patch, Provenance, TactileFrame
 from gellight.frames.measures import Confidence, Force, MapOnRequest
 from gellight.frames.pose import ObjectPose, PoseFigures
-from gellight.frames.shear import DotsSeen, Shear, Slip
-from gellight.frames.shear_figures import DotFigures, ShearFigures
+from gellight.frames.shear import DotFigures, DotsSeen, Shear, ShearFigures, Slip
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.measures import BundleMeasures
 

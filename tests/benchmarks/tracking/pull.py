@@ -48,7 +48,6 @@ def told_mm(touch: TouchSensor, reconstructor: Reconstructor, before: Felt, afte
     for number, felt in enumerate((before, after)):
         frame = reconstructor.reconstruct(CameraFrame(image=touch.picture(felt), time_s=number / 30, sequence=number))
         pose = tracker.follow(View.of(frame.depth_mm, frame.gradient_map, PIXEL_MM), number)
-    assert pose is not None
     return float(pose.motion[0, 3] + (pose.motion[0, :3] @ pose.origin_mm - pose.origin_mm[0])), pose.doubtful
 
 

@@ -45,7 +45,7 @@ def _colours(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     ring.set_leds(PATTERN)
     ring.set_leds(PATTERN)
     board.run(3_000)
-    if not np.array_equal(board.timeline.at(board.now_us), PATTERN):
+    if not np.array_equal(board.lit, PATTERN):
         yield "colours"
 
 
@@ -248,7 +248,7 @@ def _fault(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     board.run_until(lambda: board.waveform.frame_starts_us[-1] > board.now_us - 100, 1_000)
     break_down(board)
     board.run_until(lambda: board.resets > resets, 150_000)
-    if board.timeline.at(board.now_us).any():
+    if board.lit.any():
         yield "lit after a fault"
     again = reopen(board)
     if again.hello.reset_reason != ResetReason.FAULT:

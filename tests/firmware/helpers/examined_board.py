@@ -11,7 +11,7 @@ PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97
 
 def dark(board: BenchBoard) -> bool:
     board.run(8_000)
-    return not board.timeline.at(board.now_us).any()
+    return not board.lit.any()
 
 
 def reopen(board: BenchBoard) -> LightRing:

@@ -50,7 +50,7 @@ def wiring(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     before_us, resets = other.now_us, other.resets
     break_down(other)
     other.run(50)
-    if other.timeline.at(before_us).any() == other.timeline.at(other.now_us).any():
+    if other.timeline.at(before_us).any() == other.lit.any():
         yield "the load switch stays closed through a fault"
     other.run_until(lambda: other.resets > resets, 150_000)
     other.run_until(lambda: other.host.configured, 200_000)
@@ -70,7 +70,7 @@ def _examine_wired(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     begun = len(board.waveform.frame_starts_us)
     board.chip.gpio[THERMISTOR_PIN].set_input_value(True)
     board.run(5_000)
-    if not np.array_equal(board.timeline.at(board.now_us), pattern):
+    if not np.array_equal(board.lit, pattern):
         yield "colours of a ring that is wired in another way"
     board.run(45_000)
     begun_us = board.waveform.frame_starts_us[begun]
@@ -86,7 +86,7 @@ def _examine_wired(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     ring.start()
     ring.step()
     board.run(25_000)  # the load switch has closed, and the middle is still to come
-    lit = board.timeline.at(board.now_us).any()
+    lit = board.lit.any()
     ring.blank()
     board.run(60_000)
     if changes or not lit:

@@ -3,6 +3,7 @@
 import dataclasses
 import inspect
 import pydoc
+from unittest.mock import Mock
 
 import pytest
 
@@ -27,8 +28,5 @@ def test_a_field_is_told_as_it_stands_in_the_source() -> None:
 
 
 def test_without_the_source_the_docstring_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(cls: type) -> str:
-        raise OSError("could not get source code")
-
-    monkeypatch.setattr(inspect, "getsource", missing)
+    monkeypatch.setattr(inspect, "getsource", Mock(side_effect=OSError("could not get source code")))
     assert (gellight.Contact.__doc__ or "").count("\n") < 8

@@ -16,6 +16,7 @@ from gellight.daemon.assembly import open_session
 from gellight.sensor.sensor_camera import SensorCamera
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.command_line import invoke
+from tests.helpers.doc_examples import examples
 from tests.helpers.places import CHECKOUT
 from tests.helpers.sensor_bench import Bench, lit_bundle
 from tests.helpers.settings import loaded
@@ -180,10 +181,7 @@ def test_the_documentation_names_every_section_and_no_key_that_is_not_there() ->
         assert set(re.findall(r"`(\w+)`", text)) <= keys[section]
 
 
-EXAMPLES = re.findall(r"```toml\n(.*?)```", (ROOT / "docs/configuration.md").read_text(), re.DOTALL)
-
-
-@pytest.mark.parametrize("example", EXAMPLES)
+@pytest.mark.parametrize("example", examples("docs/configuration.md", "toml"))
 def test_every_example_of_the_documentation_is_accepted_and_opened(
     example: str, folders: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

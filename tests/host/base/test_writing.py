@@ -4,6 +4,7 @@ import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -104,10 +105,7 @@ def test_a_new_folder_and_those_above_it_are_flushed(tmp_path: Path, disk: Disk)
 def test_where_two_folders_cannot_be_exchanged_the_old_one_steps_aside(
     tmp_path: Path, disk: Disk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def cannot(one: bytes, other: bytes) -> None:
-        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
-
-    monkeypatch.setattr(writing, "_rename_exchange", cannot)
+    monkeypatch.setattr(writing, "_rename_exchange", Mock(side_effect=OSError(errno.EINVAL, os.strerror(errno.EINVAL))))
     target = tmp_path / "bundle"
     write_folder(target, {"a": b"old"})
     write_folder(target, {"a": b"new"})

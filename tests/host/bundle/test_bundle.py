@@ -5,6 +5,7 @@ import hashlib
 import os
 import zipfile
 from pathlib import Path
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -157,9 +158,6 @@ def test_a_full_disk_leaves_what_was_there(bundle: Path, monkeypatch: pytest.Mon
 
 
 def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def cannot(one: bytes, other: bytes) -> None:
-        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
-
     rename = Path.rename
 
     def refuse(path: Path, target: Path) -> Path:
@@ -167,7 +165,7 @@ def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch:
             raise OSError(errno.EACCES, os.strerror(errno.EACCES))
         return rename(path, target)
 
-    monkeypatch.setattr(writing, "_rename_exchange", cannot)
+    monkeypatch.setattr(writing, "_rename_exchange", Mock(side_effect=OSError(errno.EINVAL, os.strerror(errno.EINVAL))))
     monkeypatch.setattr(Path, "rename", refuse)
     with pytest.raises(BundleError, match="check the folder and its permissions"):
         linear_bundle(bundle, (48, 64), overwrite=True)
@@ -177,11 +175,7 @@ def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch:
 
 def test_a_full_disk_leaves_no_packed_file(bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = load_bundle(bundle)
-
-    def full(path: Path, target: Path) -> Path:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(Path, "replace", full)
+    monkeypatch.setattr(Path, "replace", Mock(side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
     with pytest.raises(BundleError, match="free some space"):
         pack_bundle(whole, tmp_path / "sensor.gelcal")
     assert [p.name for p in tmp_path.iterdir()] == ["bundle"]
@@ -341,7 +335,6 @@ def test_the_synthetic_bundle_is_found_beside_the_gelnet_package(
     from importlib.machinery import ModuleSpec
 
     spec = ModuleSpec("gelnet", None, is_package=True)
-    assert spec.submodule_search_locations is not None
     spec.submodule_search_locations.append(str(tmp_path))
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: spec)
     with pytest.raises(BundleError, match=r"'synthetic' bundle is not installed .*: reinstall gellight"):
@@ -363,7 +356,6 @@ def test_a_bundle_tells_the_controls_and_the_colours_of_its_sensor_and_not_how_t
     assert plain.colours is None
     full = lit_bundle(tmp_path / "lit")
     assert full.controls == {"exposure_us": 8000.0, "white_balance_k": 5000.0}
-    assert full.colours is not None
     assert full.colours[[0, 4, 8]].tolist() == [[255, 0, 0], [0, 200, 0], [0, 0, 90]]
     rewrite_manifest(tmp_path / "lit", "exposure_us = 8000", 'exposure_us = "long"')
     with pytest.raises(BundleError, match=r"camera\.exposure_us = 'long' is no number: calibrate the sensor again"):

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 from subprocess import PIPE
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -54,11 +55,7 @@ class OtherFirmware:
 
 
 @pytest.mark.parametrize(
-    ("step", "words"),
-    [
-        (-1, "too old: .*: run `gellight firmware flash`"),
-        (1, "too new: .*: update GelLight, or run"),
-    ],
+    ("step", "words"), [(-1, "too old: .*: run `gellight firmware flash`"), (1, "too new: .*: update GelLight, or run")]
 )
 def test_a_firmware_too_old_or_too_new_is_told_with_the_way_out(step: int, words: str) -> None:
     board = OtherFirmware((protocol.VERSION[0] + step, protocol.VERSION[1]))
@@ -87,10 +84,7 @@ def test_a_ring_that_is_not_there_or_in_use_is_told(tmp_path: Path) -> None:
 def test_a_ring_that_this_user_may_not_use_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     import serial
 
-    def denied(*arguments: object, **options: object) -> None:
-        raise serial.SerialException(errno.EACCES, "could not open port")
-
-    monkeypatch.setattr(serial, "Serial", denied)
+    monkeypatch.setattr(serial, "Serial", Mock(side_effect=serial.SerialException(errno.EACCES, "could not open port")))
     with pytest.raises(BoardError, match="sudo gellight install-udev"):
         open_transport("/dev/ttyACM0")
 

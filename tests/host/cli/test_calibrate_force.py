@@ -51,7 +51,6 @@ def test_weights_give_the_modulus_and_the_bundle_keeps_all_the_rest(folder: Path
     old, new = load_bundle(folder / "bundle"), load_bundle(folder / "new")
     assert {**old.files, "force.json": new.files["force.json"]} == new.files
     record = read_force(new)
-    assert record is not None
     assert record.heaviest_n == pytest.approx(weighed(0.6).force_n)
 
 

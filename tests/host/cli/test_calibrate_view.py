@@ -72,7 +72,6 @@ def test_a_dotted_gel_from_the_side_is_calibrated_and_felt(
     fitted = run("fit", "--presses", view / "presses.csv", *reference, *BALL, *how, "--out", tmp_path / "b")
     assert fitted.exit_code == 0, fitted.output
     steps = steps_of(load_bundle(tmp_path / "b"))
-    assert steps is not None
     assert steps.view is not None
     assert steps.dots is not None
     for number in (0, 5, 11):
@@ -87,10 +86,7 @@ def test_a_dotted_gel_from_the_side_is_calibrated_and_felt(
 
 
 def test_pictures_are_never_replaced_unasked(taken: Path, view: Path, tmp_path: Path) -> None:
-    for arguments in (
-        [taken / "press00.png", *SEEN, "--out", taken],
-        [taken / "press00.png", *SEEN, "--out", view],
-    ):
+    for arguments in ([taken / "press00.png", *SEEN, "--out", taken], [taken / "press00.png", *SEEN, "--out", view]):
         assert isinstance(run("view", *arguments).exception, InputError)
     again = run("view", taken / "press00.png", *SEEN, "--out", view, "--overwrite")
     assert again.exit_code == 0, again.output

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -41,9 +42,5 @@ def test_a_rule_that_cannot_be_written_or_applied_is_told_with_the_way_out(tmp_p
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"cannot write .*: run `sudo .* install-udev`"):
         udev.install(folder=tmp_path / "file" / "rules.d", run=lambda command: None)
-
-    def fail(command: Sequence[str]) -> None:
-        raise OSError("no udevadm")
-
     with pytest.raises(InputError, match="is written, but `udevadm control --reload` failed"):
-        udev.install(folder=tmp_path / "rules.d", run=fail)
+        udev.install(folder=tmp_path / "rules.d", run=Mock(side_effect=OSError("no udevadm")))

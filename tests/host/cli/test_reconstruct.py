@@ -6,6 +6,7 @@ import os
 import re
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -232,11 +233,7 @@ def test_an_option_that_would_change_nothing_is_refused(tmp_path: Path, bundle: 
 
 def test_a_full_disk_leaves_no_part_of_a_file(tmp_path: Path, bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = press(tmp_path / "1.png")
-
-    def full(path: Path, target: Path) -> Path:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(Path, "replace", full)
+    monkeypatch.setattr(Path, "replace", Mock(side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
     message = refused(run(path, "--calibration", bundle, "--out", tmp_path / "out"))
     assert "No space left on device" in message
     assert not list((tmp_path / "out").iterdir())

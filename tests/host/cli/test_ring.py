@@ -51,7 +51,7 @@ def test_set_lights_all_leds_and_leaves_them_dark(board: BenchBoard) -> None:
     done = invoke("ring", "set", "102030", "--seconds", "0.01")
     assert (done.exit_code, done.stdout) == (0, "lit, 103 mA\n")  # 12 + 12 * 20 * (16 + 32 + 48) / 255, rounded up
     assert [[0x10, 0x20, 0x30]] * 12 in shown(board)
-    assert not board.timeline.at(board.now_us).any()
+    assert not board.lit.any()
 
 
 def test_configure_saves_the_wiring_and_starts_the_board_anew(board: BenchBoard) -> None:

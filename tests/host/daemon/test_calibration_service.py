@@ -137,7 +137,6 @@ def test_a_bundle_that_passes_is_taken_over_by_the_stream_and_can_be_taken_back(
         routines[0].install(one)
         assert daemon.bundle.identity == service.state().in_service == one.identity
     assert daemon.wait_frame(before + 1, 10).camera_frame.sequence > before
-    assert daemon.watch is not None
     assert daemon.watch.paused, "the new bundle's watch rests too as long as the calibration goes on"
     routines[0].over.set()
     service.restore(first.identity)
@@ -163,14 +162,12 @@ def test_what_does_not_pass_leaves_the_stream_as_it_was(
 def test_the_watch_rests_while_a_calibration_goes_on(
     service: Service, daemon: SensorSession, routines: list[ScriptedRoutine]
 ) -> None:
-    assert daemon.watch is not None
     service.begin(Request())
     assert daemon.watch.paused
     for refused in (lambda: service.begin(Request()), lambda: service.restore("")):
         with pytest.raises(InputError, match="a calibration is going on: stop it"):
             refused()
     service.act("abort")
-    assert service._end is not None
     service._end.join(10)
     assert not daemon.watch.paused
     assert service.state().routine == {"step": "finished"}

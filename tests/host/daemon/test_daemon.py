@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -354,10 +355,7 @@ def test_what_looks_now_and_then_uses_its_share_of_the_processor_at_most() -> No
 def test_a_system_that_lets_nothing_run_first_is_told_of_and_the_camera_is_closed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def refuse(*_: object) -> None:
-        raise PermissionError(1, "Operation not permitted")
-
-    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    monkeypatch.setattr(os, "sched_setscheduler", Mock(side_effect=PermissionError(1, "Operation not permitted")))
     camera = ScriptedCamera(period_s=0.01)
     parts: Any = camera, CountingReconstructor()
     with pytest.raises(InputError, match=r"- rtprio 10` to /etc/security/limits.conf.*leave out --realtime"):

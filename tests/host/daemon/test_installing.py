@@ -137,7 +137,6 @@ def test_what_is_not_there_is_said(store: BundleStore, tmp_path: Path) -> None:
 def test_the_board_remembers_the_bundle_and_the_sensor_finds_it(store: BundleStore, tmp_path: Path) -> None:
     with open_camera("sim://?programme=0") as camera:
         ring, name = camera.ring, sensor_name(camera)
-        assert ring is not None
         assert bundle_of(camera, store).manifest.sensor == "simulated", "nothing else is known of it yet"
         first, second = (
             verified_bundle(tmp_path / "first", sensor=name),

@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -118,11 +119,9 @@ def test_a_history_that_was_renamed_but_not_flushed_is_put_back(
 def test_a_network_that_cannot_be_run_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     service = Service(tmp_path, streams=True)
     before = service.state()
-
-    def broken(*parts: Any) -> Any:
-        raise BundleError("the network cannot be loaded")
-
-    monkeypatch.setattr("gellight.daemon.active_pipeline.path_for", broken)
+    monkeypatch.setattr(
+        "gellight.daemon.active_pipeline.path_for", Mock(side_effect=BundleError("the network cannot be loaded"))
+    )
     with pytest.raises(BundleError, match="cannot be loaded"):
         service.install(service.new)
     assert service.state() == before

@@ -35,8 +35,6 @@ class LightingRoutine:
         self.ended = False
 
     def _run(self) -> None:
-        assert self.camera.controls is not None
-        assert self.camera.ring is not None
         self.camera.controls.set("exposure_us", 20000)
         self.camera.controls.set("gain", 3)
         self.camera.ring.light(WHITE)
@@ -108,7 +106,6 @@ def served(daemon: SensorSession, folder: Path, ending: Callable[[LightingRoutin
 
 def finish(service: CalibrationService) -> None:
     service.act("abort")
-    assert service._end is not None
     service._end.join(10)
 
 
@@ -118,7 +115,6 @@ def test_the_running_bundle_is_lit_again(daemon: SensorSession, camera: LitCamer
     with served(daemon, tmp_path, ENDINGS[ending]) as service:
         service.begin(CalibrationRequest())
         assert camera.setting() != before
-        assert daemon.watch is not None
         assert daemon.watch.paused
         finish(service)
         assert camera.setting() == before, "the gain too, of which the bundle says nothing"
@@ -193,7 +189,6 @@ def test_lighting_that_fails_is_shown_and_tried_again(
         with pytest.raises(InputError, match="its status says why"):
             service.begin(CalibrationRequest())
         camera.failures.reset()
-        assert service._end is not None
         service._end.join(10)
         assert camera.setting() == before
         assert daemon.status()["error"] is None

@@ -151,7 +151,6 @@ def put_in(session: SensorSession, camera: Unplugged, what: str, bundles: dict[s
 
 def zero(session: SensorSession, camera: Unplugged) -> None:
     stage = session.stage
-    assert stage is not None
     stage.release()
     try:
         patient(session.rezero)

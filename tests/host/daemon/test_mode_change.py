@@ -1,7 +1,7 @@
 """The mode of a running sensor is changed: frames go on, numbered on; what cannot be leaves everything as it was."""
 
 from collections.abc import Iterator
-from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -62,10 +62,9 @@ def test_another_program_changes_the_mode_and_the_frames_go_on(running: SensorSe
 def test_a_mode_that_cannot_be_leaves_the_sensor_as_it_was(
     running: SensorSession, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def without_lights(bundle: Any) -> Any:
-        raise BundleError("it has no lights.json")
-
-    monkeypatch.setattr("gellight.daemon.configuration.read_lights", without_lights)
+    monkeypatch.setattr(
+        "gellight.daemon.configuration.read_lights", Mock(side_effect=BundleError("it has no lights.json"))
+    )
     with pytest.raises(BundleError, match="no lights"):
         running.change_mode("photometric")
     assert running.mode == "network"

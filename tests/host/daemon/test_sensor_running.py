@@ -17,11 +17,6 @@ from tests.helpers.waiting import eventually
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Bench:
-    return Bench(tmp_path / "computer")
-
-
-@pytest.fixture
 def bundle(tmp_path: Path) -> Bundle:
     return lit_bundle(tmp_path / "bundle")
 

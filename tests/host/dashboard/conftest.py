@@ -1,11 +1,13 @@
-"""The server of a calibration that follows a script; pages of other kinds have servers of their own."""
+"""The server of a calibration that follows a script, and pages that it serves; some tests have servers of their own."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import pytest
 
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import FormulaSource
+from tests.helpers.page_client import Page, pages
 from tests.helpers.scripted_calibration import Scripted
 
 
@@ -18,3 +20,14 @@ def calibration() -> Scripted:
 def server(source: FormulaSource, calibration: Scripted) -> Iterator[DashboardServer]:
     with DashboardServer(source, port=0, calibration=calibration) as server:
         yield server
+
+
+@pytest.fixture
+def open_page(server: DashboardServer) -> Iterator[Callable[[], Page]]:
+    with pages() as connect:
+        yield partial(connect, server.url)
+
+
+@pytest.fixture
+def page(open_page: Callable[[], Page]) -> Page:
+    return open_page()

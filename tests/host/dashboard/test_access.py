@@ -1,6 +1,5 @@
 """The token: who brings none, or a wrong one, gets nothing; who brings it once needs it no more."""
 
-import asyncio
 from collections.abc import Iterator
 
 import aiohttp
@@ -12,15 +11,11 @@ from gellight.base.settings import load_settings
 from gellight.dashboard.access import COOKIE, is_loopback
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.browsing import draw, opening
-from tests.helpers.dashboard_source import FormulaSource, RecordingStage
+from tests.helpers.dashboard_source import FormulaSource
+from tests.helpers.page_client import get, pages
 
 TOKEN = "a-token_of-our-0wn"
 PATHS = ("", "status", "ws", "metrics", "health", "sensors", "main.js", "calibration", "nothing")
-
-
-@pytest.fixture
-def source() -> FormulaSource:
-    return FormulaSource(stage=RecordingStage())
 
 
 @pytest.fixture
@@ -31,14 +26,6 @@ def server(source: FormulaSource) -> Iterator[DashboardServer]:
 
 def base(server: DashboardServer) -> str:
     return server.url.partition("?")[0]
-
-
-def get(url: str, **options) -> tuple[int, str, dict[str, str]]:  # type: ignore[no-untyped-def]
-    async def run() -> tuple[int, str, dict[str, str]]:
-        async with aiohttp.ClientSession() as session, session.get(url, allow_redirects=False, **options) as answer:
-            return answer.status, await answer.text(), dict(answer.headers)
-
-    return asyncio.run(run())
 
 
 @pytest.mark.parametrize("path", PATHS)
@@ -79,17 +66,12 @@ def test_a_program_brings_the_token_in_a_header(server: DashboardServer) -> None
 
 
 def test_a_websocket_needs_the_token_and_another_site_is_refused_with_it(server: DashboardServer) -> None:
-    async def run() -> None:
-        async with aiohttp.ClientSession(cookies={COOKIE: TOKEN}) as session:
-            async with session.ws_connect(base(server) + "ws") as page:
-                assert (await page.receive()).type is aiohttp.WSMsgType.TEXT
-            with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
-                await session.ws_connect(base(server) + "ws", headers={"Origin": "http://example.org"})
-        async with aiohttp.ClientSession() as session:
-            with pytest.raises(aiohttp.WSServerHandshakeError, match="401"):
-                await session.ws_connect(base(server) + "ws")
-
-    asyncio.run(run())
+    with pages(cookies={COOKIE: TOKEN}) as connect:
+        assert connect(base(server)).text("status")
+        with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+            connect(base(server), headers={"Origin": "http://example.org"})
+    with pages() as connect, pytest.raises(aiohttp.WSServerHandshakeError, match="401"):
+        connect(base(server))
 
 
 def test_beyond_this_machine_a_token_is_drawn_and_any_name_of_the_host_will_do(source: FormulaSource) -> None:

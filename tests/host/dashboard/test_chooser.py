@@ -1,12 +1,11 @@
 """Several sensors on one page: what is asked of one reaches that one, and one that failed leaves the others alone."""
 
-import asyncio
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
+from typing import Any
 
-import aiohttp
 import pytest
 from playwright.sync_api import Browser, expect
 
@@ -14,6 +13,7 @@ from gellight.dashboard.chooser import Choice, Chooser
 from gellight.dashboard.server import DashboardServer, PageServer
 from tests.helpers.browsing import draw, opening
 from tests.helpers.dashboard_source import FormulaSource, RecordingStage, bump
+from tests.helpers.page_client import get, pages
 
 
 class Three:
@@ -37,38 +37,34 @@ def three() -> Iterator[Three]:
         yield Three(stack)
 
 
-def get(server: PageServer, path: str, **options) -> tuple[int, str, Mapping[str, str]]:  # type: ignore[no-untyped-def]
-    async def run() -> tuple[int, str, Mapping[str, str]]:
-        url = server.url.partition("?")[0] + path
-        async with aiohttp.ClientSession() as session, session.get(url, allow_redirects=False, **options) as answer:
-            return answer.status, await answer.text(), answer.headers
-
-    return asyncio.run(run())
+def ask(server: PageServer, path: str, **options: Any) -> tuple[int, str, Mapping[str, str]]:
+    """Return status, text and headers of the answer, asked without the token in the server's address."""
+    return get(server.url.partition("?")[0] + path, **options)
 
 
 def test_the_page_lists_the_sensors_and_begins_with_one_that_works(three: Three) -> None:
-    status, text, _ = get(three.server, "sensors")
+    status, text, _ = ask(three.server, "sensors")
     assert status == 200
     assert json.loads(text) == [
         {"key": "1", "sensor": "sensor://left", "error": None},
         {"key": "2", "sensor": "sensor://right", "error": None},
         {"key": "3", "sensor": "sensor://gone", "error": "it was unplugged"},
     ]
-    assert get(three.server, "")[2]["Location"] == "1/"
+    assert ask(three.server, "")[2]["Location"] == "1/"
     three.choices["1"] = Choice(key="1", sensor="sensor://left", error="broken", address="")
-    assert get(three.server, "")[2]["Location"] == "2/"
+    assert ask(three.server, "")[2]["Location"] == "2/"
 
 
 def test_every_sensor_has_its_page_status_and_files(three: Three) -> None:
     three.sources[0].frames, three.sources[1].frames = 11, 22  # type: ignore[attr-defined]
     for key in ("1", "2"):
-        assert "<title>GelLight</title>" in get(three.server, f"{key}/")[1]
-        assert json.loads(get(three.server, f"{key}/status")[1])["type"] == "status"
-        status, text, headers = get(three.server, f"{key}/main.js")
+        assert "<title>GelLight</title>" in ask(three.server, f"{key}/")[1]
+        assert json.loads(ask(three.server, f"{key}/status")[1])["type"] == "status"
+        status, text, headers = ask(three.server, f"{key}/main.js")
         assert status == 200
         assert headers["Content-Type"].endswith("/javascript")
         assert "offerSensors" in text
-        assert get(three.server, f"{key}/main.js", headers={"If-None-Match": headers["ETag"]})[0] == 304
+        assert ask(three.server, f"{key}/main.js", headers={"If-None-Match": headers["ETag"]})[0] == 304
         port = three.server.url.rsplit(":", 1)[1].strip("/")
         assert f"ws://127.0.0.1:{port}" in headers["Content-Security-Policy"]
 
@@ -84,79 +80,59 @@ def test_every_sensor_has_its_page_status_and_files(three: Three) -> None:
     ],
 )
 def test_what_is_not_there_is_answered_with_the_reason(three: Three, path: str, status: int, said: str) -> None:
-    answer = get(three.server, path)
+    answer = ask(three.server, path)
     assert answer[0] == status
     assert said in answer[1]
 
 
 def test_a_sensor_that_is_being_started_is_asked_for_again(three: Three) -> None:
     three.choices["3"] = replace(three.choices["3"], error=None)
-    status, text, headers = get(three.server, "3/status")
+    status, text, headers = ask(three.server, "3/status")
     assert status == 503
     assert "it is being started" in text
     assert headers["Retry-After"] == "1"
 
 
 def test_health_names_what_has_failed(three: Three) -> None:
-    status, text, _ = get(three.server, "health")
+    status, text, _ = ask(three.server, "health")
     assert status == 503
     assert json.loads(text) == {"ok": False, "errors": {"sensor://gone": "it was unplugged"}}
     del three.choices["3"]
-    assert get(three.server, "health")[0] == 200
+    assert ask(three.server, "health")[0] == 200
 
 
 def test_frames_and_commands_go_to_the_sensor_of_the_address(three: Three) -> None:
     for source, depth_mm in zip(three.sources, (0.25, 0.75), strict=True):
         source.put(bump(depth_mm, 0, 0))
-
-    async def run() -> float:
-        async with aiohttp.ClientSession() as session:
-            async with session.ws_connect(three.server.url + "2/ws", max_msg_size=0) as page:
-                await page.send_json({"type": "credit", "count": 1})
-                async with asyncio.timeout(10):
-                    while (message := await page.receive()).type is not aiohttp.WSMsgType.BINARY:
-                        assert message.type is aiohttp.WSMsgType.TEXT
-                await page.send_json({"type": "press", "object": "BALL", "depth_mm": 0.5, "x_mm": 1, "y_mm": 2})
-                async with asyncio.timeout(10):
-                    while '"done"' not in (await page.receive_str()):
-                        pass
-            length = int.from_bytes(message.data[8:12], "little")
-            return float(json.loads(message.data[12 : 12 + length])["contact"]["indentation_mm"])
-
-    assert asyncio.run(run()) == pytest.approx(0.75, abs=0.01)
+    with pages() as connect:
+        page = connect(three.server.url + "2/")
+        page.credit()
+        assert page.frame()["contact"]["indentation_mm"] == pytest.approx(0.75, abs=0.01)
+        assert page.answer(type="press", object="BALL", depth_mm=0.5, x_mm=1, y_mm=2)["type"] == "done"
     left, right = (source.stage.calls for source in three.sources if source.stage)
     assert left == []
     assert right == [("BALL", 0.5, 1.0, 2.0)]
 
 
 def test_a_sensor_that_ends_closes_its_pages_alone(three: Three) -> None:
-    async def run() -> None:
-        async with aiohttp.ClientSession() as session:
-            left = await session.ws_connect(three.server.url + "1/ws")
-            right = await session.ws_connect(three.server.url + "2/ws")
-            await asyncio.to_thread(three.inner[0].stop)
-            async with asyncio.timeout(10):
-                while (message := await left.receive()).type is aiohttp.WSMsgType.TEXT:
-                    pass
-            assert message.type in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED)
-            async with asyncio.timeout(10):
-                assert (await right.receive()).type is aiohttp.WSMsgType.TEXT
-            await right.close()
-            async with session.get(three.server.url + "1/status") as answer:
-                assert answer.status == 502
-                assert "does not answer" in await answer.text()
-
-    asyncio.run(run())
+    with pages() as connect:
+        left, right = connect(three.server.url + "1/"), connect(three.server.url + "2/")
+        three.inner[0].stop()
+        assert left.is_closed()
+        assert right.text("status")
+    status, text, _ = ask(three.server, "1/status")
+    assert status == 502
+    assert "does not answer" in text
 
 
 def test_another_site_and_a_missing_token_are_refused_before_anything_is_passed_on() -> None:
     with ExitStack() as stack:
         three = Three(stack, token="t" * 20)
         for path in ("1/status", "1/ws", "sensors", "health", ""):
-            assert get(three.server, path)[0] == 401
+            assert ask(three.server, path)[0] == 401
         cookies = {"gellight-token": "t" * 20}
-        assert get(three.server, "1/status", cookies=cookies)[0] == 200
-        assert get(three.server, "1/status", cookies=cookies, headers={"Origin": "http://example.org"})[0] == 403
+        assert ask(three.server, "1/status", cookies=cookies)[0] == 200
+        assert ask(three.server, "1/status", cookies=cookies, headers={"Origin": "http://example.org"})[0] == 403
 
 
 @pytest.mark.browser

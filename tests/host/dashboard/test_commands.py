@@ -1,102 +1,84 @@
 """Commands of the page: what reaches the stage, and what happens to nonsense."""
 
-import asyncio
 import json
+import time
+from collections.abc import Callable
+from unittest.mock import Mock
 
-import aiohttp
 import pytest
 
 from gellight.base.errors import InputError
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import HEIGHT, PIXEL_MM, WIDTH, FormulaSource, bump
-from tests.helpers.page_client import FRAME_S, Page, with_pages
+from tests.helpers.page_client import Page, pages
 from tests.helpers.scripted_calibration import Scripted
 
 PRESS = {"type": "press", "object": "BALL", "depth_mm": 0.5, "x_mm": 0.0, "y_mm": 0.0}
 HALF_VIEW_MM = (WIDTH * PIXEL_MM / 2, HEIGHT * PIXEL_MM / 2)
 
 
-def test_press_and_release_reach_the_stage(server: DashboardServer, source: FormulaSource) -> None:
-    async def act(page: Page) -> None:
-        await page.credit()
-        source.put(bump(1.0, 0, 0))
-        await page.frame()
-        press = {"type": "press", "object": "WAVE", "depth_mm": 0.75, "x_mm": -3, "y_mm": 4.5}
-        assert await page.answer(**press) == {"type": "done", "command": "press"}
-        assert await page.answer(type="release") == {"type": "done", "command": "release"}
-
-    with_pages(server, 1, act)
-    assert source.stage is not None
+def test_press_and_release_reach_the_stage(page: Page, source: FormulaSource) -> None:
+    page.credit()
+    source.put(bump(1.0, 0, 0))
+    page.frame()
+    press = {"type": "press", "object": "WAVE", "depth_mm": 0.75, "x_mm": -3, "y_mm": 4.5}
+    assert page.answer(**press) == {"type": "done", "command": "press"}
+    assert page.answer(type="release") == {"type": "done", "command": "release"}
     assert source.stage.calls == [("WAVE", 0.75, -3.0, 4.5), None]
 
 
-def test_a_running_calibration_is_in_the_status_and_nobody_else_may_press(source: FormulaSource) -> None:
-    calibration = Scripted()
+def test_a_running_calibration_is_in_the_status_and_nobody_else_may_press(
+    calibration: Scripted, page: Page, source: FormulaSource
+) -> None:
     calibration.calibrating = True
-
-    async def act(page: Page) -> None:
-        await page.credit()
-        source.put(bump(1.0, 0, 0))
-        await page.frame()
-        assert (await page.text("status"))["calibrating"] is True
-        for command in (PRESS, {"type": "release"}):
-            assert "a calibration is running" in (await page.answer(**command))["message"]
-        calibration.calibrating = False
-        assert (await page.answer(**PRESS))["type"] == "done"
-        while (await page.text("status"))["calibrating"]:
-            pass
-
-    with DashboardServer(source, port=0, calibration=calibration) as server:  # type: ignore[arg-type]
-        with_pages(server, 1, act)
-    assert source.stage is not None
+    page.credit()
+    source.put(bump(1.0, 0, 0))
+    page.frame()
+    assert page.text("status")["calibrating"] is True
+    for command in (PRESS, {"type": "release"}):
+        assert "a calibration is running" in page.answer(**command)["message"]
+    calibration.calibrating = False
+    assert page.answer(**PRESS)["type"] == "done"
+    while page.text("status")["calibrating"]:
+        pass
     assert source.stage.calls == [("BALL", 0.5, 0.0, 0.0)]
 
 
 def test_a_press_is_computed_before_it_is_made_and_stops_neither_frames_nor_status(
-    server: DashboardServer, source: FormulaSource
+    page: Page, source: FormulaSource
 ) -> None:
     assert source.stage is not None
     stage = source.stage
-
-    async def act(page: Page) -> None:
-        await page.credit(8)
-        source.put(bump(1.0, 0, 0))
-        await page.frame()
-        stage.may_prepare.clear()
-        await page.send(**PRESS)
-        while not stage.prepared:
-            await asyncio.sleep(0.01)
-        sequence = source.put(bump(1.0, 0, 0))
-        assert (await page.frame())["sequence"] == sequence
-        first = await page.text("status")
-        assert (await page.text("status"))["now_s"] > first["now_s"]
-        assert stage.calls == []
-        stage.may_prepare.set()
-        assert (await page.text("done", "error"))["type"] == "done"
-
-    with_pages(server, 1, act)
+    page.credit(8)
+    source.put(bump(1.0, 0, 0))
+    page.frame()
+    stage.may_prepare.clear()
+    page.send(**PRESS)
+    while not stage.prepared:
+        time.sleep(0.01)
+    sequence = source.put(bump(1.0, 0, 0))
+    assert page.frame()["sequence"] == sequence
+    first = page.text("status")
+    assert page.text("status")["now_s"] > first["now_s"]
+    assert stage.calls == []
+    stage.may_prepare.set()
+    assert page.text("done", "error")["type"] == "done"
     assert stage.calls == [("BALL", 0.5, 0.0, 0.0)]
 
 
-def test_an_object_that_is_released_while_it_is_computed_is_not_pressed(
-    server: DashboardServer, source: FormulaSource
-) -> None:
+def test_an_object_that_is_released_while_it_is_computed_is_not_pressed(page: Page, source: FormulaSource) -> None:
     assert source.stage is not None
     stage = source.stage
-
-    async def act(page: Page) -> None:
-        await page.credit()
-        source.put(bump(1.0, 0, 0))
-        await page.frame()
-        stage.may_prepare.clear()
-        await page.send(**PRESS)
-        while not stage.prepared:
-            await asyncio.sleep(0.01)
-        assert await page.answer(type="release") == {"type": "done", "command": "release"}
-        stage.may_prepare.set()
-        assert await page.text("done", "error") == {"type": "done", "command": "press"}
-
-    with_pages(server, 1, act)
+    page.credit()
+    source.put(bump(1.0, 0, 0))
+    page.frame()
+    stage.may_prepare.clear()
+    page.send(**PRESS)
+    while not stage.prepared:
+        time.sleep(0.01)
+    assert page.answer(type="release") == {"type": "done", "command": "release"}
+    stage.may_prepare.set()
+    assert page.text("done", "error") == {"type": "done", "command": "press"}
     assert stage.calls == [None]
 
 
@@ -121,68 +103,40 @@ def test_an_object_that_is_released_while_it_is_computed_is_not_pressed(
         ('{"type": "credit", "count": 1e99}', "count: Input should be a valid integer"),
     ],
 )
-def test_a_bad_command_is_answered_and_harms_nothing(
-    server: DashboardServer, source: FormulaSource, text: str, said: str
-) -> None:
-    async def act(page: Page) -> None:
-        await page.credit()
-        source.put(bump(1.0, 0, 0))
-        await page.frame()
-        await page.socket.send_str(text)
-        assert said in (await page.text("done", "error"))["message"]
-        assert (await page.answer(**PRESS))["type"] == "done"
-
-    with_pages(server, 1, act)
-    assert source.stage is not None
+def test_a_bad_command_is_answered_and_harms_nothing(page: Page, source: FormulaSource, text: str, said: str) -> None:
+    page.credit()
+    source.put(bump(1.0, 0, 0))
+    page.frame()
+    page.send(text)
+    assert said in page.text("done", "error")["message"]
+    assert page.answer(**PRESS)["type"] == "done"
     assert source.stage.calls == [("BALL", 0.5, 0.0, 0.0)]
 
 
-def test_binary_commands_are_answered_with_an_error(server: DashboardServer) -> None:
-    async def act(page: Page) -> None:
-        await page.socket.send_bytes(b"\0\1")
-        assert "not binary" in (await page.text("error"))["message"]
-
-    with_pages(server, 1, act)
+def test_binary_commands_are_answered_with_an_error(page: Page) -> None:
+    page.send(b"\0\1")
+    assert "not binary" in page.text("error")["message"]
 
 
-def test_a_huge_command_closes_only_its_own_connection(server: DashboardServer) -> None:
-    async def act(greedy: Page, other: Page) -> None:
-        await greedy.socket.send_str(" " * 100_000)
-        async with asyncio.timeout(FRAME_S):
-            while (message := await greedy.socket.receive()).type is aiohttp.WSMsgType.TEXT:
-                pass
-        assert message.type in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED)
-        assert (await other.answer(type="release"))["type"] == "done"
-
-    with_pages(server, 2, act)
+def test_a_huge_command_closes_only_its_own_connection(open_page: Callable[[], Page]) -> None:
+    greedy, other = open_page(), open_page()
+    greedy.send(" " * 100_000)
+    assert greedy.is_closed()
+    assert other.answer(type="release")["type"] == "done"
 
 
-def test_a_press_before_the_first_frame_is_answered(server: DashboardServer) -> None:
-    async def act(page: Page) -> None:
-        assert "no frame has been seen yet" in (await page.answer(**PRESS))["message"]
-
-    with_pages(server, 1, act)
+def test_a_press_before_the_first_frame_is_answered(page: Page) -> None:
+    assert "no frame has been seen yet" in page.answer(**PRESS)["message"]
 
 
-def test_what_the_stage_refuses_is_told(server: DashboardServer, source: FormulaSource) -> None:
-    def refuse() -> None:
-        raise InputError("the stage is stuck: oil it")
-
-    assert source.stage is not None
-    source.stage.release = refuse  # type: ignore[method-assign]
-
-    async def act(page: Page) -> None:
-        answer = await page.answer(type="release")
-        assert answer == {"type": "error", "command": "release", "message": "the stage is stuck: oil it"}
-
-    with_pages(server, 1, act)
+def test_what_the_stage_refuses_is_told(page: Page, source: FormulaSource) -> None:
+    source.stage.release = Mock(side_effect=InputError("the stage is stuck: oil it"))  # type: ignore[method-assign]
+    answer = page.answer(type="release")
+    assert answer == {"type": "error", "command": "release", "message": "the stage is stuck: oil it"}
 
 
 def test_a_sensor_without_stage_says_so() -> None:
-    with DashboardServer(FormulaSource(), port=0) as server:
-
-        async def act(page: Page) -> None:
-            assert (await page.text("status"))["stage"] is None
-            assert "no stage" in (await page.answer(type="release"))["message"]
-
-        with_pages(server, 1, act)
+    with DashboardServer(FormulaSource(), port=0) as server, pages() as connect:
+        page = connect(server.url)
+        assert page.text("status")["stage"] is None
+        assert "no stage" in page.answer(type="release")["message"]

@@ -109,14 +109,9 @@ def test_the_true_depth_map_comes_through_with_the_error_against_it() -> None:
     contact = FRAME.contact.mask
     view = decode(encode(with_truth(true_mm, contact), pixel_size_mm=PIXEL))
     error = np.abs(true_mm - FRAME.depth_mm)
-    assert view.truth_mm is not None
     assert np.abs(view.truth_mm - blocks(true_mm)).max() <= 0.5 * DEPTH_UNIT_MM + 1e-6
     assert view.header["truth"] == pytest.approx(
-        {
-            "indentation_mm": true_mm.max(),
-            "depth_error_mm": error[contact].mean(),
-            "map_depth_error_mm": error.mean(),
-        }
+        {"indentation_mm": true_mm.max(), "depth_error_mm": error[contact].mean(), "map_depth_error_mm": error.mean()}
     )
     assert error[contact].mean() > error.mean() > 0.02, "no constant is taken off"
 

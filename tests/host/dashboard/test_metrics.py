@@ -2,22 +2,19 @@
 
 import json
 import re
-import urllib.error
-import urllib.request
-
-import pytest
 
 from gellight.dashboard.metrics import metric_lines
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import FormulaSource
+from tests.helpers.page_client import get
 
 LINE = re.compile(r'[a-z_]+(\{[a-z]+="[^"]*"\})? [-+0-9.e]+')
 
 
 def test_every_figure_has_its_type_and_a_number(server: DashboardServer) -> None:
-    with urllib.request.urlopen(f"{server.url}metrics") as answer:
-        assert answer.headers["Content-Type"].startswith("text/plain; version=0.0.4")
-        lines = answer.read().decode().splitlines()
+    _, text, headers = get(server.url + "metrics")
+    assert headers["Content-Type"].startswith("text/plain; version=0.0.4")
+    lines = text.splitlines()
     values = dict(line.rsplit(" ", 1) for line in lines if not line.startswith("#"))
     assert [line for line in lines if not line.startswith("# ") and not LINE.fullmatch(line)] == []
     assert values["gellight_frames_total"] == "1234"
@@ -30,13 +27,11 @@ def test_every_figure_has_its_type_and_a_number(server: DashboardServer) -> None
 
 
 def test_health_is_200_or_503_with_the_reason(source: FormulaSource, server: DashboardServer) -> None:
-    with urllib.request.urlopen(f"{server.url}health") as answer:
-        assert json.load(answer) == {"ok": True, "error": None}
+    status, text, _ = get(server.url + "health")
+    assert (status, json.loads(text)) == (200, {"ok": True, "error": None})
     source.error = "reconnecting to sensor A"
-    with pytest.raises(urllib.error.HTTPError) as refused:
-        urllib.request.urlopen(f"{server.url}health")
-    assert refused.value.code == 503
-    assert json.load(refused.value)["error"] == "reconnecting to sensor A"
+    status, text, _ = get(server.url + "health")
+    assert (status, json.loads(text)["error"]) == (503, "reconnecting to sensor A")
 
 
 def test_the_touch_and_its_force_are_shown_where_they_are_known() -> None:

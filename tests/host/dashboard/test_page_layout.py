@@ -60,7 +60,6 @@ def draw_a_line(page: Page) -> None:
     picture = page.get_by_test_id("depth")
     picture.scroll_into_view_if_needed()
     box = picture.bounding_box()
-    assert box is not None
     page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 0.3 * box["height"])
     page.mouse.down()
     page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 0.7 * box["height"])
@@ -81,7 +80,6 @@ def test_every_picture_keeps_its_proportions_and_is_no_stamp(source: FormulaSour
     page = window(*SIZES[size])
     for name in ("depth", "truth", "image", "difference", "normal"):
         box = page.get_by_test_id(name).bounding_box()
-        assert box is not None
         assert box["width"] / box["height"] == pytest.approx(4 / 3, rel=0.02)
         assert box["width"] >= 140
 
@@ -93,7 +91,6 @@ def test_a_laptop_sees_the_surface_the_depth_and_the_contact_without_scrolling(
     page = window(*SIZES["laptop"])
     for name in ("surface", "depth", "truth", "indentation", "contacts"):
         box = page.get_by_test_id(name).bounding_box()
-        assert box is not None
         assert box["y"] + box["height"] <= 625
 
 
@@ -102,8 +99,6 @@ def test_a_page_without_a_truth_gives_its_place_to_the_depth(source: FormulaSour
     page = window(*SIZES["desk"])
     assert not page.get_by_test_id("truth-panel").is_visible()
     depth, camera = (page.locator(f".panel.{name}").bounding_box() for name in ("depth", "raw"))
-    assert depth is not None
-    assert camera is not None
     assert depth["width"] > 1.9 * camera["width"]
 
 

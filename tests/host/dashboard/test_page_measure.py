@@ -19,7 +19,6 @@ SIZE_MM = (WIDTH * PIXEL_MM, HEIGHT * PIXEL_MM)
 def at(page: Page, canvas: str, x_mm: float, y_mm: float) -> tuple[float, float]:
     """Where on the screen a place of a picture is."""
     box = page.get_by_test_id(canvas).bounding_box()
-    assert box is not None
     return box["x"] + (x_mm / SIZE_MM[0] + 0.5) * box["width"], box["y"] + (y_mm / SIZE_MM[1] + 0.5) * box["height"]
 
 
@@ -87,7 +86,6 @@ def test_a_line_over_a_picture_gives_the_section_with_the_truth_beside_it(opened
         assert np.abs(depth - exact).max() < 0.03, "the ends are where the pointer was, to a pixel of the screen"
         assert depth.max() == pytest.approx(exact.max(), abs=0.004)
     expect(page.get_by_test_id("section-text")).to_contain_text("true 0.71")
-    assert source.stage is not None
     assert source.stage.calls == [], "while measuring nothing is pressed"
     show(page, source, bump(0.3, 0.0, 0.0))
     page.wait_for_function("() => gellight.section.truth === null")
@@ -115,7 +113,6 @@ def test_the_line_lies_over_the_surface(opened_3d: Open, source: FormulaSource) 
 
 def white_pixels(page: Page) -> int:
     shown = cv2.imdecode(np.frombuffer(page.get_by_test_id("surface").screenshot(), np.uint8), cv2.IMREAD_COLOR)
-    assert shown is not None
     return int((shown.min(axis=2) > 220).sum())
 
 
@@ -141,7 +138,6 @@ def test_the_arrow_keys_press_where_they_are(opened: Open, source: FormulaSource
     page.get_by_test_id("image").focus()
     page.keyboard.press("ArrowUp")
     page.keyboard.press("Enter")
-    assert source.stage is not None
     page.wait_for_function("() => document.getElementById('stage-now').textContent.includes('BALL')")
     assert source.stage.calls == [("BALL", 0.8, 0.0, -0.5)]
     page.get_by_test_id("object-BALL").focus()

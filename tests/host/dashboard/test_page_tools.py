@@ -94,7 +94,6 @@ def test_the_snapshot_shows_all_pictures(opened: Open, source: FormulaSource, tm
     page = opened()
     show(page, source, two_bumps(truth_factor=1.02))
     picture = cv2.imread(str(saved(page, "save-png", tmp_path)))
-    assert picture is not None
     assert picture.shape == (64 + 2 * 406, 16 + 3 * 496, 3)
     grey = picture[94 + 406 + 180, 16 + 50]
     assert np.abs(grey.astype(int) - 128).max() < 4, "the camera image stands at the left of the second row"
@@ -168,7 +167,6 @@ def test_a_pause_holds_the_frame_and_can_be_looked_through(opened: Open, source:
     page.keyboard.press("PageUp")
     page.wait_for_function("() => gellight.indentation_mm < 0.3")
     box = history.bounding_box()
-    assert box is not None
     page.mouse.click(box["x"] + box["width"] - 12, box["y"] + box["height"] / 2)
     page.wait_for_function("() => gellight.indentation_mm > 0.7")
     page.get_by_test_id("banner-paused").get_by_role("button").click()

@@ -39,13 +39,11 @@ def phone(browser: Browser, server: DashboardServer, source: FormulaSource) -> I
 def test_the_first_screen_of_a_phone_has_depth_indentation_and_press(phone: Page) -> None:
     for name in ("depth", "indentation", "press-here", "release"):
         box = phone.get_by_test_id(name).bounding_box()
-        assert box is not None
         assert box["y"] + box["height"] <= PHONE["height"], name
 
 
 def test_a_finger_that_is_dragged_presses_and_does_not_scroll(phone: Page, source: FormulaSource) -> None:
     box = phone.get_by_test_id("depth").bounding_box()
-    assert box is not None
     finger = phone.context.new_cdp_session(phone)
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] * 0.8
     finger.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
@@ -54,11 +52,8 @@ def test_a_finger_that_is_dragged_presses_and_does_not_scroll(phone: Page, sourc
         phone.wait_for_timeout(50)
     finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     expect(phone.get_by_test_id("stage-now")).to_contain_text("nothing pressed")
-    assert source.stage is not None
     *presses, released = source.stage.calls
     first, last = presses[0], presses[-1]
-    assert first is not None
-    assert last is not None
     assert released is None
     assert first[3] - last[3] > 5.0, "mm upwards"
     assert phone.evaluate("scrollY") == 0
@@ -87,7 +82,6 @@ def test_escape_closes_one_thing_at_a_time(opened: Open, source: FormulaSource) 
     draw(page, source, 1.0)
     page.get_by_test_id("measure").click()
     box = page.get_by_test_id("depth").bounding_box()
-    assert box is not None
     page.mouse.move(box["x"] + 20, box["y"] + 20)
     page.mouse.down()
     page.mouse.move(box["x"] + 120, box["y"] + 90)

@@ -5,6 +5,8 @@ import json
 import socket
 import threading
 import time
+from collections.abc import Callable
+from unittest.mock import Mock
 
 import aiohttp
 import pytest
@@ -13,7 +15,7 @@ from gellight.base.errors import CameraError, ServerError
 from gellight.dashboard.application import MOST_AT_ONCE, MOST_CLIENTS, Dashboard
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import FormulaSource, bump
-from tests.helpers.page_client import FRAME_S, SILENCE_S, Page, get, with_pages
+from tests.helpers.page_client import FRAME_S, SILENCE_S, Page, get, pages
 
 UPGRADE = (
     "GET /ws HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
@@ -26,115 +28,89 @@ def masked(text: bytes) -> bytes:
     return bytes([0x81, 0x80 | len(text), 0, 0, 0, 0]) + text
 
 
-def test_a_credit_buys_one_frame_and_no_more(server: DashboardServer, source: FormulaSource) -> None:
-    async def act(page: Page) -> None:
-        first = source.put(bump(1.0, 0, 0))
-        assert await page.is_silent(), "no frame without a credit"
-        await page.credit()
-        assert (await page.frame())["sequence"] == first
-        source.put(bump(1.0, 1, 0))
-        assert await page.is_silent(), "the credit is spent"
-
-    with_pages(server, 1, act)
+def test_a_credit_buys_one_frame_and_no_more(page: Page, source: FormulaSource) -> None:
+    first = source.put(bump(1.0, 0, 0))
+    assert page.is_silent(), "no frame without a credit"
+    page.credit()
+    assert page.frame()["sequence"] == first
+    source.put(bump(1.0, 1, 0))
+    assert page.is_silent(), "the credit is spent"
 
 
-def test_the_same_frame_is_never_sent_twice(server: DashboardServer, source: FormulaSource) -> None:
-    async def act(page: Page) -> None:
-        source.put(bump(1.0, 0, 0))
-        await page.credit(4)
-        await page.frame()
-        assert await page.is_silent()
-
-    with_pages(server, 1, act)
+def test_the_same_frame_is_never_sent_twice(page: Page, source: FormulaSource) -> None:
+    source.put(bump(1.0, 0, 0))
+    page.credit(4)
+    page.frame()
+    assert page.is_silent()
 
 
-def test_a_page_that_comes_late_gets_the_newest_frame(server: DashboardServer, source: FormulaSource) -> None:
-    async def act(page: Page) -> None:
-        for i in range(20):
-            last = source.put(bump(1.0, i * 0.1, 0))
-        await page.credit()
-        assert (await page.frame())["sequence"] == last
-        for i in range(20):
-            last = source.put(bump(1.0, i * 0.1, 0))
-        await page.credit()
-        assert (await page.frame())["sequence"] == last, "what came in between is skipped, not queued"
-
-    with_pages(server, 1, act)
+def test_a_page_that_comes_late_gets_the_newest_frame(page: Page, source: FormulaSource) -> None:
+    for i in range(20):
+        last = source.put(bump(1.0, i * 0.1, 0))
+    page.credit()
+    assert page.frame()["sequence"] == last
+    for i in range(20):
+        last = source.put(bump(1.0, i * 0.1, 0))
+    page.credit()
+    assert page.frame()["sequence"] == last, "what came in between is skipped, not queued"
 
 
-def test_a_second_page_gets_the_frame_that_is_there(server: DashboardServer, source: FormulaSource) -> None:
-    async def act(early: Page, late: Page) -> None:
-        sequence = source.put(bump(1.0, 0, 0))
-        await early.credit()
-        assert (await early.frame())["sequence"] == sequence
-        await late.credit()
-        assert (await late.frame())["sequence"] == sequence
-
-    with_pages(server, 2, act)
+def test_a_second_page_gets_the_frame_that_is_there(open_page: Callable[[], Page], source: FormulaSource) -> None:
+    early, late = open_page(), open_page()
+    sequence = source.put(bump(1.0, 0, 0))
+    early.credit()
+    assert early.frame()["sequence"] == sequence
+    late.credit()
+    assert late.frame()["sequence"] == sequence
 
 
-def test_a_slow_page_does_not_slow_another(server: DashboardServer, source: FormulaSource) -> None:
-    async def act(slow: Page, fast: Page) -> None:
-        await slow.credit()
-        for _ in range(12):
-            await fast.credit()
-            last = source.put(bump(1.0, 0, 0))
-            assert (await fast.frame())["sequence"] == last
-        await slow.frame()
-        await slow.credit()
-        assert (await slow.frame())["sequence"] == last, "the slow page skips to the newest"
-
-    with_pages(server, 2, act)
+def test_a_slow_page_does_not_slow_another(open_page: Callable[[], Page], source: FormulaSource) -> None:
+    slow, fast = open_page(), open_page()
+    slow.credit()
+    for _ in range(12):
+        fast.credit()
+        last = source.put(bump(1.0, 0, 0))
+        assert fast.frame()["sequence"] == last
+    slow.frame()
+    slow.credit()
+    assert slow.frame()["sequence"] == last, "the slow page skips to the newest"
 
 
-def test_credits_are_bounded(server: DashboardServer, source: FormulaSource) -> None:
-    async def act(page: Page) -> None:
-        for _ in range(5):
-            await page.credit(8)
-        await page.answer(type="release")  # all credits have been seen
-        for i in range(8):
-            source.put(bump(1.0, i * 0.1, 0))
-            await page.frame()
-        source.put(bump(1.0, 0, 0))
-        assert await page.is_silent()
-
-    with_pages(server, 1, act)
+def test_credits_are_bounded(page: Page, source: FormulaSource) -> None:
+    for _ in range(5):
+        page.credit(8)
+    page.answer(type="release")  # all credits have been seen
+    for i in range(8):
+        source.put(bump(1.0, i * 0.1, 0))
+        page.frame()
+    source.put(bump(1.0, 0, 0))
+    assert page.is_silent()
 
 
-def test_status_comes_by_itself_and_without_nan(server: DashboardServer, source: FormulaSource) -> None:
+def test_status_comes_by_itself_and_without_nan(open_page: Callable[[], Page], source: FormulaSource) -> None:
     source.figures["fps"], begun_s = float("nan"), time.monotonic()
-
-    async def act(page: Page) -> None:
-        status = await page.text("status")
-        assert status["fps"] is None
-        assert status["sensor"] == "formula://bump"
-        assert status["error"] is None
-        assert status["clients"] == 1
-        assert status["stage"]["objects"][0] == "BALL"
-        assert status["stage"]["max_depth_mm"] == 2.0
-        assert begun_s < status["now_s"] < time.monotonic()
-        assert (await page.text("status"))["now_s"] > status["now_s"]
-
-    with_pages(server, 1, act)
+    page = open_page()
+    status = page.text("status")
+    assert status["fps"] is None
+    assert status["sensor"] == "formula://bump"
+    assert status["error"] is None
+    assert status["clients"] == 1
+    assert status["stage"]["objects"][0] == "BALL"
+    assert status["stage"]["max_depth_mm"] == 2.0
+    assert begun_s < status["now_s"] < time.monotonic()
+    assert page.text("status")["now_s"] > status["now_s"]
 
 
-def test_the_error_that_stops_the_frames_is_in_the_status(server: DashboardServer, source: FormulaSource) -> None:
-    def fail(after_sequence: int, timeout_s: float) -> None:
-        raise CameraError("the cable is out: plug it in")
-
-    source.wait_frame = fail  # type: ignore[assignment,method-assign]
-
-    async def act(page: Page) -> None:
-        await page.credit()
-        while (await page.text("status"))["error"] != "the cable is out: plug it in":
-            pass
-        del source.wait_frame
-        sequence = source.put(bump(1.0, 0, 0))
-        assert (await page.frame())["sequence"] == sequence, "frames go on once the source does"
-        while (await page.text("status"))["error"] is not None:
-            pass
-
-    with_pages(server, 1, act)
+def test_the_error_that_stops_the_frames_is_in_the_status(page: Page, source: FormulaSource) -> None:
+    source.wait_frame = Mock(side_effect=CameraError("the cable is out: plug it in"))  # type: ignore[assignment,method-assign]
+    page.credit()
+    while page.text("status")["error"] != "the cable is out: plug it in":
+        pass
+    del source.wait_frame
+    sequence = source.put(bump(1.0, 0, 0))
+    assert page.frame()["sequence"] == sequence, "frames go on once the source does"
+    while page.text("status")["error"] is not None:
+        pass
 
 
 def test_without_pages_no_frame_is_fetched(server: DashboardServer, source: FormulaSource) -> None:
@@ -144,13 +120,13 @@ def test_without_pages_no_frame_is_fetched(server: DashboardServer, source: Form
 
 
 def test_status_is_served_as_json(server: DashboardServer) -> None:
-    status, text, headers = get(server, "status")
+    status, text, headers = get(server.url + "status")
     assert (status, headers["Content-Type"].split(";")[0]) == (200, "application/json")
     assert json.loads(text)["frames"] == 1234
 
 
 def test_the_page_may_load_nothing_from_elsewhere(server: DashboardServer) -> None:
-    status, text, headers = get(server, "")
+    status, text, headers = get(server.url)
     assert status == 200
     assert "<title>GelLight</title>" in text
     assert headers["Content-Security-Policy"].startswith("default-src 'self';")
@@ -158,25 +134,24 @@ def test_the_page_may_load_nothing_from_elsewhere(server: DashboardServer) -> No
 
 @pytest.mark.parametrize("path", ["nothing", "../server.py", "%2e%2e/server.py", "vendor/../../server.py", "vendor/"])
 def test_nothing_but_the_page_is_served(server: DashboardServer, path: str) -> None:
-    assert get(server, path)[0] in (403, 404)
+    assert get(server.url + path)[0] in (403, 404)
 
 
 @pytest.mark.parametrize("path", ["", "status", "ws", "main.js"])
 def test_another_sites_page_is_refused(server: DashboardServer, path: str) -> None:
-    assert get(server, path, Origin="https://example.org")[0] == 403
-    assert get(server, path, Origin="http://127.0.0.1:1")[0] == 403
-    assert get(server, path, Origin="null")[0] == 403
+    for origin in ("https://example.org", "http://127.0.0.1:1", "null"):
+        assert get(server.url + path, headers={"Origin": origin})[0] == 403
 
 
 @pytest.mark.parametrize("host", ["example.org", "192.168.1.5:8420", "127.0.0.1.example.org", ""])
 def test_another_hosts_name_is_refused(server: DashboardServer, host: str) -> None:
-    assert get(server, "status", Host=host)[0] == 403
+    assert get(server.url + "status", headers={"Host": host})[0] == 403
 
 
 def test_this_machines_own_names_are_accepted(server: DashboardServer) -> None:
     port = server.url.rsplit(":", 1)[1].strip("/")
     for host in (f"localhost:{port}", f"127.0.0.1:{port}", f"[::1]:{port}"):
-        assert get(server, "status", Host=host, Origin=f"http://{host}")[0] == 200
+        assert get(server.url + "status", headers={"Host": host, "Origin": f"http://{host}"})[0] == 200
 
 
 def test_the_server_listens_on_this_machine_only(server: DashboardServer) -> None:
@@ -194,20 +169,14 @@ def test_a_port_in_use_names_the_port_and_the_remedy(server: DashboardServer, so
 def test_stopping_closes_the_pages_and_frees_the_port(source: FormulaSource) -> None:
     server = DashboardServer(source, port=0).start()
     port = int(server.url.rsplit(":", 1)[1].strip("/"))
-
-    async def run() -> None:
-        async with aiohttp.ClientSession() as session, session.ws_connect(server.url + "ws") as page:
-            await page.receive()
-            await asyncio.to_thread(server.stop)
-            async with asyncio.timeout(FRAME_S):
-                while (message := await page.receive()).type is aiohttp.WSMsgType.TEXT:
-                    pass
-            assert message.type is aiohttp.WSMsgType.CLOSE or message.type is aiohttp.WSMsgType.CLOSED
-
-    asyncio.run(run())
+    with pages() as connect:
+        page = connect(server.url)
+        page.text("status")
+        server.stop()
+        assert page.is_closed()
     server.stop()
     with DashboardServer(source, port=port) as again:
-        assert get(again, "status")[0] == 200
+        assert get(again.url + "status")[0] == 200
     assert not [thread.name for thread in threading.enumerate() if thread.name.startswith("dashboard")]
 
 
@@ -240,38 +209,34 @@ def test_a_page_that_reads_nothing_does_not_hold_up_the_end(source: FormulaSourc
     asyncio.run(run())
 
 
-def test_a_thousand_pages_at_once_leave_the_others_their_frames(server: DashboardServer, source: FormulaSource) -> None:
+def test_a_thousand_pages_at_once_leave_the_others_their_frames(
+    server: DashboardServer, page: Page, source: FormulaSource
+) -> None:
     """Beyond 32 each is told why, and every place that becomes free is given away again."""
 
-    async def act(page: Page) -> None:
+    async def crowd() -> None:
         async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as session:
             wanted = [session.ws_connect(f"{server.url}ws", timeout=aiohttp.ClientWSTimeout(10)) for _ in range(1000)]
             answers = await asyncio.gather(*wanted, return_exceptions=True)
             refused = [one for one in answers if isinstance(one, aiohttp.WSServerHandshakeError)]
             assert (len(answers) - len(refused), {one.status for one in refused}) == (MOST_CLIENTS - 1, {503})
-            await page.credit()
+            await asyncio.to_thread(page.credit)
             last = source.put(bump(1.0, 0, 0))
-            assert (await page.frame())["sequence"] == last
+            assert (await asyncio.to_thread(page.frame))["sequence"] == last
             for one in answers:
                 if isinstance(one, aiohttp.ClientWebSocketResponse):
                     await one.close()
             again = await session.ws_connect(f"{server.url}ws")
             await again.close()
 
-    with_pages(server, 1, act)
+    asyncio.run(crowd())
 
 
-def test_a_page_that_commands_faster_than_is_done_is_told_to_wait(
-    server: DashboardServer, source: FormulaSource, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_page_that_commands_faster_than_is_done_is_told_to_wait(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
     go_on = threading.Event()
     monkeypatch.setattr(Dashboard, "_move_stage", lambda *_: go_on.wait(20))
-
-    async def act(page: Page) -> None:
-        for _ in range(3 * MOST_AT_ONCE):
-            await page.send(type="release")
-        answer = await page.text("error", "done")
-        go_on.set()
-        assert answer["message"] == f"{MOST_AT_ONCE} commands are being carried out: wait for them"
-
-    with_pages(server, 1, act)
+    for _ in range(3 * MOST_AT_ONCE):
+        page.send(type="release")
+    answer = page.text("error", "done")
+    go_on.set()
+    assert answer["message"] == f"{MOST_AT_ONCE} commands are being carried out: wait for them"

@@ -1,6 +1,5 @@
 """The dashboard over TLS: page, frames and cookie are encrypted, and files that cannot be used are refused."""
 
-import asyncio
 import ssl
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +15,8 @@ from gellight.cli.several_sensors import SensorProcess
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.browsing import draw
 from tests.helpers.children import run
-from tests.helpers.dashboard_source import FormulaSource, RecordingStage
+from tests.helpers.dashboard_source import FormulaSource
+from tests.helpers.page_client import get, pages
 
 TOKEN = "a-token_of-our-0wn"
 EC = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1")
@@ -34,11 +34,6 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def source() -> FormulaSource:
-    return FormulaSource(stage=RecordingStage())
-
-
-@pytest.fixture
 def server(source: FormulaSource, files: Path) -> Iterator[DashboardServer]:
     own = {"tls_cert": str(files / "own.pem"), "tls_key": str(files / "own.key")}
     with DashboardServer(source, port=0, token=TOKEN, **own) as server:
@@ -48,26 +43,18 @@ def server(source: FormulaSource, files: Path) -> Iterator[DashboardServer]:
 def test_page_cookie_and_frames_are_encrypted(server: DashboardServer, files: Path) -> None:
     trusting = ssl.create_default_context(cafile=files / "own.pem")
     base, origin = server.url.partition("?")[0], server.url.partition("/?")[0]
-
-    async def ask() -> None:
-        async with aiohttp.ClientSession() as client:
-            async with client.get(server.url, ssl=trusting, allow_redirects=False) as answer:
-                assert "Secure" in answer.headers["Set-Cookie"]
-            bearer = {"Authorization": f"Bearer {TOKEN}"}
-            async with client.get(base, ssl=trusting, headers=bearer) as answer:
-                assert "wss://127.0.0.1" in answer.headers["Content-Security-Policy"]
-            async with client.ws_connect(base + "ws", ssl=trusting, headers=bearer | {"Origin": origin}) as page:
-                assert (await page.receive()).type is aiohttp.WSMsgType.TEXT
-            foreign = bearer | {"Origin": origin.replace("https", "http")}
-            with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
-                await client.ws_connect(base + "ws", ssl=trusting, headers=foreign)
-            with pytest.raises(aiohttp.ClientConnectorCertificateError):
-                await client.get(base)  # a certificate that nobody vouches for
-            with pytest.raises(aiohttp.ClientError):
-                await client.get(base.replace("https", "http"))
-
+    bearer = {"Authorization": f"Bearer {TOKEN}"}
     assert base.startswith("https://")
-    asyncio.run(ask())
+    assert "Secure" in get(server.url, ssl=trusting)[2]["Set-Cookie"]
+    assert "wss://127.0.0.1" in get(base, ssl=trusting, headers=bearer)[2]["Content-Security-Policy"]
+    with pages() as connect:
+        assert connect(base, ssl=trusting, headers=bearer | {"Origin": origin}).text("status")
+        with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+            connect(base, ssl=trusting, headers=bearer | {"Origin": origin.replace("https", "http")})
+    with pytest.raises(aiohttp.ClientConnectorCertificateError):
+        get(base)  # a certificate that nobody vouches for
+    with pytest.raises(aiohttp.ClientError):
+        get(base.replace("https", "http"))
 
 
 @pytest.mark.browser

@@ -281,7 +281,6 @@ def test_a_circle_is_corrected_by_dragging_and_a_press_dropped(opened: Open, cal
     page = opened()
     page.wait_for_function("() => wizard.picture === 'difference' && wizard.shown > 1")
     box = page.get_by_test_id("picture").bounding_box()
-    assert box is not None
     scale = box["width"] / WIDTH
     at = lambda x, y: (box["x"] + x * scale, box["y"] + y * scale)  # noqa: E731
     page.mouse.move(*at(300, 200))

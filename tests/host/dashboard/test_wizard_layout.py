@@ -63,7 +63,6 @@ def test_nothing_is_cut_and_nothing_overlaps(calibration: Scripted, window: Open
         page.wait_for_timeout(400)
         assert wrong(page, "overlaps", "cut", "beyond") == {}, name
         guide = page.get_by_test_id("instruction").bounding_box()
-        assert guide is not None
         assert guide["y"] + guide["height"] <= SIZES[size][1] / SIZES[size][2], "what is to be done needs no scrolling"
 
 

@@ -23,7 +23,6 @@ def bundle() -> Bundle:
 @pytest.fixture(scope="module")
 def path(bundle: Bundle) -> SequencePath:
     colours = bundle.colours
-    assert colours is not None
     return SequencePath(Reconstructor(bundle), np.stack([colours // 2, colours]))
 
 

@@ -8,10 +8,7 @@ import pytest
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, CaptureStamp
-from gellight.recording.recording_file import (
-    DepthKind,
-    RecordingWriter,
-)
+from gellight.recording.recording_file import DepthKind, RecordingWriter
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.recorded import SHAPE
 from tests.helpers.streamed import full_frame

@@ -17,10 +17,7 @@ from gellight.frames.frames import CaptureStamp
 from gellight.opening import open_camera
 from gellight.recording import recording_file
 from gellight.recording.frame_record import FrameRecord
-from gellight.recording.recording_file import (
-    Recording,
-    RecordingWriter,
-)
+from gellight.recording.recording_file import Recording, RecordingWriter
 from gellight.recording.replay_camera import ReplayCamera
 from tests.helpers.recorded import plain
 

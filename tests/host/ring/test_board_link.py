@@ -137,8 +137,7 @@ class Grown(Record):
 
 
 @pytest.mark.parametrize(
-    ("payload", "read"),
-    [(b"\1\2", Grown(1, 2)), (b"\1\2\3", Grown(1, 2, 3)), (b"\1\2\3\4\5\6", Grown(1, 2, 3, 4))],
+    ("payload", "read"), [(b"\1\2", Grown(1, 2)), (b"\1\2\3", Grown(1, 2, 3)), (b"\1\2\3\4\5\6", Grown(1, 2, 3, 4))]
 )
 def test_fields_of_other_minor_versions_are_ignored_or_take_their_default(payload: bytes, read: Grown) -> None:
     assert Grown.unpack(payload) == read

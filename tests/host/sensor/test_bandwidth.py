@@ -22,11 +22,6 @@ def no_bundles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
 
 
-@pytest.fixture
-def bench(tmp_path: Path) -> Bench:
-    return Bench(tmp_path / "computer")
-
-
 def isochronous(sizes: tuple[int, ...] = SIZES, interval: int = 1) -> bytes:
     """Descriptors of a camera with one alternate setting for each size."""
     settings = b""

@@ -27,7 +27,6 @@ def test_one_device_with_camera_and_ring_is_a_sensor(usb: UsbTree) -> None:
     assert (sensor.camera.path, sensor.ring and sensor.ring.path) == (camera, ring)
     assert (sensor.serial, sensor.port, sensor.name) == ("GL0001", "1-2", "GL0001")
     assert sensor.camera.stable.endswith("by-id/usb-GelLight_GL0001-video-index0")
-    assert sensor.camera.usb is not None
     assert sensor.camera.usb.speed_mbps == 480
     assert seen(usb).only() == sensor
     assert not seen(usb).cameras, "the node of metadata is no camera"

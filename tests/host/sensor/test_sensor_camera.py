@@ -22,11 +22,6 @@ SIZE = "width=32&height=24&format=YUYV"
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Bench:
-    return Bench(tmp_path / "computer")
-
-
-@pytest.fixture
 def bundle(tmp_path: Path) -> Bundle:
     return lit_bundle(tmp_path / "bundle")
 
@@ -42,7 +37,6 @@ def test_the_sensor_is_lit_and_set_as_its_bundle_says(bench: Bench, bundle: Bund
         assert device.controls[c.WHITE_BALANCE].value == 5000
         assert device.controls[c.DYNAMIC_RATE].value == 0
         assert camera.ring is bench.rings[0]
-        assert camera.controls is not None
         assert camera.controls.read("exposure_us") == 8000
     assert bench.all_dark()
     assert not bench.kernel.opened
@@ -105,7 +99,6 @@ def test_what_the_url_says_holds_when_others_are_adopted_and_unknown_controls_ar
         camera.adopt({"exposure_us": 9000, "white_balance_k": 4000}, None)
         assert device.controls[c.EXPOSURE].value == 40
         assert device.controls[c.WHITE_BALANCE].value == 4000
-        assert camera.controls is not None
         camera.controls.set("white_balance_k", 4500)
         camera.adopt({}, np.full((12, 3), 7, np.uint8))
         assert device.controls[c.WHITE_BALANCE].value == 4500, "what is not named stays"

@@ -12,9 +12,9 @@ import pytest
 from gellight.base.errors import BoardError, BundleError, CameraError, ConfigError
 from gellight.base.settings import LightingSettings, ReconstructionSettings, Settings
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.daemon import front_camera
+from gellight.daemon import switched_camera
 from gellight.daemon.configuration import PathKind, mode_config
-from gellight.daemon.front_camera import LONGEST_US, bright_exposure_us, camera_for
+from gellight.daemon.switched_camera import LONGEST_US, bright_exposure_us, camera_for
 from gellight.frames.camera import ReconnectingError, timing_of
 from gellight.frames.frames import CameraFrame
 from gellight.photometric.light_model import LightGroups
@@ -186,10 +186,9 @@ def test_a_sequence_that_does_not_go_with_the_mode_is_refused(mode: Any, lightin
 def test_the_window_is_exposed_as_long_as_each_frame_can_be_of_another_light(monkeypatch: pytest.MonkeyPatch) -> None:
     inner = fake_camera()
     inner.mode = LightMode.EXT  # type: ignore[attr-defined]
-    monkeypatch.setattr(front_camera, "SequencedCamera", lambda camera, groups, mode: camera)
+    monkeypatch.setattr(switched_camera, "SequencedCamera", lambda camera, groups, mode: camera)
     camera = camera_for(inner, in_mode("photometric", light_mode="ext").light)
     assert isinstance(camera, WindowCamera)
-    assert inner.controls is not None
     timing = timing_of(inner)
     assert 8000 < inner.controls.read("exposure_us") < 16000
     assert hold_frames(timing, locked=True, clock_error_s=clock_error_s(LightMode.EXT)) == 1

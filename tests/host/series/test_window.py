@@ -72,7 +72,6 @@ def test_a_ball_at_rest_is_felt_as_in_a_series(
     assert last.depth_mm.shape == bundle.image_shape
     assert last.contact.indentation_mm == pytest.approx(1.0, abs=0.02)
     assert last.contact.centroid_mm == pytest.approx((4.0, -3.0), abs=0.1)
-    assert last.exposures is not None
     assert not last.exposures.moved
     assert last.exposures.lights.shape == last.exposures.moving.shape == bundle.image_shape
     assert last.camera_frame.label == LightLabel(state=LightState.CLEAN, group=3)
@@ -103,8 +102,6 @@ def test_a_ball_that_slides_is_flagged_where_it_is(gel: Gel, bundle: Bundle) -> 
     slides: list[Press | None] = [replace(BALL, x_mm=4.0 + 0.2 * n) for n in range(6)]
     felt = [path.reconstruct(each) for each in windows(gel, [BALL] * 5 + slides)]
     before, after = felt[0].exposures, felt[-1].exposures
-    assert before is not None
-    assert after is not None
     assert not before.moving.any()
     assert after.moved
     assert after.moving[felt[-1].contact.mask].mean() > 0.5

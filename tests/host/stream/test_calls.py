@@ -74,7 +74,6 @@ def test_a_call_that_is_none_is_answered_with_the_reason(content: bytes) -> None
     with daemon, Publisher(daemon, name="finger"):
         session = subscribing_session(running()[0].endpoint, config=None)
         (reply,) = session.get(key("finger", "call"), payload=content, timeout=10)
-        assert reply.err is not None
         assert "no call of GelLight" in reply.err.payload.to_string()
         session.close()
 
@@ -104,7 +103,6 @@ def test_who_has_no_token_may_read_and_change_nothing() -> None:
             for brought in (None, "", "a", publisher.token[:-1], publisher.token + "a", b"\xff"):
                 content = json.dumps(call)
                 (reply,) = session.get(key("finger", "call"), payload=content, attachment=brought, timeout=10)
-                assert reply.err is not None
                 assert "changed by those that bring its token" in reply.err.payload.to_string()
         (reply,) = session.get(key("finger", "call"), payload='{"type": "status"}', timeout=10)
         assert reply.ok is not None

@@ -101,10 +101,7 @@ def test_the_camera_is_found_and_keeps_to_the_contract(
 def test_the_robot_presses_into_the_simulated_gel(environment: dict[str, str], tmp_path: Path) -> None:
     plain = gellight.load_bundle("synthetic")
     extend_bundle(plain, tmp_path / "weighing", force_files())
-    with (
-        gellight.connect("sim://?fps=10", calibration=str(tmp_path / "weighing")) as sensor,
-        Publisher(sensor.daemon),
-    ):
+    with gellight.connect("sim://?fps=10", calibration=str(tmp_path / "weighing")) as sensor, Publisher(sensor.daemon):
         told = ask(environment, "press", CAMERAS)
     assert told["asked_mm"] == 0.5
     assert told["seen_mm"] == pytest.approx(0.5, abs=0.05)

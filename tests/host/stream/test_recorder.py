@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from rosbags.highlevel import AnyReader
@@ -107,14 +108,13 @@ def test_a_disk_that_fills_ends_the_recording_whole(tmp_path: Path, monkeypatch:
 def test_a_disk_that_refuses_ends_the_recording_and_nothing_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(*_: object, packed: bool) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
     with gellight.connect("sim://?object=BALL&depth=1&fps=5") as sensor:
         with Recorder(sensor.daemon, tmp_path / "a.mcap") as recorder:
             while not recorder.status.frames:
                 time.sleep(0.05)
-            monkeypatch.setattr(recorder._writer, "add", refuse)
+            monkeypatch.setattr(
+                recorder._writer, "add", Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
+            )
             while not recorder.ended:
                 time.sleep(0.05)
             recorder._thread.join(20)

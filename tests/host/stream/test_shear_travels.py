@@ -44,7 +44,6 @@ def no_bundle(zero: str) -> None:
 
 def test_dots_and_shear_arrive_as_they_were_sent() -> None:
     got = decode(encode(frame_of(SHEAR)), no_bundle)
-    assert got.shear is not None
     for name in ("force_n", "force_error_n", "torque_nmm", "torque_error_nmm", "centre_mm", "flags", "unknown"):
         assert getattr(got.shear, name) == getattr(SHEAR, name)
     np.testing.assert_array_equal(got.shear.field_mm, SHEAR.field_mm)
@@ -61,7 +60,6 @@ def test_slip_arrives() -> None:
 
 def test_what_is_unknown_arrives_with_its_reason() -> None:
     got = decode(encode(frame_of(Shear(dots=DOTS, field_mm=SHEAR.field_mm, unknown="another gel"))), no_bundle).shear
-    assert got is not None
     assert (got.force_n, got.torque_nmm, got.unknown) == (None, None, "another gel")
 
 
@@ -96,7 +94,6 @@ def recorded(tmp_path: Path) -> Path:
 def test_a_recording_keeps_the_dots_that_are_filled_in_its_pictures(recorded: Path) -> None:
     with open_camera(f"replay://{recorded}?speed=0") as camera:
         first, second = camera.read().dots, camera.read().dots
-    assert first is not None
     np.testing.assert_array_equal(first.places_px, DOTS.places_px)
     np.testing.assert_array_equal(first.seen, [True, False, True])
     assert second is None
@@ -104,7 +101,6 @@ def test_a_recording_keeps_the_dots_that_are_filled_in_its_pictures(recorded: Pa
 
 def test_damaged_dots_of_a_recording_are_named(recorded: Path) -> None:
     record = next(Recording(recorded).frames())
-    assert record.info.dots is not None
     spoiled = record.info.model_copy(update={"dots": record.info.dots.model_copy(update={"reasons": (0,)})})
     with pytest.raises(InputError, match="the dots of frame 1 are damaged"):
         replace(record, info=spoiled).dots("x.mcap")

@@ -1,6 +1,8 @@
-"""`gellight export --track`: the motion of what slid in a recording is in the arrays and in the episode."""
+"""The motion of what slid in a recording: by `gellight export --track`, and as docs/tracking.md types it."""
 
 import json
+import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +14,13 @@ from gellight.frames.frames import CaptureStamp
 from gellight.opening import open_camera
 from gellight.recording.recording_file import RecordingWriter
 from tests.helpers import children
+from tests.helpers.children import gellight, run
+from tests.helpers.doc_examples import examples
+from tests.helpers.places import CHECKOUT
 
 SLID_MM = 0.2
 STEPS = [[0.8, 0, 0, 0, 0, 0], [0.8, SLID_MM, 0, 0, 0, 0]]
+DOCUMENT = "docs/tracking.md"
 
 
 @pytest.fixture(scope="module")
@@ -75,3 +81,21 @@ def test_a_kind_without_a_place_for_the_pose_is_refused(recording: Path, tmp_pat
     assert done.returncode == 2
     assert "--as ply has no place for a pose: take one of hdf5, zarr, lerobot, webdataset" in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_the_sequence_is_simulated_and_the_program_tells_where_the_object_is(tmp_path: Path) -> None:
+    (tmp_path / "peg.json").write_text(examples(DOCUMENT, "json")[0])
+    command = re.search(r"^gellight (simulate sequence .*)$", (CHECKOUT / DOCUMENT).read_text(), re.MULTILINE)
+    assert command
+    done = gellight(*command[1].split(), cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.name for path in (tmp_path / "peg").iterdir()) == [
+        "00000.png", "00001.png", "00002.png", "poses.csv",
+    ]  # fmt: skip
+    program = (
+        examples(DOCUMENT)[0].replace("sim://", "sim://?board=0&sequence=peg.json").replace("range(100)", "range(3)")
+    )
+    assert "peg.json" in program
+    done = run([sys.executable, "-c", program], cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("object 1 at (")

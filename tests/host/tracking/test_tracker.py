@@ -1,18 +1,30 @@
-"""From frame to frame: one object keeps its number, a loss is announced, and what comes then is another one."""
+"""From frame to frame: one object keeps its number, a loss is announced, what comes then is another; the poses."""
 
+import csv
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from gellight.base.settings import Settings
+from gellight.frame_path.pipeline import Reconstructor
+from gellight.frames.frames import CameraFrame, Provenance, TactileFrame
+from gellight.frames.image_files import read_image
 from gellight.frames.pose import ObjectPose, PoseFigures
+from gellight.lab.simulator.sequence import read_sequence, write_sequence
+from gellight.tracking.following import GAP_S, ObjectFollower
 from gellight.tracking.loss import Loss
 from gellight.tracking.rigid import inverse, twist_of
 from gellight.tracking.tracker import GIVE_UP, Tracker
 from gellight.tracking.view import touching
+from sim_reference.geometry import SensorGeometry
 from tests.helpers.moving import Height, ball, bar, faint, moved, nothing, other, relief, seen
+from tests.helpers.small_bundles import PIXEL_MM, SHAPE, ordinary
 
 DRIFTED_DEG = 4.0
+SMALL = SensorGeometry(image_width_px=SHAPE[1], image_height_px=SHAPE[0], pixel_size_mm=PIXEL_MM)
+STEPS = [[0.9, 0.15 * i, 0.1 * i, 0.5 * i, 0, 1.5 * i] for i in range(6)]
 
 
 def way(count: int) -> list[np.ndarray]:
@@ -23,7 +35,6 @@ def test_an_object_is_followed_with_one_number() -> None:
     tracker = Tracker()
     for number, motion in enumerate(way(9)):
         pose = tracker.follow(seen(relief, motion, noise=0.003, seed=number), number)
-        assert pose is not None
         assert (pose.number, pose.since_sequence, pose.lost) == (1, 0, False)
         off = twist_of(pose.motion @ inverse(motion), pose.centre_mm)
         assert np.linalg.norm(off[:3]) < 0.02
@@ -43,8 +54,6 @@ def test_a_fresh_tracker_backwards_takes_the_motion_back() -> None:
     there, back = Tracker(), Tracker()
     forwards = [there.follow(view, number) for number, view in enumerate(views)][-1]
     backwards = [back.follow(view, number) for number, view in enumerate(reversed(views))][-1]
-    assert forwards is not None
-    assert backwards is not None
     closed = twist_of(backwards.motion @ forwards.motion, forwards.origin_mm)
     assert np.linalg.norm(closed[:3]) < 0.03
     assert np.degrees(np.linalg.norm(closed[3:])) < 0.5
@@ -70,13 +79,11 @@ def test_a_lifted_object_is_lost_once_and_found_again() -> None:
     tracker = Tracker()
     tracker.follow(seen(relief), 0)
     lost = tracker.follow(nothing(), 1)
-    assert lost is not None
     assert lost.lost
     assert np.isnan(lost.motion).all()
     assert tracker.loss is Loss.LIFTED
     assert tracker.follow(nothing(), 2) is None
     again = tracker.follow(seen(relief, moved(0.1, 0, (0, 0, 2))), 3)
-    assert again is not None
     assert (again.number, again.lost, tracker.loss) == (1, False, None)
     tracker.forget()
     assert tracker.follow(seen(relief), 4).number == 2
@@ -87,7 +94,6 @@ def test_a_plain_object_is_held_where_it_tells_nothing(plain: Height) -> None:
     tracker = Tracker()
     for number in range(6):
         pose = tracker.follow(seen(plain, moved(0.1 * number, 0.1, (0, 0, 0)), noise=0.003, seed=number), number)
-        assert pose is not None
         assert (pose.number, pose.lost) == (1, False)
     assert pose.doubtful
 
@@ -144,3 +150,53 @@ def test_a_pose_travels_as_figures() -> None:
     assert ObjectPose.of(lost.figures()).lost
     with pytest.raises(ValueError, match="reshape"):
         ObjectPose.of(pose.figures().model_copy(update={"motion": (1.0, 2.0)}))
+
+
+@pytest.fixture(scope="module")
+def felt(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[np.ndarray, TactileFrame]]:
+    """True pose and frame of a relief that slides, tilts and turns, seen by a small simulated sensor."""
+    folder = tmp_path_factory.mktemp("sequence")
+    file = folder / "sequence.json"
+    file.write_text(json.dumps({"object": "CCONVEX", "within_mm": 8, "steps": STEPS}))
+    write_sequence(read_sequence(file, SMALL), folder / "out", SMALL)
+    reconstructor, found = Reconstructor(ordinary()), []
+    for row in csv.DictReader((folder / "out/poses.csv").open()):
+        pose = np.eye(4)
+        pose[:3] = [[float(row[f"{axis}{of}"]) for of in ("_of_x", "_of_y", "_of_z", "_mm")] for axis in "xyz"]
+        number = int(row["frame"])
+        image = read_image(folder / "out" / f"{number:05}.png")
+        frame = reconstructor.reconstruct(CameraFrame(image=image, time_s=0.1 * number, sequence=number))
+        made = Provenance(calibration="a", zero="a", pixel_size_mm=(PIXEL_MM, PIXEL_MM), unix_s=0.0, ages_s={})
+        found.append((pose, replace(frame, provenance=made)))
+    return found
+
+
+def test_nobody_asks_nothing_happens(felt: list[tuple[np.ndarray, TactileFrame]]) -> None:
+    assert not Settings().tracking.enabled
+    assert ObjectFollower().follow(felt[0][1]) is felt[0][1]
+
+
+def test_the_pose_is_that_of_the_simulator(felt: list[tuple[np.ndarray, TactileFrame]]) -> None:
+    follower = ObjectFollower(on=True)
+    for true, frame in felt:
+        pose = follower.follow(frame).pose
+        assert (pose.number, pose.since_sequence, pose.lost) == (1, 0, False)
+        off = twist_of(pose.motion @ inverse(true @ inverse(felt[0][0])), pose.centre_mm)
+        assert np.linalg.norm(off[:3]) < 0.04
+        assert np.degrees(np.linalg.norm(off[3:])) < 0.5
+        assert len(pose.untellable) == 0
+
+
+def test_after_a_gap_or_with_another_calibration_it_is_another_object(
+    felt: list[tuple[np.ndarray, TactileFrame]],
+) -> None:
+    follower, (_, frame) = ObjectFollower(on=True), felt[0]
+    later = replace(frame, camera_frame=replace(frame.camera_frame, time_s=GAP_S + 1))
+    other = replace(later, provenance=replace(later.provenance, calibration="b"))
+    assert [follower.follow(one).pose.number for one in (frame, frame, later, other, other)] == [1, 1, 2, 3, 3]
+    follower.switch(on=True)
+    assert follower.follow(other).pose.number == 3, "it goes on"
+    follower.switch(on=False)
+    assert follower.follow(other).pose is None
+    follower.switch(on=True)
+    assert follower.follow(other).pose.number == 1

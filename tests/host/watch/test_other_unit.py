@@ -1,4 +1,4 @@
-"""A bundle of another unit is found out by the picture; drift, touches and dark LEDs of the own unit are not."""
+"""A bundle of another unit is found out by the picture; drift, touches, dark LEDs and pictures with little are not."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +16,7 @@ from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction.fine_pattern import FinePattern, pattern_match
 from gellight.watch.monitor import PERIOD_S, UNIT_LOOKS, SensorWatch
 from gellight.watch.other_unit import CERTAIN_MATCH, UnitCheck
+from gellight.watch.untouched_model import UntouchedModel
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.linear_sensor import linear_network
@@ -170,3 +171,26 @@ def test_small_pictures_are_not_judged_by_a_pattern() -> None:
     assert pattern_match([image], image) == 0.0
     with pytest.raises(ValueError, match="the pattern"):
         FinePattern(image).match(image[:50])
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("dark", [(), (2,)], ids=["even", "blue is dark"])
+def test_an_even_or_dark_channel_gives_numbers(tmp_path: Path, dark: tuple[int, ...]) -> None:
+    """Neither the move of an even picture nor the gain of a black channel can be fitted; the rest can."""
+    reference = np.full((96, 128, 3), 100.0)
+    reference[..., dark] = 0
+    bundle = write_bundle(
+        tmp_path / "bundle",
+        sensor="even",
+        reference=reference,
+        reference_frames=8,
+        noise_grey=1.0,
+        pixel_size_mm=(0.1, 0.1),
+        network=linear_network(),
+        metrics={},
+    )
+    model = UntouchedModel(bundle)
+    brighter = 0.1 * model.reference
+    rest = model.judge(brighter)
+    assert not rest.outliers.any()
+    np.testing.assert_allclose(rest.fitted, brighter, atol=0.01)

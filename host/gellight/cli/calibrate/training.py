@@ -33,8 +33,7 @@ Labels = Annotated[
 ]
 
 Prisms = Annotated[
-    Path | None,
-    typer.Option(help="csv of presses of prisms of known angle, as `detect --prism-angle-deg` writes it"),
+    Path | None, typer.Option(help="csv of presses of prisms of known angle, as `detect --prism-angle-deg` writes it")
 ]
 
 

@@ -12,10 +12,7 @@ VERBS = lazy_group(
             "Find the contact circle of each ball in pictures of presses, or the edge of a prism.",
         ),
         "view": ("calibrate.view:command", "Take the view of the gel out of pictures, and write it."),
-        "fit": (
-            "calibrate.training:fit",
-            "Train on presses of balls and prisms, and write a calibration bundle.",
-        ),
+        "fit": ("calibrate.training:fit", "Train on presses of balls and prisms, and write a calibration bundle."),
         "evaluate": ("calibrate.training:evaluate", "Measure the error of a bundle on labelled presses."),
         "crossvalidate": ("calibrate.training:crossvalidate", "Measure the error on presses that were not trained on."),
         "adapt": ("calibrate.adapt:command", "Adapt a bundle to light that has changed, without a press."),

@@ -14,7 +14,7 @@ from gellight.cli.options import AsJson, Overwrite, with_options
 from gellight.cli.showing import show
 from gellight.frames.image_files import image_files, read_image, read_levels
 from gellight.frames.view import View
-from gellight.lab.optics.lens.grid_view import view_of_grid
+from gellight.lab.optics.lens.lattice import view_of_grid
 from gellight.lab.report.pictures import encode_png
 
 VIEW = "view.json"

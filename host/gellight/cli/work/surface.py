@@ -10,9 +10,8 @@ from gellight.cli.showing import show
 from gellight.cli.surface_options import Measured, OfRecording
 from gellight.cli.work.felt import felt_frames
 from gellight.frames.frames import TactileFrame
-from gellight.lab.scanning.height_map import HeightMap, load_height_map
+from gellight.lab.scanning.height_map import HeightMap, load_height_map, map_of_press
 from gellight.lab.scanning.map_files import write_maps
-from gellight.lab.scanning.press_map import map_of_press
 from gellight.lab.scanning.roughness import (
     COATING_BLUR_MM,
     AreaRoughness,

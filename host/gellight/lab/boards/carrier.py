@@ -12,16 +12,7 @@ from dataclasses import replace
 from math import pi
 
 from gellight.lab.boards import catalogue
-from gellight.lab.boards.footprints import (
-    CHIP_0603,
-    ELECTROLYTIC,
-    FFC6,
-    JST_XH4,
-    POLYFUSE,
-    SOIC14,
-    SOT23,
-    SOT23_6,
-)
+from gellight.lab.boards.footprints import CHIP_0603, ELECTROLYTIC, FFC6, JST_XH4, POLYFUSE, SOIC14, SOT23, SOT23_6
 from gellight.lab.boards.model import GROUND, Board, Footprint, Item, Part, Point, Rules, polygon
 from gellight.lab.boards.modules import LOGIC, VBUS, Module, carrier_pins, find_module
 from gellight.lab.boards.pour import ground_planes

@@ -4,15 +4,7 @@ from math import pi
 
 from gellight.lab.boards.catalogue import Lamp, find_lamp
 from gellight.lab.boards.model import Board
-from gellight.lab.boards.strip import (
-    CROSSING_MM,
-    RAIL_MM,
-    RAIL_WIDTH_MM,
-    SUPPLY,
-    TAIL_MM,
-    TAIL_NETS,
-    TAIL_SUPPLY_MM,
-)
+from gellight.lab.boards.strip import CROSSING_MM, RAIL_MM, RAIL_WIDTH_MM, SUPPLY, TAIL_MM, TAIL_NETS, TAIL_SUPPLY_MM
 from sim_reference.geometry import SensorGeometry
 
 COPPER_OHM_MM = 1.72e-5

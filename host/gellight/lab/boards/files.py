@@ -1,20 +1,68 @@
-"""All files of both boards, as `gellight optimize boards` writes them."""
+"""All files of both boards, as `gellight optimize boards` writes them, and the tables that an assembly house needs."""
+
+import csv
+import io
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from math import ceil, degrees
 
 from gellight.lab.boards.carrier import carrier_board
-from gellight.lab.boards.catalogue import find_lamp
+from gellight.lab.boards.catalogue import OTHERS, find_lamp
 from gellight.lab.boards.currents import drop_v, full_ma
 from gellight.lab.boards.gerbers import gerber_archive
 from gellight.lab.boards.kicad import board_file, project_file
-from gellight.lab.boards.model import Board
+from gellight.lab.boards.model import Board, Part
 from gellight.lab.boards.modules import carrier_pins
 from gellight.lab.boards.picture import wiring_svg
 from gellight.lab.boards.schematic import schematic_file
 from gellight.lab.boards.strip import strip_board
-from gellight.lab.boards.tables import bill_of_materials, placement, shopping_list
 from gellight.ring.boards import find_board
 from sim_reference.geometry import SensorGeometry
 
 Files = dict[str, bytes | str]
+BOM_COLUMNS = ("Comment", "Designator", "Footprint", "Quantity", "Manufacturer", "Manufacturer Part Number", "Mounted")
+PLACEMENT_COLUMNS = ("Designator", "Val", "Package", "Mid X", "Mid Y", "Rotation", "Layer")
+
+
+def bill_of_materials(board: Board) -> str:
+    """Return a line for each thing that is bought, as CSV; `Mounted` says whether the house or you solder it."""
+    bought: dict[tuple[str, ...], list[Part]] = {}
+    for part in board.parts:
+        if part.item.number:
+            key = (part.item.value, part.footprint.name, part.item.maker, part.item.number)
+            bought.setdefault(key, []).append(part)
+    rows = [
+        (value, ",".join(part.reference for part in parts), package, len(parts), maker, number,
+         "house" if parts[0].item.mounted else "by hand")
+        for (value, package, maker, number), parts in bought.items()
+    ]  # fmt: skip
+    return _csv(BOM_COLUMNS, rows)
+
+
+def placement(board: Board) -> str:
+    """Return the middle (mm, y up) and the turn (degrees, anticlockwise) of each part that the house mounts, as CSV."""
+    rows = [
+        (part.reference, part.item.value, part.footprint.name, f"{part.at[0]:.4f}", f"{part.at[1]:.4f}",
+         f"{degrees(part.turn_rad) % 360:.3f}", "top")
+        for part in board.parts if part.item.number and part.item.mounted
+    ]  # fmt: skip
+    return _csv(PLACEMENT_COLUMNS, rows)
+
+
+def shopping_list(boards: Sequence[Board]) -> str:
+    """Return all that is bought for one sensor and for ten, as CSV: what the boards carry, then the rest."""
+    counted = Counter(part.item for board in boards for part in board.parts if part.item.number)
+    wanted = [(item, count, 10.0 * count) for item, count in counted.items()]
+    wanted += [(item, count, max(count, 10 * each)) for item, count, each in OTHERS]
+    rows = [(item.value, item.maker, item.number, one, ceil(ten)) for item, one, ten in wanted]
+    return _csv(("What", "Maker", "Order number", "For one", "For ten"), rows)
+
+
+def _csv(columns: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerows([columns, *rows])
+    return text.getvalue()
 
 
 def board_files(geometry: SensorGeometry, controller: str, package: str) -> Files:

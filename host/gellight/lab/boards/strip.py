@@ -189,12 +189,7 @@ def _outline(bed: Bed) -> tuple[Line | Arc, ...]:
         Arc(flat.inner_radius_mm, bed.first_rad, bed.last_rad),
     )
     way = [outer.end, bed.tail(width, 1.0), bed.tail(width, TAIL_MM), bed.tail(0, TAIL_MM), inner.start]
-    return (
-        Line(inner.end, outer.start),
-        outer,
-        *(Line(start, end) for start, end in pairwise(way)),
-        inner,
-    )
+    return (Line(inner.end, outer.start), outer, *(Line(start, end) for start, end in pairwise(way)), inner)
 
 
 def _lamps(bed: Bed, lamp: Lamp) -> Iterator[Part]:

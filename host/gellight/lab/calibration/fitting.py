@@ -13,8 +13,7 @@ from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.training.child import RefusedTableError
 from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.presses import Press
-from gellight.lab.training.rehearsal import rehearse
-from gellight.lab.training.training import Learning, Reference
+from gellight.lab.training.training import Learning, Reference, rehearse
 
 logger = logging.getLogger(__name__)
 

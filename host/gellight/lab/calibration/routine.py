@@ -29,7 +29,7 @@ from gellight.lab.calibration.run import Aborted, CalibrationRun
 from gellight.lab.calibration.untouched import compare_with_reference, take_reference
 from gellight.lab.calibration.verifying import verify
 from gellight.lab.simulator.virtual_hand import VirtualHand
-from gellight.lab.training.rehearsal import rehearse
+from gellight.lab.training.training import rehearse
 
 logger = logging.getLogger(__name__)
 

@@ -74,11 +74,7 @@ class StudySetup:
 
 
 def study_setup(
-    geometry: SensorGeometry,
-    press_mm: float,
-    relief_mm: float,
-    size_px: int,
-    noise_grey: float = 1.0,
+    geometry: SensorGeometry, press_mm: float, relief_mm: float, size_px: int, noise_grey: float = 1.0
 ) -> StudySetup:
     """Return the setup of a study.
 

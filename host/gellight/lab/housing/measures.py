@@ -175,10 +175,7 @@ def _lid(at: Housing) -> Profile:
         (rim, low),
         (rim, at.lid_mm),
         (at.outer_mm, at.lid_mm),
-        (
-            at.outer_mm,
-            top,
-        ),
+        (at.outer_mm, top),
         (0.0, top),
     )
 

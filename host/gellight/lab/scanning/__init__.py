@@ -13,8 +13,7 @@ touches.py       touches of a body that is rolled, in a stream of frames
 body_scan.py     a scan of a body that grows touch by touch
 body.py          touches in their places, as one mesh
 beside.py        a scan beside the stream of a running sensor, for the page
-height_map.py    `HeightMap`: heights on a grid, with their errors, and where nothing is known
-press_map.py     one press as a map, without the valleys that the gel spans
+height_map.py    `HeightMap`: heights on a grid, with their errors, and where nothing is known; one press as such a map
 filtering.py     form and waviness, by the Gaussian filter of ISO 16610
 roughness.py     Sa, Sq, Sz, Ra, Rq, Rz, how far they are to be believed, and when they are refused
 map_files.py     a map as PNG, X3P, PLY and STL

@@ -214,11 +214,7 @@ def described(scan: Scan) -> dict[str, object]:
     middle = outlines[last].mean(axis=0)
     return {
         **found,
-        "map": {
-            "size_mm": fused.size_mm,
-            "reached": fused.reached,
-            "seam_um": fused.seam_mm * 1e3,
-        },
+        "map": {"size_mm": fused.size_mm, "reached": fused.reached, "seam_um": fused.seam_mm * 1e3},
         "outlines": {number: (outline - fused.origin_mm).tolist() for number, outline in outlines.items()},
         "sides": {
             side: {

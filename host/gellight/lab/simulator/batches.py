@@ -34,11 +34,7 @@ class BatchComputer:
         self._complaints: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the child
         command = [sys.executable, "-m", "gelnet.pressed", "--by", by, "--batch", str(BATCH)]
         self._child = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._complaints,
-            env=gelnet_environment(1),
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._complaints, env=gelnet_environment(1)
         )
         weakref.finalize(self, _end, self._child, self._complaints)
         self._ask({"geometry": asdict(geometry), "light": light.tolist()})

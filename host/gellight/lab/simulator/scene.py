@@ -20,15 +20,7 @@ from sim_reference.deformation import Deformation, GelModel
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.imaging import led_irradiance, ring_light
-from sim_reference.surface import (
-    GRID_EXTENT_MM,
-    GRID_SIZE,
-    Surface,
-    depth_at,
-    press_object,
-    sample,
-    untouched,
-)
+from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE, Surface, depth_at, press_object, sample, untouched
 
 Array = NDArray[np.float64]
 BRIGHTEST_GREY = 200.0

@@ -5,10 +5,9 @@ label_file.py        the csv of labels beside its images
 table.py             the table that GelNet is trained on
 prisms.py            presses of prisms, and their labels
 gel_at_rest.py       what the gel at rest does, measured on the presses
-trainer.py           what trains: PyTorch where it is installed, else NumPy
+trainer.py           what trains: NumPy, or PyTorch where a user asks for it
 child.py             a module of gelnet run in a child process
-training.py          GelNet trained on the table, and written as a bundle
-rehearsal.py         whether a network can be trained here
+training.py          GelNet trained on the table, and written as a bundle; whether it can be trained here
 polynomial.py        polynomials of several variables, and their fit
 baselines.py         what simpler models reach on the same presses
 validation.py        errors of a bundle on labelled presses

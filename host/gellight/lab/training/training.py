@@ -1,6 +1,6 @@
 """From ball presses to a calibration bundle.
 
-GelNet is trained in a child process, `python -m gelnet.train`.
+GelNet is trained in a child process, `python -m gelnet.train`; first a tiny network, to see whether any can be trained.
 """
 
 import json
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.errors import TrainingError, first_line
 from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.camera import EndOfStream
 from gellight.frames.dots import Dots, find_dots
@@ -28,12 +29,15 @@ from gellight.lab.training.trainer import TrainerName, checked_trainer
 from gellight.opening import open_camera
 from gellight.reconstruction.fine_pattern import pattern_match
 from gellight.reconstruction.image_noise import measure_noise, noise_of_one
+from gellight.sensor.findings import Finding, ok, warning
 
 Floats = NDArray[np.float32]
 MATCHED_PRESSES = 9
 """evenly chosen: they show how well the fine pattern of the unit can be seen"""
 HAND_DRAWN = TableOptions(rim_share=0.25)
 """what is trained on of presses whose circles a hand may have drawn"""
+_rehearsed: dict[TrainerName, str] = {}
+"""what trained, by what was asked for: a process tries it once"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,3 +200,35 @@ def _match_of(presses: Sequence[Press], reference: Reference) -> float:
     """Return how well the fine pattern of the reference shows in some of the presses."""
     some = presses[:: -(-len(presses) // MATCHED_PRESSES)]
     return pattern_match([press.picture() for press in some], reference.image)
+
+
+def rehearse(trainer: TrainerName = "numpy", *, check: Check = go_on) -> str:
+    """Train a network of one unit for one epoch; return what trained it, with its version.
+
+    Raises TrainingError where nothing can be trained.
+    """
+    if trainer not in _rehearsed:
+        _rehearsed[trainer] = _trained_by(trainer, check)
+    return _rehearsed[trainer]
+
+
+def _trained_by(trainer: TrainerName, check: Check) -> str:
+    rows = np.random.default_rng(0).uniform(0, 1, (8, 7)).astype(np.float32)
+    table = PressTable(rows=rows, image=np.arange(8, dtype=np.int32) % 2, image_size=(2, 2))
+    try:
+        _, record = train(table, TrainingOptions(recipe="fast", width=1, epochs=1, trainer=trainer), check=check)
+    except (TrainingError, OSError) as error:
+        raise TrainingError(
+            f"no network can be trained here ({first_line(error)}): repair what is named there, or choose "
+            "the other --trainer"
+        ) from error
+    return str(record["trainer"])
+
+
+def check_trainer() -> Finding:
+    """Look whether a network can be trained."""
+    try:
+        return ok("training", f"{rehearse()} trains networks")
+    except TrainingError as error:
+        text, _, remedy = str(error).rpartition(": ")
+        return warning("training", text, remedy)

@@ -13,14 +13,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.lab.training.baselines import Baseline
-from gellight.lab.training.presses import (
-    Ball,
-    Press,
-    cap_depth_mm,
-    contact_circle,
-    distance_px,
-    sphere_gradient,
-)
+from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, distance_px, sphere_gradient
 from gellight.reconstruction.integration import angle_deg, integrate, normals
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.smoothing import Smoother

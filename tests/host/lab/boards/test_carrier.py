@@ -1,9 +1,14 @@
 """The carrier: each pin of each controller does what the firmware's table says, and the circuit is sound.
 
-KiCad 6 checks circuits in its window alone, so SKiDL checks the electrical rules here. What a pin is, it is told here.
+KiCad 6 checks circuits in its window alone, so SKiDL checks the electrical rules here, in a folder of its own, where it
+leaves its logs; it is used here alone, never by what ships. What a pin is, it is told here.
 """
 
+import json
 import re
+import subprocess
+import sys
+from collections.abc import Sequence
 from math import cos, pi, radians, sin
 from pathlib import Path
 
@@ -19,7 +24,6 @@ from gellight.lab.boards.strip import strip_board
 from gellight.ring.boards import BOARDS
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.boards import carrier_of
-from tests.helpers.circuit_rules import Circuit, complaints
 from tests.helpers.command_line import invoke
 
 # From the makers' drawings: number of the pin on the module, down the left row and up the right one, by GPIO.
@@ -43,6 +47,26 @@ KINDS = {
 """what pins are that are not passive, by the data sheets; the fuse passes on what feeds it"""
 DRIVES = {"VBUS": "PWROUT", "3V3": "PWROUT", "NTC": "INPUT", "TRIGGER": "INPUT", "GND": "PASSIVE", "": "BIDIR"}
 """what the controller's pins are by their net; the others are outputs"""
+Circuit = dict[str, dict[str, tuple[str, str]]]
+"""by part and pin: what the pin is (a name of SKiDL's `pin_types`), and its net, "" for none"""
+CLEAN = "No errors or warnings found while running ERC"
+NEXT = "----"
+JUDGE = f"""
+import json, sys
+from skidl import SKIDL, Circuit, Net, Part, Pin
+from skidl.pin import pin_types
+for told in json.load(open(sys.argv[1])):
+    print("{NEXT}", file=sys.stderr, flush=True)
+    circuit, nets = Circuit(), {{}}
+    for reference, pins in told.items():
+        kinds = [Pin(num=number, name=number, func=pin_types[kind]) for number, (kind, _) in pins.items()]
+        part = Part(name=reference, ref=reference, tool=SKIDL, pins=kinds, circuit=circuit)
+        for number, (_, net) in pins.items():
+            if net not in nets:
+                nets[net] = Net(net, circuit=circuit) if net else circuit.NC
+            nets[net] += part[number]
+    circuit.ERC()
+"""
 
 
 @pytest.fixture(params=list(MODULES), scope="module")
@@ -169,3 +193,16 @@ def test_a_controller_without_a_carrier_is_refused() -> None:
 
 def test_degrees_of_parts_are_quarters(board: Board) -> None:
     assert all(abs(part.turn_rad / radians(90) % 1) < 1e-9 for part in board.parts)
+
+
+def complaints(circuits: Sequence[Circuit], folder: Path) -> list[list[str]]:
+    """Return the errors and warnings that SKiDL has for each circuit."""
+    told = folder / "circuits.json"
+    told.write_text(json.dumps(circuits))
+    command = [sys.executable, "-c", JUDGE, told]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True, timeout=60)
+    verdicts = done.stderr.split(NEXT)[1:]
+    found = [re.findall(r"^ERC (?:ERROR|WARNING): (.*)$", verdict, re.M) for verdict in verdicts]
+    assert [CLEAN in verdict for verdict in verdicts] == [not those for those in found], done.stderr
+    assert len(found) == len(circuits)
+    return found

@@ -12,9 +12,9 @@ from gerbonara.cad.kicad.sexp import parse_sexp
 from gerbonara.excellon import ExcellonFile
 from gerbonara.graphic_objects import Flash
 
+from gellight.lab.boards.files import bill_of_materials, placement, shopping_list
 from gellight.lab.boards.gerbers import gerber_archive
 from gellight.lab.boards.strip import strip_board
-from gellight.lab.boards.tables import bill_of_materials, placement, shopping_list
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.boards import carrier_of, objects, ring_of, rolled_up, spot, table
 

@@ -70,7 +70,6 @@ def test_the_ground_plane_is_that_which_kicad_would_pour(carrier: Verdict) -> No
 def test_a_plane_over_all_copper_is_found(made: Path, tmp_path: Path) -> None:
     board = (made / "gellight-carrier-pico.kicad_pcb").read_text()
     border = re.search(r"\(polygon (\(pts .*\))\)\n", board)
-    assert border is not None
     flooded = re.sub(r'(\(filled_polygon \(layer "B.Cu"\)) \(pts .*\)\)', rf"\1 {border[1]})", board)
     assert flooded != board
     (tmp_path / "s.kicad_pcb").write_text(flooded)

@@ -91,7 +91,6 @@ def test_an_interrupted_calibration_goes_on_with_the_unit_it_was_begun_with(firs
     begun.act("abort")
     begun.join(60)
     kept = kept_like(tmp_path / "state")
-    assert kept is not None
     assert kept.identity == first.identity
     goes_on = routine_of(tmp_path, presses=2, like=kept)
     assert finished(goes_on)["step"] == "finished", goes_on.error

@@ -5,6 +5,7 @@ import shutil
 import tempfile
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -68,10 +69,11 @@ def test_a_sensor_without_a_name_is_refused(tmp_path: Path) -> None:
 def test_a_trainer_that_does_not_work_ends_it_before_the_first_press(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fails(trainer: str, *, check: object) -> str:
-        raise TrainingError("no network can be trained here (libgomp.so.1 is missing): repair it")
-
-    monkeypatch.setattr(routine, "rehearse", fails)
+    monkeypatch.setattr(
+        routine,
+        "rehearse",
+        Mock(side_effect=TrainingError("no network can be trained here (libgomp.so.1 is missing): repair it")),
+    )
     with open_camera("sim://?fps=500&board=0", geometry=GEOMETRY) as camera:
         begun = Routine(camera, options(tmp_path), tmp_path / "state", hand=hand_of(camera, seed=0))
         begun.act("start")

@@ -39,7 +39,6 @@ class Remembering(CameraWrapper):
 
     def adopt(self, controls: Mapping[str, float], colours: np.ndarray | None) -> None:
         super().adopt(controls, colours)
-        assert colours is not None
         self.adopted = dict(controls), colours.tolist()
 
     def read(self) -> CameraFrame:

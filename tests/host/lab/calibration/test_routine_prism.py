@@ -94,7 +94,6 @@ def test_a_user_who_presses_no_prism_is_told_and_can_go_on_without(
 ) -> None:
     state = before_the_prism(calibrated, tmp_path)
     with camera() as sensor:
-        assert sensor.stage is not None
         routine = Routine(sensor, with_prism(tmp_path), state)
         routine.act("start")
         asked = wait_for(routine, lambda s: s["step"] == "verify" and s["awaiting"] == "press")

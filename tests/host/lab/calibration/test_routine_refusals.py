@@ -90,7 +90,6 @@ def test_a_tool_that_is_never_lifted_is_told(tmp_path: Path) -> None:
 def test_however_a_routine_ends_nothing_stays_pressed_into_the_gel(way: str, step: str, tmp_path: Path) -> None:
     small = {"image_width_px": 160, "image_height_px": 120, "pixel_size_mm": 0.2352}
     with open_camera(URL, geometry=small) as sensor:
-        assert sensor.stage is not None
         hand = Interrupted(sensor.stage)
         routine = Routine(sensor, options(tmp_path), tmp_path / "state", hand=hand)
         ways = {"abort": lambda: routine.act("abort"), "stop": routine.stop, "camera": sensor.close, "hand": jam}

@@ -6,6 +6,7 @@ from dataclasses import replace
 from math import radians
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import platformdirs
@@ -150,10 +151,7 @@ def test_what_only_the_simulator_can_refuse_is_refused_in_one_line(tmp_path: Pat
 
 
 def test_ctrl_c_says_where_to_go_on(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(studies, "coarse_study", interrupted)
+    monkeypatch.setattr(studies, "coarse_study", Mock(side_effect=KeyboardInterrupt))
     result = invoke("optimize", "coarse", "--store", str(tmp_path / "here"))
     assert result.exit_code == 130
     assert f"what is done is kept in {tmp_path / 'here'}" in result.stderr

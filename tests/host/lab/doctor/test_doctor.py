@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -196,10 +197,9 @@ def test_the_shutter_is_measured_and_what_is_to_be_given_is_right(
 def test_a_shutter_that_cannot_be_measured_is_a_warning(
     clinic: Clinic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fails(*_: Any, **__: Any) -> None:
-        raise CameraError("only 3 row bands saw the light change")
-
-    monkeypatch.setattr(sensor_checks, "measure_shutter", fails)
+    monkeypatch.setattr(
+        sensor_checks, "measure_shutter", Mock(side_effect=CameraError("only 3 row bands saw the light change"))
+    )
     clinic.plug("1-2", "GL0001")
     found = wrong(clinic.examine(tmp_path))["shutter"]
     assert found.level is Level.WARNING
@@ -268,12 +268,8 @@ def test_a_node_that_others_have_open_is_told_and_one_that_may_not_be_used_is_no
 def test_a_fault_of_the_sensor_is_a_finding_too(clinic: Clinic, tmp_path: Path) -> None:
     clinic.plug("1-2", "GL0001", busy=True)
     assert "is in use by" in wrong(clinic.examine(tmp_path))["sensor"].text
-
-    def mute(url: str) -> Any:
-        raise BoardError("the board speaks protocol 0.9: run `gellight firmware flash`")
-
     next(iter(clinic.kernel.cameras.values())).busy = False
-    clinic.open_ring = mute  # type: ignore[method-assign]
+    clinic.open_ring = Mock(side_effect=BoardError("the board speaks protocol 0.9: run `gellight firmware flash`"))  # type: ignore[method-assign]
     found = wrong(clinic.examine(tmp_path))["sensor"]
     assert (found.text, found.remedy) == ("the board speaks protocol 0.9", "run `gellight firmware flash`")
 
@@ -350,7 +346,6 @@ def test_the_doctor_takes_every_name_that_is_printed_for_a_sensor(clinic: Clinic
     clinic.plug("1-3", "GL0002")
     found = discover(sysfs=clinic.usb.sysfs, dev=clinic.usb.dev)
     first = found.called("GL0001")
-    assert first.ring is not None
     lit = f"v4l2://{first.camera.path}?ring={first.ring.path}"
     for name in ("sensor://GL0001", "sensor://1-2", "GL0001", "1-2", first.camera.path, first.camera.stable, lit):
         clinic.rings.clear()
@@ -369,7 +364,7 @@ def test_doctor_prints_findings_and_exits_with_1_where_one_prevents_use(monkeypa
     findings = [ok("disk", "1 GB"), problem("usb", "slow", "use another cable")]
     monkeypatch.setattr("gellight.lab.doctor.examination.examine", lambda name, surroundings, folder: iter(findings))
     training = ok("training", "numpy trains networks")
-    monkeypatch.setattr("gellight.lab.training.rehearsal.check_trainer", lambda: training)
+    monkeypatch.setattr("gellight.lab.training.training.check_trainer", lambda: training)
     shown = invoke("doctor")
     assert shown.exit_code == 1
     assert shown.output.splitlines()[1:3] == ["problem  usb         slow", f"{'':21}-> use another cable"]

@@ -8,7 +8,7 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.frames.measures import ErrorBounds
-from gellight.lab.scanning.press_map import map_of_press
+from gellight.lab.scanning.height_map import map_of_press
 from sim_reference import gel
 from sim_reference.deformation import grid
 from sim_reference.geometry import SensorGeometry, pixel_grid

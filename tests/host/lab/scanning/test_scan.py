@@ -74,7 +74,6 @@ def test_the_map_is_the_part_and_says_how_far(views: list[ContactView], tmp_path
     reports = [scan.add(view) for view in views]
     assert scan.placed == [0, 1, 2, 3]
     assert [report.joined_to[:1] for report in reports[1:]] == [(0,), (0,), (0,)]
-    assert scan.fused is not None
     off = errors_mm(PART, scan.fused, PART.poses[0], curved=False)
     stated = scan.fused.height_map.error_mm[scan.fused.height_map.reached]
     assert off.std() < 0.015

@@ -1,21 +1,32 @@
-"""The gel by finite elements behind the simulated sensor: kept by content, read back, and refused where impossible."""
+"""The gel by finite elements behind the simulated sensor: kept by content, its force known, the impossible refused."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.simulator import stage
+from gellight.bundle.bundle import load_bundle
+from gellight.frame_path.pipeline import Reconstructor
+from gellight.frames.picture import PictureSteps, PreparedCamera
+from gellight.frames.view import View
+from gellight.lab.simulator import memory, stage
 from gellight.lab.simulator.gel_models import KeptPresses
+from gellight.lab.simulator.known_force import ERROR_SHARE, known_force
+from gellight.lab.simulator.memory import check_memory, free_memory
 from gellight.lab.simulator.scene import Press
+from gellight.lab.simulator.simulated_camera import open_simulated
 from gellight.opening import open_camera
+from gellight.reconstruction.force_file import FILE_NAME, ForceRecord, read_force
 from sim_reference.deformation import NotConverged, grid
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import object_height
+from tests.helpers.fem_presses import NAMES, force_n, picture
+from tests.helpers.small_bundles import SHAPE, ordinary, with_files
 
 GEOMETRY = SensorGeometry()
 SPACING = 0.25
@@ -37,7 +48,6 @@ def kept(tmp_path: Path) -> KeptPresses:
 
 
 def files(kept: KeptPresses) -> list[Path]:
-    assert kept.folder is not None
     return sorted(kept.folder.glob("*"))
 
 
@@ -94,8 +104,6 @@ def test_a_url_chooses_the_model(cache: Path) -> None:
     with open_camera(url + "&gel=fem&resolution=1.2") as camera:
         fem = camera.read()
     assert len(list(cache.glob("gellight/presses/*.npz"))) == 1
-    assert layer.truth is not None
-    assert fem.truth is not None
     difference = np.abs(layer.truth.depth_mm - fem.truth.depth_mm)
     assert 1e-4 < difference.max() < 0.1
     assert (layer.image != fem.image).any()
@@ -104,10 +112,7 @@ def test_a_url_chooses_the_model(cache: Path) -> None:
 def test_the_programme_leaves_out_what_cannot_be_computed(
     cache: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def failing(*given, **options):  # type: ignore[no-untyped-def]
-        raise NotConverged("100 steps were not enough")
-
-    monkeypatch.setattr(FemGel, "press", failing)
+    monkeypatch.setattr(FemGel, "press", Mock(side_effect=NotConverged("100 steps were not enough")))
     monkeypatch.setattr(stage, "PROGRAMME", (Press("BALL", 0.5),))
     with open_camera("sim://?board=0&gel=fem&fps=1000") as camera:
         frames = [camera.read() for _ in range(250)]
@@ -122,3 +127,56 @@ def test_the_programme_leaves_out_what_cannot_be_computed(
 def test_an_unknown_model_is_refused_with_the_known_ones() -> None:
     with pytest.raises(InputError, match="one of layer, fem"):
         open_camera("sim://?board=0&gel=jelly")
+
+
+def test_every_press_of_the_finite_elements_is_weighed_within_the_error() -> None:
+    """Pictures with noise, of a gel that is no ideal layer; none of it was fitted."""
+    reconstructor = Reconstructor(load_bundle("synthetic"))
+    forces = {name: reconstructor.reconstruct(picture(name)).force for name in NAMES}
+    off = np.array([force.normal_n - force_n(name) for name, force in forces.items() if force])
+    said = np.array([force.error_n for force in forces.values() if force])
+    assert len(off) == len(NAMES)
+    assert np.abs(off / said).max() < 2, "errors: no press is two of them off,"
+    assert np.sqrt(np.mean((off / said) ** 2)) < 1, "and they are one standard deviation at most"
+
+
+def test_the_shipped_bundle_knows_what_the_simulator_says() -> None:
+    shipped, now = (
+        ForceRecord.model_validate_json(files[FILE_NAME]).model_dump(exclude={"created"})
+        for files in (load_bundle("synthetic").files, known_force(SensorGeometry()))
+    )
+    assert shipped == now
+
+
+@pytest.mark.parametrize("view", [None, View.of_box((16, 12, 128, 96), SHAPE)])
+def test_the_force_is_of_the_gel_whatever_the_size_of_its_pictures(view: View | None) -> None:
+    geometry = {"image_width_px": SHAPE[1], "image_height_px": SHAPE[0], "pixel_size_mm": 0.2352, "gel_thickness_mm": 4}
+    with open_simulated("sim://?board=0", geometry) as camera:
+        seen = PreparedCamera(camera, PictureSteps.with_view(view)) if view else camera
+        record = read_force(with_files(ordinary(), "other", force__json=seen.bundle_files[FILE_NAME]))
+    assert (record.gel_thickness_mm, record.error_share) == (4, ERROR_SHARE)
+    assert seen.bundle_files.keys() == ({FILE_NAME, "picture.json"} if view else {FILE_NAME})
+
+
+def test_a_mesh_is_refused_that_the_memory_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memory, "free_memory", lambda: 10 * 10**9)
+    check_memory(0.3, GEOMETRY)
+    check_memory(0.1, GEOMETRY)
+    with pytest.raises(InputError, match=r"0\.1 mm in each of 2 --workers needs about .* GB .*: 0\.1\d mm fits"):
+        check_memory(0.1, GEOMETRY, 2)
+    with pytest.raises(InputError, match="use fewer --workers"):
+        check_memory(0.3, GEOMETRY, 100)
+    monkeypatch.setattr(memory, "free_memory", lambda: 10**9)
+    with pytest.raises(InputError, match=r"0\.3 mm needs about 1\.\d GB .*: 0\.\d+ mm fits"):
+        check_memory(0.3, GEOMETRY)
+    with pytest.raises(InputError, match=r"0\.3 mm needs about"):
+        open_camera("sim://?board=0&gel=fem")
+
+
+def test_what_the_kernel_keeps_of_files_is_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    meminfo = tmp_path / "meminfo"
+    meminfo.write_text("MemTotal:       16000000 kB\nMemFree:          200000 kB\nMemAvailable:   12000000 kB\n")
+    monkeypatch.setattr(memory, "MEMINFO", meminfo)
+    assert free_memory() == 12_000_000 * 1024
+    monkeypatch.setattr(memory, "MEMINFO", tmp_path / "none")
+    assert free_memory() > 10**8

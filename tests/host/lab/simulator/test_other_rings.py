@@ -1,19 +1,23 @@
-"""Rings of another number of LEDs than the paper's: board, simulated sensor and light groups go by the geometry."""
+"""Rings of other numbers of LEDs than the paper's, by the geometry, and rings with a thermometer that get hot."""
 
 import time
 
 import numpy as np
 import pytest
 
-from gellight.base.errors import BoardError, ConfigError
+from gellight.base.errors import BoardError, ConfigError, InputError
+from gellight.cli.status import heat as heat_text
 from gellight.lab.emulator.child import SimulatedBoard
 from gellight.lab.emulator.configured import configuration_of, with_configuration
 from gellight.opening import open_camera
 from gellight.ring.firmware.build import committed_image
+from gellight.ring.heat import HeardHeat
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.ring.light_ring import LightRing, connect
+from gellight.ring.protocol import DimmedEvent
 from gellight.sensor.lighting.hold import exposures
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
+from tests.helpers.waiting import eventually
 
 SMALL = {"image_width_px": 160, "image_height_px": 120, "pixel_size_mm": 0.2352}
 LATCHED_WITHIN_US = 20_000
@@ -58,10 +62,8 @@ def test_the_simulated_sensor_is_lit_by_every_led_of_its_geometry(colours: str) 
     """Full on, which for 24 LEDs is more than USB gives: a simulated board of that size has its own supply."""
     with open_camera("sim://?programme=0&fps=200", geometry={**SMALL, "led_colours": colours}) as camera:
         ring = camera.ring
-        assert ring is not None
         assert ring.led_count == len(colours)
         frame = camera.read()
-        assert frame.light is not None
         assert frame.light.tolist() == [[255 * (own == channel) for channel in "RGB"] for own in colours]
         assert ring.still is not None
         whole = frame.image.mean(axis=(0, 1))
@@ -87,3 +89,45 @@ def test_a_light_of_another_ring_is_refused() -> None:
         pytest.raises(BoardError, match="drives 8 LEDs, this light has 12: calibrate"),
     ):
         ring.light(np.zeros((12, 3), np.uint8))
+
+
+def test_a_warm_ring_is_told_in_the_status_of_the_sensor() -> None:
+    with open_camera("sim://?programme=0&ring_c=31.5", geometry=SMALL) as camera:
+        eventually(camera.ring.heat.known)
+        heat = camera.ring.heat.known()
+        assert heat["ring_c"] == pytest.approx(31.5, abs=0.3)
+        told = heat_text(heat)
+        assert "ring at 31.5 °C" in told or "ring at 31.4 °C" in told
+    assert heat_text({"chip_c": None, "ring_c": 61.0, "dimmed": 2, "mean_ma": 0}) == (
+        "; ring at 61.0 °C; dimmed to 1/4 because it is hot"
+    )
+
+
+def test_no_frame_of_a_hot_ring_passes_for_one_of_its_light_and_it_is_said_what_helps() -> None:
+    with pytest.raises(BoardError, match=r"the ring 70 °C \(its limit is 60\), so it dims its LEDs to 1/2") as refused:
+        read_on("sim://?programme=0&ring_c=70")
+    assert "--hottest" not in str(refused.value)  # that is the limit of the chip
+
+
+def read_on(url: str) -> None:
+    with open_camera(url, geometry=SMALL) as camera:
+        while True:  # the first frames may come before the board has looked at its thermometer
+            camera.read()
+
+
+def test_what_was_said_of_heat_long_ago_counts_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    heat, now_s = HeardHeat(), 100.0
+    monkeypatch.setattr("gellight.ring.heat.time.monotonic", lambda: now_s)
+    assert (heat.known(), heat.due()) == (None, True)
+    heat.note(DimmedEvent(0, 412, 0, 0, 120, 310))
+    assert heat.known() == {"chip_c": 41.2, "ring_c": 31.0, "dimmed": 0, "mean_ma": 120}
+    now_s += 6.0
+    assert (heat.known() is None, heat.due()) == (False, True)
+    now_s += 5.0
+    assert heat.known() is None
+
+
+@pytest.mark.parametrize("url", ["sim://?ring_c=31&board=0", "sim://?ring_c=200", "sim://?ring_c=warm"])
+def test_a_ring_that_cannot_be_is_refused(url: str) -> None:
+    with pytest.raises(InputError, match="ring_c"):
+        open_camera(url, geometry=SMALL)

@@ -36,7 +36,6 @@ def test_dots_are_seen_where_the_truth_says(scene: Scene, path: tuple[tuple[floa
     press = None if path is None else Press("BALL", 1.0, 2.0, 1.0, path)
     grey, _ = scene.show(press)
     truth = scene.shear(press)
-    assert truth is not None
     found = centres_of(grey, truth.dots_px, 0.8 / GEOMETRY.pixel_size_mm)
     # The shading at the rim of a contact pulls the centroid of a dot that lies there.
     assert np.percentile(np.hypot(*(found - truth.dots_px).T), 95) < 0.1
@@ -52,7 +51,6 @@ def test_what_lies_deep_is_seen_farther_from_the_middle() -> None:
 
 def test_a_press_moves_dots_outwards_without_a_force(scene: Scene) -> None:
     truth = scene.shear(PRESSED)
-    assert truth is not None
     away = DOTS.places_mm - [PRESSED.x_mm, PRESSED.y_mm]
     outward = (truth.dots_mm * away).sum(axis=1) / np.hypot(*away.T)
     assert 0.05 < outward.max() < 0.09
@@ -62,7 +60,6 @@ def test_a_press_moves_dots_outwards_without_a_force(scene: Scene) -> None:
 
 def test_an_object_that_slides_pulls_with_all_of_its_friction(scene: Scene, slid: Press) -> None:
     truth = scene.shear(slid)
-    assert truth is not None
     record = ForceRecord.model_validate_json(known_force(GEOMETRY)["force.json"])
     pressed = scene.deformation(slid)
     modulus = record.youngs_modulus_mpa / (2 * (1 + GEOMETRY.poisson_ratio))
@@ -75,7 +72,6 @@ def test_an_object_that_slides_pulls_with_all_of_its_friction(scene: Scene, slid
 
 def test_a_small_drag_sticks_in_the_middle_and_carries_its_dots(scene: Scene) -> None:
     truth = scene.shear(Press("BALL", 1.0, 2.0, 0.0, ((0.2, 0.0, 0.0),)))
-    assert truth is not None
     assert 0.5 < truth.sticking_share < 0.95
     under = np.hypot(*(DOTS.places_mm - [2.0, 0.0]).T).argmin()
     assert truth.dots_mm[under, 0] == pytest.approx(0.2, abs=0.005)
@@ -88,7 +84,6 @@ def test_a_small_drag_sticks_in_the_middle_and_carries_its_dots(scene: Scene) ->
 
 def test_a_twist_has_a_torque_from_x_towards_y(scene: Scene) -> None:
     truth = scene.shear(Press("BALL", 1.0, 2.0, 0.0, ((0.0, 0.0, 0.1),)))
-    assert truth is not None
     assert truth.torque_nmm > 0.1
     assert np.hypot(*truth.force_n) < 0.01
 
@@ -96,8 +91,6 @@ def test_a_twist_has_a_torque_from_x_towards_y(scene: Scene) -> None:
 def test_going_back_over_the_same_path_does_not_undo_what_slipped(scene: Scene, slid: Press) -> None:
     back = Press("BALL", 1.0, 2.0, 1.0, (*slid.path, (1.0, 0.0, 0.0)))
     here, before = scene.shear(back), scene.shear(Press("BALL", 1.0, 2.0, 1.0, slid.path[:2]))
-    assert here is not None
-    assert before is not None
     assert here.force_n[0] < 0.5 * before.force_n[0]
 
 
@@ -120,8 +113,6 @@ def test_the_imprint_goes_with_the_object_and_turns_with_it() -> None:
 def test_dots_come_off_as_the_url_says() -> None:
     with open_simulated("sim://?board=0&programme=0&dots=9x7&dots_missing=0.2&noise=0") as camera:
         frame = camera.read()
-        assert frame.truth is not None
-        assert frame.truth.shear is not None
         places = np.rint(frame.truth.shear.dots_px).astype(int)
         grey = frame.image[places[:, 1], places[:, 0]].max(axis=1)
     assert (grey < 80).sum() == 63 - 13

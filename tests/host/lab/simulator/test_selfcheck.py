@@ -53,12 +53,7 @@ def test_a_wrong_scale_of_the_depth_fails(judge: SelfCheck, frame: TactileFrame)
 
 
 def test_swapped_slopes_fail_by_normals_and_by_picture(judge: SelfCheck, frame: TactileFrame) -> None:
-    result = judge.compare(
-        replace(
-            frame,
-            gradient_map=np.ascontiguousarray(frame.gradient_map[..., ::-1]),
-        )
-    )
+    result = judge.compare(replace(frame, gradient_map=np.ascontiguousarray(frame.gradient_map[..., ::-1])))
     assert result.normal_error_deg > SMALLEST["normal_error_deg"]
     assert result.picture_error_grey > 1.5 * judge.compare(frame).picture_error_grey
     assert not result.passed
@@ -71,7 +66,6 @@ def test_an_integral_that_is_not_one_fails(judge: SelfCheck, frame: TactileFrame
 
 def test_another_light_than_the_real_one_shows_in_the_picture(judge: SelfCheck, frame: TactileFrame) -> None:
     light = frame.camera_frame.light
-    assert light is not None
     dark = light.copy()
     dark[0] = 0
     dimmed = replace(frame, camera_frame=replace(frame.camera_frame, light=dark))

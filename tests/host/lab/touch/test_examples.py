@@ -7,15 +7,17 @@ from pathlib import Path
 import cv2
 
 from tests.helpers.children import run
+from tests.helpers.doc_examples import examples
 from tests.helpers.places import CHECKOUT
 from tests.helpers.pressed_unit import pressed_unit
 
 EXAMPLES = CHECKOUT / "docs/examples/simulators"
-PAGE = (CHECKOUT / "docs/simulators.md").read_text()
+DOCUMENT = "docs/simulators.md"
+PAGE = (CHECKOUT / DOCUMENT).read_text()
 
 
 def test_the_program_of_the_page_draws_a_picture_of_touch() -> None:
-    block, _, environment = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    block, _, environment = examples(DOCUMENT)
     assert run([sys.executable, "-c", environment], check=True).stdout.startswith("(32, 32) ")
     assert block.strip() in (EXAMPLES / "look.py").read_text()
     assert run([sys.executable, "-c", block], check=True).stdout == "0.49 N, 0.59 mm deep, picture (480, 640, 3)\n"
@@ -23,7 +25,7 @@ def test_the_program_of_the_page_draws_a_picture_of_touch() -> None:
 
 def test_a_calibrated_unit_draws_what_the_page_presses(tmp_path: Path) -> None:
     pressed_unit(tmp_path / "my-sensor")
-    (block,) = (one for one in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if "my-sensor" in one)
+    (block,) = (one for one in examples(DOCUMENT) if "my-sensor" in one)
     shown = "print(picture.shape, abs(picture - sensor.grey(sensor.feel(ball + 1))).max() > 20)"
     assert run([sys.executable, "-c", block + shown], check=True, cwd=tmp_path).stdout == "(60, 80, 3) True\n"
 

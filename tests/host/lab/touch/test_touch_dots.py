@@ -32,7 +32,6 @@ def test_dots_lie_where_the_simulated_sensor_shows_them(touch: TouchSensor) -> N
     scene = Scene(GEOMETRY, CameraResponse(), printed=Printed(dots=DOTS, friction=FRICTION))
     felt, rest = felt_ball(touch, 0.9), felt_ball(touch, -0.1)
     shown, shear = scene.show(Press("BALL", 0.9))[0], scene.shear(Press("BALL", 0.9))
-    assert shear is not None
     spread = touch.dots_px(felt) - touch.dots_px(rest)
     assert np.hypot(*spread.T).max() > 0.4
     assert touch.dots_px(felt) == pytest.approx(shear.dots_px[DOTS.printed], abs=0.04)
@@ -55,7 +54,6 @@ def test_a_drag_takes_the_dots_along(touch: TouchSensor) -> None:
 def test_dots_darken_a_unit_and_are_found(tmp_path_factory: pytest.TempPathFactory) -> None:
     unit = TouchSensor(pressed_unit(tmp_path_factory.mktemp("dots") / "u"), dots=PrintedDots(columns=4, rows=3))
     found = find_dots(unit.grey(felt_ball(unit, -0.1)))
-    assert found is not None
     assert found.count == 12
 
 

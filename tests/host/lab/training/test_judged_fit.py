@@ -69,7 +69,6 @@ def test_each_press_is_judged_once_and_the_bundle_says_how(tmp_path: Path) -> No
     judged, record = bundle.metrics["held_out"], read_errors(bundle)
     assert (judged["folds"], judged["presses"]) == (FOLDS, 4)
     assert 0 < judged["normal_error_deg"]["mean"] < 90
-    assert record is not None
     assert record.presses == 4
     assert bundle.metrics["training"]["images"] == 4, "what is kept learns from all"
 

@@ -10,10 +10,9 @@ import pytest
 
 from gellight.base import gelnet_child
 from gellight.base.errors import InputError, TrainingError
-from gellight.lab.training import child, rehearsal, trainer
-from gellight.lab.training.rehearsal import check_trainer, rehearse
+from gellight.lab.training import child, trainer, training
 from gellight.lab.training.trainer import checked_trainer
-from gellight.lab.training.training import TrainingOptions
+from gellight.lab.training.training import TrainingOptions, check_trainer, rehearse
 from gellight.sensor.findings import Level
 
 
@@ -24,7 +23,7 @@ def without_torch(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(autouse=True)
 def unrehearsed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rehearsal, "_rehearsed", {})
+    monkeypatch.setattr(training, "_rehearsed", {})
 
 
 def test_numpy_trains_and_torch_where_it_is_asked_for(caplog: pytest.LogCaptureFixture) -> None:
@@ -71,7 +70,7 @@ def test_a_library_that_cannot_be_loaded_is_found_before_anybody_presses(
 
 def test_a_process_rehearses_once(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[str] = []
-    monkeypatch.setattr(rehearsal, "_trained_by", lambda name, check: calls.append(name) or "numpy 1")
+    monkeypatch.setattr(training, "_trained_by", lambda name, check: calls.append(name) or "numpy 1")
     assert [rehearse("numpy"), rehearse("numpy")] == ["numpy 1"] * 2
     assert calls == ["numpy"]
 

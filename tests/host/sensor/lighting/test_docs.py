@@ -1,24 +1,21 @@
 """The examples of docs/light.md run as they stand there, one after the other."""
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import gellight
 from gellight.frames.timing import CameraTiming
+from tests.helpers.doc_examples import examples, run
 from tests.helpers.virtual_sensor import RING, virtual_sensor
 
-PAGE = Path(__file__).parents[4] / "docs" / "light.md"
-PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
+DOCUMENT = "docs/light.md"
 
 
 def test_the_examples_of_the_page_about_light_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    hold, stream, shutter = PYTHON.findall(PAGE.read_text())
+    hold, stream, shutter = examples(DOCUMENT)
     names: dict[str, object] = {"gellight": gellight}
     for example in (hold, stream):
-        exec(compile(example, str(PAGE), "exec"), names)
+        run(example, DOCUMENT, names)
     frames, frame = names["frames"], names["frame"]
     assert isinstance(frames, list)
     assert [shown.label.group for shown in frames] == [0, 1, 2, 3]
@@ -26,7 +23,7 @@ def test_the_examples_of_the_page_about_light_run(monkeypatch: pytest.MonkeyPatc
     assert frame.label is not None
     names["camera"] = camera = virtual_sensor(monkeypatch)  # the clock of sim:// is too irregular on a busy machine
     camera.ring.light(RING // 3)
-    exec(compile(shutter, str(PAGE), "exec"), names)
+    run(shutter, DOCUMENT, names)
     timing = names["timing"]
     assert isinstance(timing, CameraTiming)
     assert timing.exposure_s == pytest.approx(0.008, abs=0.001)

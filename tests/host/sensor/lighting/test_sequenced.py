@@ -109,7 +109,7 @@ def test_a_sequence_that_died_while_the_program_was_held_up_is_started_again(
     with SequencedCamera(camera, TRIPLES, mode=mode, timing=TIMING) as sequenced:
         follow(sequenced, camera, 5)
         camera.board.run(1_500_000)
-        assert not camera.board.timeline.at(camera.board.now_us).any()
+        assert not camera.board.lit.any()
         meanwhile = follow(sequenced, camera, 25)
         after = follow(sequenced, camera, 15)
     assert meanwhile["mixed", "clean"] == meanwhile["clean", "clean"] == meanwhile["dark", "clean"] == 0
@@ -159,7 +159,7 @@ def test_a_running_sequence_adopts_controls_and_gives_the_new_light_back(monkeyp
     counts = follow(sequenced, camera, 30)
     assert counts["clean", "right"] >= 10
     sequenced.stop()
-    np.testing.assert_array_equal(camera.board.timeline.at(camera.board.now_us), RING // 2)
+    np.testing.assert_array_equal(camera.board.lit, RING // 2)
     sequenced.close()
 
 
@@ -188,11 +188,11 @@ def test_stopping_gives_the_light_back_and_leaves_the_camera_open(monkeypatch: p
     with pytest.raises(BoardError, match="running a sequence"):
         SequencedCamera(camera, TRIPLES, timing=TIMING)
     sequenced.stop()
-    np.testing.assert_array_equal(camera.board.timeline.at(camera.board.now_us), before)
+    np.testing.assert_array_equal(camera.board.lit, before)
     assert camera.ring.event_listeners == camera.ring.ping_listeners == []
     camera.read()
     sequenced.close()
-    assert not camera.board.timeline.at(camera.board.now_us).any()
+    assert not camera.board.lit.any()
 
 
 def test_a_board_that_is_gone_is_an_error_not_a_label(monkeypatch: pytest.MonkeyPatch) -> None:

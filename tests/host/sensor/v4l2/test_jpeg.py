@@ -18,7 +18,6 @@ MARKER = re.compile(rb"\xff[\xd0-\xd9]")
 
 def data_at(data: bytes) -> int:
     layout = layout_of(data)
-    assert layout is not None
     return layout.data_at
 
 

@@ -1,7 +1,6 @@
 """Gymnasium environments that are learnt by touch; importing this registers them.
 
-observing.py  what an agent may observe of a gel
-one_gel.py    what environments with one gel have in common
+observing.py  what environments with one gel have in common, and what an agent may observe of it
 tell.py       gellight/PressAndTell-v0: find out which object lies under the gel
 lift.py       gellight/Lift-v0: lift what lies between two gels, of unknown weight and friction, without slip
 edge.py       gellight/SlideToEdge-v0: slide over a part until its edge lies under the middle of the view

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from gellight.lab.touch.environments.one_gel import OneGel, clipped
+from gellight.lab.touch.environments.observing import OneGel, clipped
 from gellight.lab.touch.layer import NOTHING, Floats
 from gellight.lab.touch.touch_sensor import TouchSensor
 

@@ -9,8 +9,7 @@ import numpy as np
 from gymnasium import spaces
 
 from gellight.lab.touch import GRIPPER
-from gellight.lab.touch.environments.observing import Observing
-from gellight.lab.touch.environments.one_gel import clipped
+from gellight.lab.touch.environments.observing import Observing, clipped
 from gellight.lab.touch.layer import Floats
 from gellight.lab.touch.mujoco_carry import Carrying, Held
 from gellight.lab.touch.mujoco_gels import MujocoGels

@@ -1,9 +1,10 @@
-"""What an agent may observe of a gel, by choice: each kind costs what it takes to compute, and no more."""
+"""Environments with one gel: what an agent may observe of it, by choice, for each kind costs time; seed and picture."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import cv2
+import gymnasium
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from gellight.lab.touch.touch_sensor import Felt, TouchSensor
 KINDS = ("depth", "wrench", "contact", "picture")
 """depth: (n, n) mm; wrench: normal force, N, and where it acts, x and y mm; contact: whether anything touches; picture:
 (H, W, 3) uint8"""
+Action = TypeVar("Action")
 
 
 class Observing:
@@ -58,3 +60,35 @@ class Observing:
 
     def _picture(self, felt: Felt) -> NDArray[np.uint8]:
         return self.sensor.picture(felt)
+
+
+class OneGel(gymnasium.Env[dict[str, Any], Action]):
+    """An environment whose agent feels by one gel."""
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012 - as Gymnasium has it
+
+    def __init__(
+        self, observe: Sequence[str], depth_size: int, sensor: Callable[[], TouchSensor], render_mode: str | None
+    ) -> None:
+        """Make the sensor, and choose what is observed (see `observing.KINDS`). Raises InputError."""
+        self._sensor, self.render_mode = sensor(), render_mode
+        self.observing = Observing(self._sensor, observe, depth_size)
+        self.observation_space = self.observing.space()
+
+    def begin(self, seed: int | None) -> None:
+        """Seed the environment where a seed is given, and the noise of the pictures in any case."""
+        gymnasium.Env.reset(self, seed=seed)
+        self._sensor.seed(int(self.np_random.integers(2**31)))
+
+    def render(self) -> Any:
+        """Return the picture of what was felt last, where `render_mode` is rgb_array."""
+        felt = self.observing.felt
+        return self._sensor.picture(felt) if self.render_mode == "rgb_array" and felt else None
+
+
+def clipped(action: Floats, count: int) -> list[float]:
+    """Return the `count` numbers of an action within -1 to 1; InputError where it is none."""
+    numbers = np.asarray(action, np.float64)
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        raise InputError(f"action {numbers.tolist()}: give {count} finite numbers, -1 to 1")
+    return [float(one) for one in np.clip(numbers, -1, 1)]

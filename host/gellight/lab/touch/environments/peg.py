@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from gymnasium import spaces
 
-from gellight.lab.touch.environments.one_gel import OneGel, clipped
+from gellight.lab.touch.environments.observing import OneGel, clipped
 from gellight.lab.touch.layer import Floats
 from gellight.lab.touch.mujoco_gels import MujocoGels
 from gellight.lab.touch.touch_sensor import Felt, TouchSensor

@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium import spaces
 
 from gellight.base.errors import InputError
-from gellight.lab.touch.environments.one_gel import OneGel
+from gellight.lab.touch.environments.observing import OneGel
 from gellight.lab.touch.touch_sensor import TouchSensor
 from sim_reference.objects import OBJECT_NAMES, object_height
 

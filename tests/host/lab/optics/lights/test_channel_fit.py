@@ -102,7 +102,6 @@ def test_half_a_plate_is_no_calibration_of_the_other_half(tmp_path: Path) -> Non
             lights, paths, 1020, slopes=slopes_by(bundle, lights, mode),
             measures=BundleMeasures(bundle, from_network=mode == "network"),
         )  # fmt: skip
-        assert frame.confidence is not None
         guess, shape = frame.confidence.not_learnt, levels.shape[1:]
         sides = {"left": [p for p in presses if p.center_x_px < 150], "right": presses[3::4]}
         told = {
@@ -167,7 +166,6 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     ball = Ball(radius_mm=4.0, pixel_size_mm=SMALL["pixel_size_mm"])
     with open_camera("sim://?fps=200", geometry=SMALL) as camera:
         taken = take_series(camera, colour_triples(RING), ball, 8, sensor="simulated", ask=pytest.fail, tell=print)
-        assert camera.stage is not None
         assert camera.stage.status()["object"] == "", "the hand lifts at the end"
     options = TrainingOptions(recipe="fast")
     return fit_channels(taken, tmp_path_factory.mktemp("live") / "bundle", options=options)
@@ -185,10 +183,8 @@ def test_a_sensor_runs_with_the_lights_of_its_bundle(live: Bundle, mode: str, sa
         frame = daemon.wait_frame(-1, 60)
         status: Any = daemon.status()
     assert (status["mode"], status["lights"], status["watch"]) == (said, 12, None)
-    assert frame.exposures is not None
     assert frame.exposures.exposures == 4
     assert not frame.exposures.moved
-    assert frame.camera_frame.truth is not None
     contact = frame.camera_frame.truth.contact
     felt, true = (maps[contact] for maps in (frame.depth_mm, frame.camera_frame.truth.depth_mm))
     assert np.corrcoef(felt, true)[0, 1] > 0.99
