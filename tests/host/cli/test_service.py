@@ -105,7 +105,8 @@ def test_what_is_no_name_of_a_sensor_is_refused_wherever_it_is_given(verb: str, 
     result = invoke(*verb.replace("x.mcap", str(tmp_path / "x.mcap")).split(), f"--name={name}")
     assert (result.exit_code, result.stdout, list(tmp_path.iterdir())) == (1, "", [])
     assert isinstance(result.exception, InputError)
-    assert "is not possible: give at most 64 letters" in str(result.exception)
+    reason = "is not possible: give at most 64 letters" if name else "is empty: give it a value"
+    assert reason in str(result.exception)
 
 
 @pytest.mark.parametrize("name", NO_NAMES[1:])
@@ -118,4 +119,5 @@ def test_settings_take_the_same_names(name: str) -> None:
 def test_a_sensor_that_would_break_the_unit_file_is_refused(sensor: str) -> None:
     done = children.gellight("service", "install", "--sensor", sensor, "--print")
     assert (done.returncode, done.stdout) == (2, "")
-    assert re.fullmatch(r"gellight: --sensor .* is not possible: .*\n", done.stderr)
+    reason = "is not possible" if sensor else "is empty"
+    assert re.fullmatch(rf"gellight: --sensor .* {reason}: .*\n", done.stderr)
