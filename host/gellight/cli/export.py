@@ -27,7 +27,7 @@ def command(
     Depth is computed from the recorded pictures. A file is named after the sequence number of its frame; .npz files
     have what those of `gellight reconstruct` have, .ply files are surfaces in mm.
     """
-    from gellight.cli.work.export import export  # not for the help
+    from gellight.cli.running.export import export  # not for the help
 
     if track and kind not in ONE_FILE:
         raise InputError(f"--track: --as {kind} has no place for a pose: take one of {', '.join(ONE_FILE)}")

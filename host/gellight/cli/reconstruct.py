@@ -28,6 +28,6 @@ def command(
     one for each light, and NAME is that of the first image. Each file is written whole or not at
     all. At an image that cannot be used the work ends with its name; what was written before stays.
     """
-    from gellight.cli.work.reconstruct import reconstruct  # not for the help
+    from gellight.cli.running.reconstruct import reconstruct  # not for the help
 
     reconstruct(images, out, method, depth_scale_um, as_json)

@@ -35,7 +35,7 @@ def command(
     The file has the camera's own bytes, times and light of each frame, and the calibration bundle. It ends, whole, at
     Ctrl-C, after --seconds or --frames, and before the disk is full.
     """
-    from gellight.cli.work.record import record  # not for the help
+    from gellight.cli.running.record import record  # not for the help
 
     check_out(out, None)
     settings = load_settings({"sensor.url": sensor, **options.flags()})

@@ -41,7 +41,7 @@ def command(
     FOLDER has body.ply, the surface with its errors, body.stl and body.png.
     Ends with status 1 where presses could not be joined.
     """
-    from gellight.cli.work.scan import scan_live, scan_recording  # not for the help
+    from gellight.cli.running.scan import scan_live, scan_recording  # not for the help
 
     if recording is not None and sensor is not None:
         raise InputError("give --recording or --sensor, one of the two")

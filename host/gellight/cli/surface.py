@@ -27,7 +27,7 @@ def command(
     Gaussian filter of ISO 16610. Of a recording it is what one press felt. What is finer than the coating's blur and
     the pixels allow, lies within the errors, or was not reached by the gel is refused. Lengths are in mm.
     """
-    from gellight.cli.work.surface import surface  # not for the help
+    from gellight.cli.running.surface import surface  # not for the help
 
     for path in out or ():
         check_out(path, overwrite)

@@ -6,9 +6,9 @@ from pathlib import Path
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.cli.running.felt import felt_frames
 from gellight.cli.showing import show
 from gellight.cli.surface_options import Measured, OfRecording
-from gellight.cli.work.felt import felt_frames
 from gellight.frames.frames import TactileFrame
 from gellight.lab.scanning.height_map import HeightMap, load_height_map, map_of_press
 from gellight.lab.scanning.map_files import write_maps

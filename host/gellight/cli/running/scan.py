@@ -15,8 +15,8 @@ from gellight.base.settings import Settings
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.ending import Ending, until_interrupted
 from gellight.cli.one_sensor import WAIT_S, opened
+from gellight.cli.running.felt import felt_frames
 from gellight.cli.showing import show
-from gellight.cli.work.felt import felt_frames
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame

@@ -9,9 +9,9 @@ from typing import Any
 from gellight.base.errors import InputError
 from gellight.base.writing import whole, write_file
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.cli.running.felt import felt_frames
+from gellight.cli.running.reconstruct import maps_file
 from gellight.cli.showing import show
-from gellight.cli.work.felt import felt_frames
-from gellight.cli.work.reconstruct import maps_file
 from gellight.frames.frames import TactileFrame
 from gellight.frames.point_cloud import ply
 from gellight.lab.report.pictures import encode_png, four_panels
