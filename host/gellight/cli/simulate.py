@@ -13,7 +13,10 @@ from gellight.cli.sweeping import Sweeping, Workers
 from gellight.lab.simulator.choices import RESOLUTION_MM, Computer, GelKind, LightKind
 
 if TYPE_CHECKING:
+    from gellight.lab.simulator.one_drag import DragReport
+    from gellight.lab.simulator.one_press import PressReport, PressRequest
     from sim_reference.fem.newton import Step
+    from sim_reference.geometry import SensorGeometry
 
 TAKES = "about a minute by finite elements 0.3 mm apart, longer with finer ones"
 app = typer.Typer(rich_markup_mode=MARKUP, no_args_is_help=True)
@@ -60,23 +63,29 @@ def press(
     pose that was under way.
     """
     from gellight.lab.design.geometry import read_geometry  # this and what is below: not for the help, a second
-    from gellight.lab.simulator.one_drag import drag_once, read_path
-    from gellight.lab.simulator.one_press import PressRequest, press_once
+    from gellight.lab.simulator.one_press import PressRequest
 
     _check_load(depth, force, free, load_at)
     check_out(out / ("report.json" if path else "press.npz"), overwrite)
     request = PressRequest(object_name=object_name, depth_mm=depth, force_n=force, gel=gel, resolution_mm=resolution,
                      friction=friction, free_at_mm=(load_at or (0.0, 0.0)) if free else None)  # fmt: skip
-    sensor = read_geometry(geometry)
-    with progress(object_name, TAKES if gel == "fem" else "") as tell:
+    show(_pressed(request, path, out, read_geometry(geometry)), as_json)
+
+
+def _pressed(
+    request: "PressRequest", path: Path | None, out: Path, sensor: "SensorGeometry"
+) -> "DragReport | PressReport":
+    from gellight.lab.simulator.one_drag import drag_once, read_path
+    from gellight.lab.simulator.one_press import press_once
+
+    with progress(request.object_name, TAKES if request.gel == "fem" else "") as tell:
 
         def on_step(step: "Step") -> None:
             tell(None, None, in_words(step))
 
         if path:
-            show(drag_once(request, read_path(path), out, sensor, on_step), as_json)
-        else:
-            show(press_once(request, out, sensor, on_step), as_json)
+            return drag_once(request, read_path(path), out, sensor, on_step)
+        return press_once(request, out, sensor, on_step)
 
 
 def _check_load(depth: float | None, force: float | None, free: bool, load_at: tuple[float, float] | None) -> None:
@@ -135,8 +144,7 @@ def dataset(
     counted = "presses" if computed_by == "numpy" else "batches"
     with sweeping.sweep_in(store_in(out, request), counted, as_json=as_json) as options:
         report = make_dataset(request, out, options)
-    text = f"{report.presses} presses, {report.megabytes:.1f} MB, in {report.folder}: see its index.csv"
-    show(report, as_json, text)
+    show(report, as_json, f"{report.presses} presses, {report.megabytes:.1f} MB, in {report.folder}: see its index.csv")
 
 
 @app.command()

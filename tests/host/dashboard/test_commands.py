@@ -44,11 +44,10 @@ def test_a_running_calibration_is_in_the_status_and_nobody_else_may_press(
     assert source.stage.calls == [("BALL", 0.5, 0.0, 0.0)]
 
 
-def test_a_press_is_computed_before_it_is_made_and_stops_neither_frames_nor_status(
-    page: Page, source: FormulaSource
-) -> None:
-    assert source.stage is not None
+def begin_a_press(page: Page, source: FormulaSource) -> None:
+    """Send a press and wait until the stage computes it, which goes on until it `may_prepare`."""
     stage = source.stage
+    assert stage is not None
     page.credit(8)
     source.put(bump(1.0, 0, 0))
     page.frame()
@@ -56,6 +55,14 @@ def test_a_press_is_computed_before_it_is_made_and_stops_neither_frames_nor_stat
     page.send(**PRESS)
     while not stage.prepared:
         time.sleep(0.01)
+
+
+def test_a_press_is_computed_before_it_is_made_and_stops_neither_frames_nor_status(
+    page: Page, source: FormulaSource
+) -> None:
+    assert source.stage is not None
+    stage = source.stage
+    begin_a_press(page, source)
     sequence = source.put(bump(1.0, 0, 0))
     assert page.frame()["sequence"] == sequence
     first = page.text("status")
@@ -69,13 +76,7 @@ def test_a_press_is_computed_before_it_is_made_and_stops_neither_frames_nor_stat
 def test_an_object_that_is_released_while_it_is_computed_is_not_pressed(page: Page, source: FormulaSource) -> None:
     assert source.stage is not None
     stage = source.stage
-    page.credit()
-    source.put(bump(1.0, 0, 0))
-    page.frame()
-    stage.may_prepare.clear()
-    page.send(**PRESS)
-    while not stage.prepared:
-        time.sleep(0.01)
+    begin_a_press(page, source)
     assert page.answer(type="release") == {"type": "done", "command": "release"}
     stage.may_prepare.set()
     assert page.text("done", "error") == {"type": "done", "command": "press"}
