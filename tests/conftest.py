@@ -35,7 +35,9 @@ LONGEST = (
     "paper/test_report.py",
     "host/stream/test_lerobot.py", "sim_reference/test_fem_gel.py", "host/stream/test_subscription.py",
     "host/dashboard/test_page_measure.py", "host/daemon/test_modes.py", "host/cli/test_service.py",
-    "host/dashboard/test_page_in_use.py",
+    "host/dashboard/test_page_in_use.py", "host/lab/calibration/test_like.py", "host/stream/test_readme_robot.py",
+    "host/lab/touch/test_examples.py", "soak/test_kills.py", "sim_reference/test_fem_dragging.py",
+    "sim_reference/test_fem_contact.py",
 )  # fmt: skip
 """files, and the virtual machine, that take a process longest: begun first, so that none is left for the end"""
 

@@ -63,7 +63,8 @@ class NumpyTrainer:
         """Learn from a batch, (n, C + 2) and (n, 2), at this learning rate; return its loss before the step."""
         loss, derivative = self.loss(pixels, gradient)
         self._steps += 1
-        self._values, self._moments = adam(self._values, self._moments, derivative, rate=rate, step=self._steps)
+        left = self._values * np.float32(1 - rate * self.recipe.weight_decay)
+        self._values, self._moments = adam(left, self._moments, derivative, rate=rate, step=self._steps)
         return loss
 
     def loss(self, pixels: Floats, gradient: Floats) -> tuple[float, Floats]:

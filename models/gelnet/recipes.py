@@ -21,6 +21,9 @@ class Recipe:
     least_visits: int
     """a small table is seen more often than `epochs`, until this many rows have been seen, or, of few presses,
     `PRESS_VISITS` a press: these are learnt by heart by then"""
+    weight_decay: float
+    """Each step shrinks every weight by this times the learning rate (AdamW, Loshchilov and Hutter 2019). A network of
+    small weights bends little: it is answered from cells, and errs less on colours that no press had"""
     dropout: float
     largest_table: int
     """more rows than that are thinned out at random"""
@@ -39,6 +42,7 @@ RECIPES = {
         batch=128,
         epochs=150,
         least_visits=0,
+        weight_decay=0.0,
         dropout=0.1,
         largest_table=10**9,
         warm_up=0,
@@ -50,6 +54,7 @@ RECIPES = {
         batch=2048,
         epochs=10,
         least_visits=1_000_000,
+        weight_decay=0.0,
         dropout=0.0,
         largest_table=500_000,
         warm_up=0.05,
@@ -62,10 +67,24 @@ RECIPES = {
         batch=2048,
         epochs=10,
         least_visits=3_000_000,
+        weight_decay=0.0,
         dropout=0.0,
         largest_table=500_000,
         warm_up=0.05,
         place_jitter=0.2,
+    ),
+    # For many presses with labels without error, those of a simulator: many small steps, every row, no jitter.
+    "fine": Recipe(
+        loss="normal",
+        learning_rate=3.5e-3,
+        batch=256,
+        epochs=28,
+        least_visits=0,
+        weight_decay=0.01,
+        dropout=0.0,
+        largest_table=10**9,
+        warm_up=0.05,
+        place_jitter=0.0,
     ),
 }
 DEFAULT_WIDTH = 32

@@ -26,7 +26,7 @@ from gelnet.train import add_training_options
 from gelnet.trainers import make_trainer
 from gelnet.training import Trainer, normal_error_deg, print_progress, record_of, train, write
 from sim_reference import gel
-from sim_reference.camera import CameraResponse, digitise, exposure_for, linear_grey
+from sim_reference.camera import WHITE, CameraResponse, digitise, exposure_for, linear_grey
 from sim_reference.deformation import GelModel
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import ring_irradiance, ring_light
@@ -56,26 +56,20 @@ class Options:
     """of a press's rows, from pixels where the gel is flat"""
     contact_share: float = 0.5
     """of a press's rows, from pixels in contact; the rest is from the gel that sinks around it"""
-    training_noise_grey: float = 0.3
-    """much quieter than the camera: learnt from noisy colours the network answers the most probable slope, which
-    flattens gentle slopes and with them the depth; the host averages noise over neighbouring slopes instead"""
     main_radius_mm: float = 4.0
     other_share: float = 0.5
     """of the presses, with balls of other radii"""
     other_radii_mm: tuple[float, float] = (1.0, 12.0)
     """log-uniform"""
     deepest_mm: float = 3.0
-    recipe: str = "fast"
-    epochs: int = 30
-    """of the recipes of our own; `paper` has its own number"""
+    recipe: str = "fine"
+    epochs: int | None = None
+    """instead of the recipe's number"""
 
     def how(self) -> Recipe:
-        """Return the recipe: `paper` as it is; our own with every row and no jitter of the place: presses are many."""
+        """Return the recipe, of so many epochs."""
         recipe = RECIPES[self.recipe]
-        if self.recipe == "paper":
-            return recipe
-        rows = self.presses * self.places * self.rows_per_press
-        return replace(recipe, epochs=self.epochs, largest_table=rows, least_visits=0, place_jitter=0)
+        return recipe if self.epochs is None else replace(recipe, epochs=self.epochs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +99,13 @@ def simulated_sensor(geometry: SensorGeometry, *, seed: int) -> Sensor:
 
 
 def table_of_presses(
-    sensor: Sensor, options: Options, *, count: int, noise_grey: float, seed: int, model: GelModel = gel.press
+    sensor: Sensor, options: Options, *, count: int, noise_grey: float | None, seed: int, model: GelModel = gel.press
 ) -> Table:
     """Press `count` balls at random into a gel and return their labelled pixels, photographed with this noise.
 
-    Each picture is an image of the table. Raises what the model of the gel raises.
+    Without noise the colours are not rounded either. The network learns from such pictures: learnt from noisy colours
+    it answers the most probable slope, which flattens gentle slopes and with them the depth; the host averages noise
+    over neighbouring slopes instead. Each picture is an image of the table. Raises what the model of the gel raises.
     """
     random = np.random.default_rng(seed)
     parts = [part for _ in range(count) for part in _rows_of_press(sensor, options, noise_grey, random, model)]
@@ -123,7 +119,7 @@ def table_of_presses(
 
 
 def _rows_of_press(
-    sensor: Sensor, options: Options, noise_grey: float, random: np.random.Generator, model: GelModel
+    sensor: Sensor, options: Options, noise_grey: float | None, random: np.random.Generator, model: GelModel
 ) -> list[Floats]:
     """Press one ball and photograph it at random places; return (n, 7) rows of each picture."""
     geometry = sensor.geometry
@@ -140,13 +136,13 @@ def _rows_of_press(
 
 
 def _rows_of_picture(
-    sensor: Sensor, surface: Surface, options: Options, noise_grey: float, random: np.random.Generator
+    sensor: Sensor, surface: Surface, options: Options, noise_grey: float | None, random: np.random.Generator
 ) -> Floats:
     """Photograph a surface and return some of its pixels as (n, 7) rows."""
     width = sensor.geometry.image_width_px
     grey = linear_grey(ring_irradiance(surface, sensor.geometry, sensor.light), sensor.response).astype(np.float32)
-    image = digitise(grey, noise_grey, random)
     chosen = _chosen_pixels(surface.gradient_map, surface.contact, options, random)
+    image = grey.clip(0, WHITE) if noise_grey is None else digitise(grey, noise_grey, random)
     rows = np.empty((len(chosen), 7), np.float32)
     rows[:, :3] = image.reshape(-1, 3)[chosen] - sensor.reference.reshape(-1, 3)[chosen]
     rows[:, 3], rows[:, 4] = chosen % width, chosen // width
@@ -185,7 +181,7 @@ def make(options: Options, trainer: Trainer, *, width: int, seed: int, out: Path
     training, validation = (
         table_of_presses(sensor, options, count=count, noise_grey=noise, seed=SEEDS[name] + 1000 * seed)
         for name, count, noise in (
-            ("training", options.presses, options.training_noise_grey),
+            ("training", options.presses, None),
             ("validation", max(2, options.presses // 10), sensor.response.noise_grey),
         )
     )

@@ -45,7 +45,9 @@ class TorchTrainer:
         self.network = GelNet(width, inputs=pixels.shape[1], dropout=recipe.dropout)
         self.network.fit_range(torch.from_numpy(pixels), torch.from_numpy(gradient))
         self.network.to(self._device)
-        self.optimiser = torch.optim.Adam(self.network.parameters(), lr=recipe.learning_rate, fused=True)
+        self.optimiser = torch.optim.AdamW(
+            self.network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay, fused=True
+        )
 
     def step(self, pixels: Floats, gradient: Floats, rate: float) -> float:
         """Learn from a batch, (n, C + 2) and (n, 2), at this learning rate; return its loss before the step."""

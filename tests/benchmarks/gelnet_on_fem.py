@@ -53,7 +53,7 @@ def make_table(folder: Path, kind: str) -> None:
     """Press into one gel and write the table."""
     sensor = simulated_sensor(GEOMETRY, seed=0)
     table = table_of_presses(
-        sensor, OPTIONS, count=OPTIONS.presses, noise_grey=OPTIONS.training_noise_grey,
+        sensor, OPTIONS, count=OPTIONS.presses, noise_grey=None,
         seed=TABLE_SEEDS["training"], model=MODELS[kind],
     )  # fmt: skip
     np.savez(folder / f"{kind}.npz", rows=table.rows, image=table.image, image_size=np.array(table.image_size))

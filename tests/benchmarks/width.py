@@ -32,7 +32,6 @@ from gellight.lab.training.training import Learning, TrainingOptions, fit, read_
 from gellight.lab.training.validation import press_errors
 from gellight.reconstruction.errors import TrueSurface, mean_errors, surface_errors
 from gelnet.export import to_onnx
-from gelnet.recipes import RECIPES
 from gelnet.synthetic import SEEDS as TABLE_SEEDS
 from gelnet.synthetic import Options, simulated_sensor, table_of_presses
 from gelnet.table import Table, load_table
@@ -63,8 +62,8 @@ FEM = KeptPresses(FemGel(resolution_mm=0.3, dense_radius_mm=7.0))
 def make_table(folder: Path, widths: tuple[int, ...]) -> None:
     """Write what the shipped network learns from."""
     options, sensor = Options(), simulated_sensor(SensorGeometry(), seed=0)
-    noise, seed = options.training_noise_grey, TABLE_SEEDS["training"]
-    table = table_of_presses(sensor, options, count=options.presses, noise_grey=noise, seed=seed)
+    seed = TABLE_SEEDS["training"]
+    table = table_of_presses(sensor, options, count=options.presses, noise_grey=None, seed=seed)
     np.savez(folder / "table.npz", rows=table.rows, image=table.image, image_size=np.array(table.image_size))
 
 
@@ -80,8 +79,7 @@ def train_widths(folder: Path, widths: tuple[int, ...]) -> None:
 
 def trained(table: Table, width: int, seed: int) -> bytes:
     """Return a network, trained as the shipped one."""
-    recipe = replace(RECIPES["fast"], epochs=Options.epochs, least_visits=0, place_jitter=0.0)
-    training = train(table, recipe, make_trainer("numpy", seed=seed), width=width)
+    training = train(table, Options().how(), make_trainer("numpy", seed=seed), width=width)
     print(f"width {width}, seed {seed}: loss {training.losses[-1]:.5f}, {training.cpu_seconds:.0f} CPU s", flush=True)
     return to_onnx(training.network.parameters(), {})
 

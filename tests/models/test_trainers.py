@@ -18,7 +18,11 @@ from gelnet.trainers import NAMES, make_trainer
 from gelnet.training import normal_error_deg, train
 
 PAPER = replace(RECIPES["paper"], dropout=0.0)
-recipes = pytest.mark.parametrize("recipe", [RECIPES["fast"], RECIPES["thorough"], PAPER], ids=lambda r: r.loss)
+DECAYING = replace(RECIPES["fine"], weight_decay=5.0)
+"""so fast that nobody who forgets it ends at the same error"""
+recipes = pytest.mark.parametrize(
+    "recipe", [RECIPES["fast"], RECIPES["thorough"], DECAYING, PAPER], ids=["fast", "thorough", "fine", "paper"]
+)
 
 
 def pressed(images: int = 10, per_image: int = 600, noise_grey: float = 1.0) -> Table:

@@ -283,7 +283,7 @@ def test_an_unknown_recipe_is_refused(pressed: Path, tmp_path: Path) -> None:
     result = run("fit", *sources(pressed), "--out", tmp_path / "out", "--recipe", "slow")
     for found in (result, run("synthetic", "--out", tmp_path / "out", "--recipe", "slow")):
         assert isinstance(found.exception, InputError)
-        assert "recipe 'slow': give one of fast, thorough, paper" in str(found.exception)
+        assert "recipe 'slow': give one of fast, thorough, fine, paper" in str(found.exception)
 
 
 def test_an_interrupt_ends_the_child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -205,7 +205,7 @@ def test_a_press_on_a_real_sensor(tmp_path: Path, name: str, untouched: str, pix
     )
     native, cells = both(load_bundle(tmp_path / "b"))
     frame = frame_of(image)
-    agree(native.reconstruct(frame), cells.reconstruct(frame))
+    agree(native.reconstruct(frame), cells.reconstruct(frame), but=2e-3)
 
 
 def numpy_because(bundle: Bundle, caplog: pytest.LogCaptureFixture) -> str:

@@ -148,7 +148,7 @@ def crossvalidate(
 def synthetic(
     bundle: NewBundle,
     width: Annotated[int, typer.Option(min=1, help="units in each hidden layer")] = 32,
-    recipe: Annotated[str, typer.Option(help="fast: as the bundle that comes with GelLight; thorough; paper")] = "fast",
+    recipe: Annotated[str, typer.Option(help="fine: as of the shipped bundle; fast; thorough; paper")] = "fine",
     seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0,
     threads: Threads = 1,
     trainer: Trainer = "numpy",

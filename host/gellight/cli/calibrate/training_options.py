@@ -20,7 +20,7 @@ Trainer = Annotated[TrainerName, typer.Option(help="torch: PyTorch, where it is 
 class Training:
     """How a network is trained."""
 
-    recipe: Annotated[str, typer.Option(help="fast, thorough (three times as long), paper (the longest)")] = "thorough"
+    recipe: Annotated[str, typer.Option(help="fast; thorough (3 times as long); fine and paper: longer")] = "thorough"
     seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0
     threads: Threads = 1
     trainer: Trainer = "numpy"

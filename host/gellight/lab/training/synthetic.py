@@ -126,7 +126,7 @@ def make_synthetic(
     out: Path,
     *,
     width: int,
-    recipe: str = "fast",
+    recipe: str = "fine",
     seed: int = 0,
     threads: int = 1,
     trainer: TrainerName = "numpy",

@@ -13,7 +13,7 @@ from gellight.base.errors import InputError
 logger = logging.getLogger(__name__)
 
 TrainerName = Literal["numpy", "torch", "cuda"]
-RECIPES = ("fast", "thorough", "paper")
+RECIPES = ("fast", "thorough", "fine", "paper")
 
 
 def checked_trainer(wanted: TrainerName) -> TrainerName:
