@@ -5,13 +5,14 @@ byte. A request of type T is answered by type ``T | REPLY`` with the same sequen
 ``status u8, value u32`` and, where the status is OK, the reply record. A request that is sent again unchanged gets
 the reply of its first execution and is not executed twice. Events have types of their own, from EVENT up.
 
-Change a message here, then run ``gellight firmware generate``: a test compares the generated files. The checksum of
-the schema travels in HELLO, whose layout never changes, so that any two versions can tell that they differ.
+The checksum of the schema travels in HELLO, whose layout never changes, so that any two versions can tell that they
+differ.
 
 Host and board have to agree on the major version alone. A minor version adds commands, events, members of enumerations,
 and fields with a default at the end of replies and events, never of requests; limits may change. So each side ignores
 what it does not know: fields behind those it knows, and events; it refuses a command with UNKNOWN_COMMAND.
 """
+# After a change here run `gellight firmware generate`.
 
 import zlib
 from dataclasses import dataclass
