@@ -110,10 +110,17 @@ def test_a_sequence_that_gives_no_window_ends_with_a_remedy(monkeypatch: pytest.
         WindowCamera(inner, TRIPLES, exposure_us=None).read()
 
 
-@pytest.mark.parametrize("mode", [LightMode.FREE, LightMode.EXT])
-def test_on_the_firmware_a_window_comes_with_every_frame(monkeypatch: pytest.MonkeyPatch, mode: LightMode) -> None:
+@pytest.mark.parametrize(
+    ("mode", "exposure_us"), [(LightMode.FREE, 8e3), (LightMode.EXT, 8e3), (LightMode.EXT, 12e3), (LightMode.EXT, 14e3)]
+)
+def test_on_the_firmware_a_window_comes_with_every_frame(
+    monkeypatch: pytest.MonkeyPatch, mode: LightMode, exposure_us: float
+) -> None:
+    """Of some exposures the board is asked while it tells of the next light."""
     inner, triples = virtual_sensor(monkeypatch, strobe=mode is LightMode.EXT), colour_triples(RING)
-    sequenced = SequencedCamera(inner, triples, mode=mode, timing=CameraTiming(pulse_period_s=0.0005))
+    inner.shutter = replace(inner.shutter, exposure_us=exposure_us)
+    timing = CameraTiming(exposure_s=exposure_us * 1e-6, pulse_period_s=0.0005)
+    sequenced = SequencedCamera(inner, triples, mode=mode, timing=timing)
     with WindowCamera(sequenced, triples, exposure_us=None) as camera:
         series = [camera.read() for _ in range(30)][-12:]
         steps = np.diff([each.closing.sequence for each in series])

@@ -80,7 +80,12 @@ class KnownLight:
         return min(planned_us, event.first_bit_us - REPEAT_US) if planned else event.first_bit_us - REPEAT_US
 
     def note_status(self, status: protocol.StatusReply) -> None:
-        """Take in which light the board says is on; every event before this answer has to have been noted."""
+        """Take in which light the board says is on; every event before this answer has to have been noted.
+
+        An answer that is older than the last event tells nothing: both may come in one transfer.
+        """
+        if self._last is not None and status.time_us < self._last.latched_us:
+            return
         if self._last is None or status.light_id != self._last.light_id:
             self._lose()
         else:

@@ -84,6 +84,19 @@ def test_a_lost_event_makes_the_light_unknown_until_the_next() -> None:
     assert sure[2] == 51_160.0
 
 
+def test_an_answer_older_than_the_last_event_that_came_with_it_tells_nothing() -> None:
+    known = KnownLight(pulse_period_us=500.0)
+    for light_id, first_us, group in ((1, 10_000, 0), (2, 40_000, 1)):
+        known.note_event(protocol.LightEvent(first_us, first_us + 660, light_id, 0, 0, 0, 0, group))
+    known.note_status(replace(NO_STATUS, time_us=40_600, light_id=1))
+    assert known.lost == 0
+    assert known.confirmed_us == 40_660.0
+    known.note_status(replace(NO_STATUS, time_us=60_000, light_id=2))
+    assert known.confirmed_us > 57_000.0
+    known.note_status(replace(NO_STATUS, time_us=70_000, light_id=3))
+    assert known.lost == 1, "a newer light, of which no event came"
+
+
 @pytest.mark.parametrize(
     ("rows", "seen", "state", "group"),
     [
