@@ -18,7 +18,7 @@ def test_every_cell_runs_in_its_order(tmp_path: Path) -> None:
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     done = run([sys.executable, "-c", code], cwd=tmp_path, env={**os.environ, "MPLBACKEND": "Agg", "PATH": path})
     assert done.returncode == 0, done.stderr
-    for told in ("drawn 0.9", "contact 1 at (2.0", " N, give or take ", "frames, deepest 0.9"):
+    for told in ("drawn 0.9", "contact 1 at (2.0", " N, give or take ", "frames, deepest 1.0"):
         assert told in done.stdout
 
 

@@ -10,7 +10,7 @@ from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.lab.calibration.force.fit import chosen_layer, fit_force, left_out_share
 from gellight.lab.calibration.force.indented import Felt, felt_in_images, felt_in_recording
 from gellight.lab.calibration.force.record import ForceReadings
-from gellight.lab.calibration.force.sideways import with_sides
+from gellight.lab.calibration.force.sideways import check_sides, with_sides
 from gellight.reconstruction.force import Layer
 from gellight.reconstruction.force_file import ForceRecord, force_file
 from gellight.recording.recording_file import Recording
@@ -28,6 +28,7 @@ def measure_force(
     it is known.
     """
     readings = ForceReadings.read(forces)
+    check_sides(readings, bundle)
     several = len(set(readings.objects)) > 1
     layers = [replace(layer, thickness_mm=share * layer.thickness_mm) for share in (THICKNESSES if several else (1.0,))]
     felt = _felt(readings, bundle, recording, layers)

@@ -13,7 +13,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.image_files import ImageCamera
-from gellight.frames.picture import prepared
+from gellight.frames.picture import prepared, steps_of
 from gellight.lab.calibration.force.record import ForceReadings
 from gellight.reconstruction.force_file import ForceRecord, force_file
 
@@ -36,10 +36,20 @@ class SideFit:
     side_error_share: float
 
 
+def check_sides(readings: ForceReadings, bundle: Bundle) -> None:
+    """Refuse forces along a gel without dots, in whose pictures they would be felt as contacts; raises InputError."""
+    steps = steps_of(bundle) if readings.side_n is not None else None
+    if readings.side_n is not None and (steps is None or steps.follower() is None):
+        raise InputError(
+            f"{readings.path} has forces along the gel, and the bundle knows no marker dots: calibrate this gel with "
+            "--dots, or leave these columns out"
+        )
+
+
 def with_sides(record: ForceRecord, readings: ForceReadings, bundle: Bundle) -> ForceRecord:
     """Return the record with the constant of forces along the gel, where the readings have some.
 
-    Raises InputError where the gel has no dots, or one constant does not explain the forces.
+    The bundle passed `check_sides`. Raises InputError where one constant does not explain the forces.
     """
     if readings.side_n is None:
         return record
@@ -73,8 +83,8 @@ def _frames(readings: ForceReadings, bundle: Bundle) -> "list[tuple[str, tuple[f
     with prepared(ImageCamera(readings.images), bundle) as camera:
         for image in readings.images:
             shear = reconstructor.reconstruct(camera.read()).shear
-            why = shear.unknown if shear else "the bundle knows no marker dots: calibrate this gel with --dots"
-            told.append((str(image), shear.force_n if shear else None, why))
+            assert shear, "the bundle has dots and a constant"
+            told.append((str(image), shear.force_n, shear.unknown))
     return told
 
 
