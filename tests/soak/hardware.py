@@ -264,8 +264,9 @@ class SoakSensor(FragileSensor):
 
 def _seen(board: SimulatedBoard, start_s: float, clock_us: Callable[[float], float]) -> NDArray[np.uint8]:
     """(n, 12, 3) every light that some row of the exposure saw, in order."""
-    start_us, end_us = clock_us(start_s), clock_us(start_s + SHUTTER.duration_us * 1e-6)
-    return np.stack([light.colours for light in board.light_during(start_us - SHUTTER.pulse_period_us, end_us)])
+    start_us = clock_us(start_s)  # once: a board that fell behind sets the clock anew between two looks
+    lights = board.light_during(start_us - SHUTTER.pulse_period_us, start_us + SHUTTER.duration_us)
+    return np.stack([light.colours for light in lights])
 
 
 def digitised(picture: NDArray[np.float32], draw: np.random.Generator) -> NDArray[np.uint8]:
