@@ -17,9 +17,10 @@ A slope that is wrong by e turns the normal by at most e / sqrt(1 + slope^2). A 
 
 The network is not asked at every cell either. Where a cell differs by at most 8 grey levels from the blocks of 2 x 2
 cells around, its own answer is blended from theirs by the same formula, with m_i of the cell in the place of d. Where
-nothing touches, blocks have J m with the Jacobian at no difference. A ball takes a fifth of the questions, and the
-error stays: against all pixels one by one normals differ by 0.003 degrees in the mean (0.04 at most), the depth by
-0.18 micrometres (0.95 at most).
+nothing touches, blocks have J m with the Jacobian at no difference. A ball 1 mm deep takes a fifth of the questions.
+Without noise its normals differ from those of all pixels one by one by 0.0005 degrees in the mean (0.02 at most), the
+depth by 0.02 micrometres (0.2). The camera's noise makes that 0.004 degrees and 0.2 micrometres (2.0): a bent network
+answers to noise of variance s^2 with s^2 / 2 times its second derivative too much at a pixel, and hardly at a cell.
 """
 
 import itertools

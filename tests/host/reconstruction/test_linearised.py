@@ -91,25 +91,35 @@ def test_a_linear_network_gives_the_same_at_cells_and_at_pixels(
     np.testing.assert_allclose(cells.depth_mm, pixels.depth_mm, atol=2e-5)
 
 
-@pytest.fixture(scope="module")
-def ball() -> dict[Form, TactileFrame]:
-    bundle = load_bundle("synthetic")
-    with open_camera("sim://?object=BALL&depth=1.0") as camera:
+def every_form(url: str) -> tuple[CameraFrame, dict[Form, TactileFrame]]:
+    with open_camera(url) as camera:
         frame = camera.read()
-    return {form: Reconstructor(bundle, form=form).reconstruct(frame) for form in Form}
+    bundle = load_bundle("synthetic")
+    return frame, {form: Reconstructor(bundle, form=form).reconstruct(frame) for form in Form}
 
 
-@pytest.mark.parametrize("form", [form for form in Form if form is not Form.PIXELS])
-def test_on_a_ball_every_form_agrees_with_the_network_at_every_pixel(
-    ball: dict[Form, TactileFrame], form: Form
-) -> None:
-    found, pixels = ball[form], ball[Form.PIXELS]
-    angle = angle_deg(found.normal_map.reshape(-1, 3), pixels.normal_map.reshape(-1, 3))
-    assert angle.max() < 0.1
-    assert angle.mean() < 0.005
-    assert np.abs(found.depth_mm - pixels.depth_mm).max() < 2.3e-3  # measured: 2.03 um
-    assert found.contact.indentation_mm == pytest.approx(pixels.contact.indentation_mm, abs=2.3e-3)
-    assert np.count_nonzero(found.contact.mask != pixels.contact.mask) < 50
+@pytest.mark.parametrize("depth_mm", [0.6, 1.0])
+def test_without_noise_every_form_agrees_with_the_network_at_every_pixel_of_a_ball(depth_mm: float) -> None:
+    """Measured: 0.04 degrees at most (0.6 mm), 0.0005 in the mean, 0.21 um (1 mm)."""
+    _, found = every_form(f"sim://?object=BALL&depth={depth_mm}&noise=0")
+    pixels = found.pop(Form.PIXELS)
+    for tactile in found.values():
+        angle = angle_deg(tactile.normal_map.reshape(-1, 3), pixels.normal_map.reshape(-1, 3))
+        assert angle.max() < 0.05
+        assert angle.mean() < 0.001
+        assert np.abs(tactile.depth_mm - pixels.depth_mm).max() < 0.3e-3
+        assert tactile.contact.indentation_mm == pytest.approx(pixels.contact.indentation_mm, abs=0.3e-3)
+        assert np.count_nonzero(tactile.contact.mask != pixels.contact.mask) < 50
+
+
+def test_with_noise_no_form_is_further_from_the_ball_than_the_network_at_every_pixel() -> None:
+    """It answers to noise by its second derivative, by up to 2 um of depth; at cells that averages out."""
+    frame, found = every_form("sim://?object=BALL&depth=1.0")
+    assert frame.truth
+    where, right = frame.truth.contact, normals(frame.truth.gradient_map)
+    errors = {form: angle_deg(one.normal_map[where], right[where]).mean() for form, one in found.items()}
+    assert max(errors.values()) <= errors[Form.PIXELS]
+    assert max(np.abs(one.depth_mm - frame.truth.depth_mm).mean() for one in found.values()) < 3e-3  # mm
 
 
 def test_few_questions_are_enough_for_a_ball() -> None:
