@@ -123,9 +123,7 @@ def served(daemon: SensorSession, settings: Settings, wanted: bool = True) -> It
         yield ""
         return
     with (
-        CalibrationService(
-            daemon, led_colours=settings.geometry.led_colours, gel_thickness_mm=settings.geometry.gel_thickness_mm
-        ) as service,
+        CalibrationService(daemon, geometry=settings.geometry.overrides()) as service,
         ScanBeside(daemon, busy=lambda: service.calibrating) as scan,
         DashboardServer(daemon, calibration=service, scan=scan, **settings.dashboard.model_dump()) as server,
     ):

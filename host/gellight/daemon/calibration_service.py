@@ -7,7 +7,7 @@ watch rests meanwhile. However the routine ends, the sensor is then set and lit 
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import platformdirs
@@ -25,13 +25,14 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.camera import Camera
 from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View, view_in
-from gellight.lab.calibration.choices import LEAST_WITH_LIKE, RING_COLOURS, RoutineOptions
+from gellight.lab.calibration.choices import LEAST_WITH_LIKE, RoutineOptions
 from gellight.lab.calibration.presets import PRESETS, Preset
 from gellight.lab.calibration.routine import Install, Routine
 from gellight.lab.calibration.state import discard, kept_like, unfinished
 from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.simulator.virtual_hand import hand_of
 from gellight.lab.training.table import table_of_like
+from gellight.photometric.ring_geometry import RingGeometry
 
 Picture = NDArray[np.uint8]
 LARGEST_MM = {"ball_radius_mm": 50.0, "cylinder_diameter_mm": 50.0, "pin_pitch_mm": 20.0, "pixel_size_mm": 1.0}
@@ -119,21 +120,19 @@ class CalibrationService:
         *,
         store: BundleStore | None = None,
         folder: Path | None = None,
-        led_colours: str | None = None,
-        gel_thickness_mm: float | None = None,
+        geometry: Mapping[str, Any] | None = None,
         make_routine: MakeRoutine | None = None,
     ) -> None:
         """Calibrate the sensor of `daemon`; an interrupted calibration is kept in `folder`, by default the user's.
 
-        led_colours: of the ring, anticlockwise from the right; by default those of the paper's. gel_thickness_mm: of
-        the soft gel, None: nobody told. `make_routine` makes another routine than the usual one, for tests.
+        geometry: how the sensor differs from the paper's, see `GeometrySettings.overrides`. `make_routine` makes
+        another routine than the usual one, for tests.
         """
         self._daemon = daemon
         self._store = store or BundleStore()
         self.sensor = sensor_name(daemon.camera)
         self._folder = folder or platformdirs.user_state_path("gellight") / "calibration" / _plain(self.sensor)
-        self._led_colours = led_colours or RING_COLOURS
-        self._gel_thickness_mm = gel_thickness_mm or 0.0
+        self._geometry = geometry or {}
         self._make_routine = make_routine or self._usual_routine
         self._routine: Routine | None = None
         self._hand = False
@@ -307,8 +306,8 @@ class CalibrationService:
             presses=request.presses,
             like=self._store.find(request.like).load() if request.like else kept_like(self._folder),
             overwrite=True,
-            led_colours=self._led_colours,
-            gel_thickness_mm=self._gel_thickness_mm,
+            ring=RingGeometry.from_overrides(self._geometry),
+            gel_thickness_mm=self._geometry.get("gel_thickness_mm", 0.0),
         )
         hand = hand_of(camera) if request.hand else None
         return Routine(camera, options, self._folder, hand=hand, install=install)

@@ -48,7 +48,7 @@ class RingGeometry:
             )
         if set(self.led_colours) != set("RGB"):
             raise ConfigError(
-                f"led_colours {self.led_colours!r}: photometric stereo needs red, green and blue LEDs, R, G and B"
+                f"led_colours = {self.led_colours!r}: give a letter for each LED, R, G or B, each at least once"
             )
 
     @classmethod

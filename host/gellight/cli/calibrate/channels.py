@@ -13,13 +13,12 @@ from gellight.cli.calibrate.training_options import SizedTraining
 from gellight.cli.options import AsJson, NewBundle, Sensor, with_options
 from gellight.cli.showing import progress, show
 from gellight.daemon.bundle_choice import sensor_name
-from gellight.lab.calibration.choices import RING_COLOURS
-from gellight.lab.calibration.preparing import full_colours
 from gellight.lab.optics.lights.ball_series import LitBalls
 from gellight.lab.optics.lights.channel_fit import fit_channels
 from gellight.lab.optics.lights.live_series import take_series
 from gellight.lab.training.presses import Ball
 from gellight.opening import open_camera
+from gellight.photometric.ring_geometry import RingGeometry
 from gellight.sensor.lighting.sequence_choice import chosen_groups
 
 
@@ -67,7 +66,7 @@ class Given:
         ball = Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
         settings = load_settings({"sensor.url": self.sensor})
         with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
-            groups = chosen_groups(sequence, full_colours(settings.geometry.led_colours or RING_COLOURS))
+            groups = chosen_groups(sequence, RingGeometry.from_overrides(settings.geometry.overrides()).colours)
             name = sensor_name(camera)
             return take_series(camera, groups, ball, self.balls_to_press, sensor=name, ask=_ask, tell=_tell)
 

@@ -25,6 +25,7 @@ from gellight.lab.calibration.state import Identity, Steps, discard, kept_like
 from gellight.lab.simulator.virtual_hand import hand_of
 from gellight.lab.training.training import like_words
 from gellight.opening import open_camera
+from gellight.photometric.ring_geometry import RingGeometry
 
 PRESS_S = 2.5
 """that a press of the virtual hand takes, with its share of the training"""
@@ -60,13 +61,12 @@ def _calibrate(
     settings = load_settings({"sensor.url": target.sensor})
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as opened:
         camera = target.camera(opened, begun)
-        colours = settings.geometry.led_colours or options.led_colours
         thickness_mm = settings.geometry.gel_thickness_mm or options.gel_thickness_mm
         options = replace(
             options,
             sensor=sensor_name(camera),
             name=target.name,
-            led_colours=colours,
+            ring=RingGeometry.from_overrides(settings.geometry.overrides()),
             gel_thickness_mm=thickness_mm,
         )
         if target.restart:

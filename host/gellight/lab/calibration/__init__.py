@@ -7,7 +7,7 @@ reference   untouched.py                                the untouched gel, its n
 pixel_size  probing.py, cylinder.py                     the cylinder probe gives mm per pixel
 lens        pin_grid.py                                 where there is a pin grid: the distortion of the lens
 presses     pressing.py, coverage.py, live_error.py     ball presses, found and judged while they come in
-fit         fitting.py                                  the network, in a child process
+fit         lights.py, fitting.py                       the light of each LED; the network, in a child process
 verify      verifying.py, verifying_prism.py            fresh presses of the ball and of a prism, and the verdict
 
 `readiness.py` checks before the first step what all of them need. `judging.py` says how far a fresh press is felt off.

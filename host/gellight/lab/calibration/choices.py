@@ -1,6 +1,5 @@
 """What a calibration is asked for: the tools at hand, and how much of everything."""
 
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -9,10 +8,9 @@ from gellight.bundle.bundle import Bundle
 from gellight.bundle.limits import Limits
 from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.training.training import TrainingOptions
+from gellight.photometric.ring_geometry import RingGeometry
 from gellight.ring.wire import MOST_LEDS
 
-RING_COLOURS = "RRRRGGGGBBBB"
-"""of the paper's ring, anticlockwise from the right"""
 LEAST_PRESSES, LEAST_WITH_LIKE = 8, 2
 """fewer ball presses than that are not fitted, without and with those of a like unit"""
 
@@ -44,8 +42,8 @@ class RoutineOptions:
     """of a unit of the same make, whose presses are begun with; None: as the interrupted calibration has it"""
     gel_thickness_mm: float = 0.0
     """of the soft gel; 0: nobody told. A simulated sensor knows its own"""
-    led_colours: str = RING_COLOURS
-    """of the ring, anticlockwise from the right"""
+    ring: RingGeometry = field(default_factory=RingGeometry)
+    """where the LEDs are, and of which colours"""
     overwrite: bool = False
     """replace an existing bundle of the same sensor"""
 
@@ -56,11 +54,8 @@ class RoutineOptions:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be done."""
-        if not re.fullmatch(f"[RGB]{{3,{MOST_LEDS}}}", self.led_colours) or len(set(self.led_colours)) < 3:
-            raise InputError(
-                f"led_colours = {self.led_colours!r}: give a letter for each LED of the ring, R, G or B, each at least "
-                f"once, {MOST_LEDS} at most"
-            )
+        if len(self.ring.led_colours) > MOST_LEDS:
+            raise InputError(f"led_colours = {self.ring.led_colours!r}: a board drives {MOST_LEDS} LEDs at most")
         if self.until_um is not None and not self.until_um > 0:
             raise InputError(f"until_um = {self.until_um}: give micrometres above 0")
         least = {"presses": self.least_presses, "verifications": 2, "prism_presses": 1, "cylinder_presses": 2,

@@ -1,12 +1,13 @@
-"""Step 5: the network is trained on the ball presses, in a child process, and kept as a draft of the bundle."""
+"""Step 5: the LEDs are measured, the network is trained in a child process, and both are kept as a draft bundle."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from gellight.base.errors import InputError, TrainingError
 from gellight.bundle.bundle import Bundle
 from gellight.lab.calibration.choices import LEAST_PRESSES
 from gellight.lab.calibration.display import Progress
+from gellight.lab.calibration.lights import measure_lights
 from gellight.lab.calibration.pressing import ball_of
 from gellight.lab.calibration.records import Fit, UntouchedGel
 from gellight.lab.calibration.run import CalibrationRun
@@ -19,7 +20,7 @@ logger = logging.getLogger(__name__)
 
 
 def fit(run: CalibrationRun) -> None:
-    """Train on the presses and keep the draft.
+    """Measure the light of the LEDs, train on the presses and keep the draft.
 
     A like unit that is none is forgotten: where there are presses enough without it, they are learnt from alone. Raises
     TrainingError.
@@ -28,11 +29,14 @@ def fit(run: CalibrationRun) -> None:
     if len(presses) < least:
         raise InputError(f"{len(presses)} presses are too few to fit: at least {least} are needed")
     trainer = rehearse(run.options.training.trainer, check=run.check_stopped)
+    lights = measure_lights(run)
     run.display.update(
-        instruction=f"The network is being trained by {trainer}. Nothing is to be done.", actions=("abort",)
+        progress=Progress(),
+        instruction=f"The network is being trained by {trainer}. Nothing is to be done.",
+        actions=("abort",),
     )
     try:
-        bundle = _draft(run, presses)
+        bundle = _draft(run, presses, lights)
     except RefusedTableError as error:
         if run.options.like is None:
             raise
@@ -43,11 +47,11 @@ def fit(run: CalibrationRun) -> None:
             ) from error
         logger.warning("%s: the presses of this unit alone are learnt from", error)
         run.display.update(problem=f"{error}: the presses of this unit alone are learnt from")
-        bundle = _draft(run, presses)
+        bundle = _draft(run, presses, lights)
     run.folder.finish(Fit.model_validate({**bundle.metrics, "losses": bundle.metrics["training"]["losses"]}))
 
 
-def _draft(run: CalibrationRun, presses: Sequence[Press]) -> Bundle:
+def _draft(run: CalibrationRun, presses: Sequence[Press], lights: Mapping[str, bytes]) -> Bundle:
     def report(epoch: int, epochs: int, loss: float) -> None:
         run.display.update(progress=Progress(done=epoch, wanted=epochs, unit="epochs", loss=loss))
 
@@ -59,7 +63,7 @@ def _draft(run: CalibrationRun, presses: Sequence[Press]) -> Bundle:
         run.folder.draft,
         sensor=run.options.sensor,
         how=Learning(options=run.options.training, like=run.options.like),
-        extra_files=run.camera.bundle_files,
+        extra_files={**run.camera.bundle_files, **lights},
         overwrite=True,
         progress=report,
         check=run.check_stopped,

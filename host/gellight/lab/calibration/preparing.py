@@ -34,15 +34,15 @@ def prepare(run: CalibrationRun) -> None:
     run.wait_for_next("Clean the gel, put nothing on it, and keep other light away. Then go on.")
     run.display.update(instruction="The camera is being set and the LEDs are checked. Touch nothing.")
     _lock(camera)
-    lights, levels = None, None
+    lights, levels, colours = None, None, options.ring.led_colours
     if camera.ring is not None:
-        if camera.ring.led_count != len(options.led_colours):
+        if camera.ring.led_count != len(colours):
             raise InputError(
-                f"the board drives {camera.ring.led_count} LEDs, led_colours = {options.led_colours!r} has "
-                f"{len(options.led_colours)}: give led_colours under [geometry] in gellight.toml, or the board its "
-                "number of LEDs with `gellight ring configure --leds`"
+                f"the board drives {camera.ring.led_count} LEDs, led_colours = {colours!r} has {len(colours)}: give "
+                "led_colours under [geometry] in gellight.toml, or the board its number of LEDs with `gellight ring "
+                "configure --leds`"
             )
-        lights = led_check.check_lights(run, full_colours(options.led_colours))
+        lights = led_check.check_lights(run, full_colours(colours))
         levels = _balanced(run)
     elif camera.controls is not None:
         _expose(run, camera.controls)
@@ -97,7 +97,7 @@ def _balanced(run: CalibrationRun) -> NDArray[np.uint8]:
 
     Channels overlap, so that it takes some rounds: each multiplies a level by what its channel is off.
     """
-    share, colours = np.ones(3), run.options.led_colours
+    share, colours = np.ones(3), run.options.ring.led_colours
     for _ in range(_ROUNDS):
         level = (float(share[0]), float(share[1]), float(share[2]))
         image = led_check.light(run, full_colours(colours, level))

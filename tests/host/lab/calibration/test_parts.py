@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.base.errors import InputError
+from gellight.base.errors import ConfigError, InputError
 from gellight.bundle.limits import Limits
 from gellight.frames.frames import CameraFrame
 from gellight.lab.calibration.ball_radius import likely_radius_mm
@@ -22,6 +22,7 @@ from gellight.lab.simulator.scene import Press as GelPress
 from gellight.lab.simulator.scene import Scene
 from gellight.lab.simulator.virtual_hand import spread
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
+from gellight.photometric.ring_geometry import RingGeometry
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 
@@ -241,15 +242,23 @@ def test_a_limit_that_no_calibration_could_reach_is_refused(limit: float) -> Non
 
 @pytest.mark.parametrize("colours", ["RGBRGBRGBRGB", "BBBBGGGGRRRR", "RGB", "RGBBBBGR", "RGB" * 8])
 def test_a_ring_is_lit_in_the_colours_of_its_design(colours: str) -> None:
-    lit = full_colours(RoutineOptions(out=Path("b"), led_colours=colours).led_colours, (1.0, 0.5, 0.2))
+    lit = full_colours(colours, (1.0, 0.5, 0.2))
     assert [led.colour for led in led_settings(lit.tolist())] == list(colours)
     assert {tuple(rgb) for rgb in lit.tolist()} == {(255, 0, 0), (0, 128, 0), (0, 0, 51)}
 
 
-@pytest.mark.parametrize("colours", ["RG", "RRRRRRRRRRRR", "RRRRGGGGBBBW", "RGB" * 9])
-def test_a_ring_that_cannot_be_is_refused(colours: str) -> None:
-    with pytest.raises(InputError, match="give a letter for each LED of the ring"):
-        RoutineOptions(out=Path("b"), led_colours=colours)
+@pytest.mark.parametrize(
+    ("colours", "message"),
+    [
+        ("RG", "a letter for each LED"),
+        ("RRRRRRRRRRRR", "each at least once"),
+        ("RRRRGGGGBBBW", "R, G or B"),
+        ("RGB" * 9, "a board drives 24 LEDs at most"),
+    ],
+)
+def test_a_ring_that_cannot_be_is_refused(colours: str, message: str) -> None:
+    with pytest.raises((InputError, ConfigError), match=message):
+        RoutineOptions(out=Path("b"), ring=RingGeometry(led_colours=colours))
 
 
 @pytest.mark.parametrize(("radius_px", "step"), [(10, 1), (18, 1), (30, 2), (100, 8)])

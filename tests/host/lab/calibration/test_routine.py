@@ -24,6 +24,8 @@ from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.simulated_camera import SimulatedCamera
 from gellight.lab.simulator.virtual_hand import VirtualHand
 from gellight.opening import open_camera
+from gellight.photometric.lights_file import read_lights
+from gellight.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.force_file import read_force
 from gellight.reconstruction.lens.lens_file import read_record
 from tests.benchmarks.objects import object_errors, summary
@@ -90,7 +92,7 @@ def test_a_ring_of_eight_leds_is_calibrated_as_its_geometry_says(tmp_path: Path)
     ring = {**GEOMETRY, "led_colours": "RRRGGGBB"}
     with open_camera(LIT, geometry=ring) as sensor:
         assert isinstance(sensor, SimulatedCamera)
-        tools = options(tmp_path, led_colours="RRRGGGBB", presses=30, until_um=UNTIL_UM)
+        tools = options(tmp_path, ring=RingGeometry(led_colours="RRRGGGBB"), presses=30, until_um=UNTIL_UM)
         routine = Routine(sensor, tools, tmp_path / "state", hand=VirtualHand(sensor.stage), install=lambda _: None)
         snapshot = finished(routine)
     assert snapshot["step"] == "finished", snapshot["problem"]
@@ -100,6 +102,7 @@ def test_a_ring_of_eight_leds_is_calibrated_as_its_geometry_says(tmp_path: Path)
     assert [group["leds"] for group in lights["groups"]] == [[0, 3, 6], [1, 4, 6], [2, 5, 7]]
     bundle = load_bundle(tmp_path / "bundle")
     assert [led.colour for led in bundle.manifest.led] == list("RRRGGGBB")
+    assert read_lights(bundle).ring.led_colours == "RRRGGGBB"
     collected = snapshot["figures"]["presses"]
     assert LEAST_PRESSES <= collected["presses"] < 30
     assert collected["held_out_um"] <= UNTIL_UM

@@ -50,7 +50,8 @@ def add_lights(
     colours = led_colours(bundle, ring)
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
         bundle.check_fits(camera.url, camera.image_shape)
-        model = _take_lights(camera, ring, colours, bundle.pixel_size_mm, frames)
+        with _untouched(camera):
+            model = take_lights(camera, ring, colours, bundle.pixel_size_mm, frames)
         fit = fit_ring(model, bundle.pixel_size_mm)
         if ring_from_light and ball_radius_mm is not None:
             model = replace(model, ring=fit.ring)
@@ -89,18 +90,22 @@ def led_colours(bundle: Bundle, ring: RingGeometry) -> NDArray[np.uint8]:
     return bundle.colours
 
 
-def _take_lights(
-    camera: Camera, ring: RingGeometry, colours: NDArray[np.uint8], pixel_size_mm: tuple[float, float], frames: int
+def take_lights(
+    camera: Camera,
+    ring: RingGeometry,
+    colours: NDArray[np.uint8],
+    pixel_size_mm: tuple[float, float],
+    frames: int,
+    taking: Callable[[int, int], object] = lambda index, groups: None,
 ) -> LightModel:
-    """Show the untouched gel dark, under each LED and under all, and make the light model of what the camera sees.
+    """Show the gel, which nothing touches, dark, under each LED and under all, and make the light model of it.
 
-    colours: (K, 3) uint8 of the LEDs. A simulated sensor lifts off what is pressed, and presses it again afterwards.
-    Raises CameraError without a ring, and what `light_model` raises.
+    colours: (K, 3) uint8 of the LEDs. frames: averaged under each light. taking: told before each light, which it is
+    and how many there are. Raises CameraError without a ring, and what `light_model` and `taking` raise.
     """
     if camera.ring is None:
         raise CameraError(f"{camera.url} has no light ring whose LEDs could be lit one by one: connect its board")
-    with _untouched(camera):
-        pictures = _take_pictures(camera, colours, frames)
+    pictures = _take_pictures(camera, colours, frames, taking)
     controls = camera.controls
     exposure = controls.read(EXPOSURE) if controls and EXPOSURE in controls.names() else None
     return light_model(pictures, ring, colours, pixel_size_mm, exposure_us=exposure)
@@ -139,13 +144,16 @@ def _untouched(camera: Camera) -> Iterator[None]:
             stage.press(pressed["object"], pressed["depth_mm"], pressed["x_mm"], pressed["y_mm"])
 
 
-def _take_pictures(camera: Camera, colours: NDArray[np.uint8], frames: int) -> ReferencePictures:
+def _take_pictures(
+    camera: Camera, colours: NDArray[np.uint8], frames: int, taking: Callable[[int, int], object]
+) -> ReferencePictures:
     """Average `frames` frames in the dark, under each LED, under each triple and under all."""
     singles, triples = single_leds(colours), colour_triples(colours)
     groups = [np.zeros_like(colours), *singles, *triples, colours]
     taken = []
     with Hold(camera) as hold:
         for index, group in enumerate(groups):
+            taking(index, len(groups))
             images = [frame.image for frame in hold.expose(group, index, frames)]
             # The dark by its median: noise that is cut off at 0 would lift the mean.
             taken.append(np.median(images, axis=0) if index == 0 else np.mean(images, axis=0))
