@@ -3,11 +3,14 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import Result
 
 from gellight.base.errors import BundleError, CameraError
-from gellight.bundle.bundle import load_bundle, write_bundle
+from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
+from gellight.cli.calibrate import training
+from gellight.photometric.lights_file import read_lights
 from gellight.sensor.discovery import discover
 from tests.helpers.command_line import invoke
 
@@ -27,7 +30,7 @@ def made(folder: Path, sensor: str, mark: str, name: str = "") -> Path:
         noise_grey=1.0,
         pixel_size_mm=(0.0588, 0.0588),
         network=synthetic.network,
-        metrics={"verification": {"depth_mm": 0.01, "normal_deg": 1.0}},
+        metrics={"verification": {"depth_mm": 0.01, "normal_deg": 1.0}, "test": {"depth_mm": 0.01}},
         extra_files={"mark": mark.encode()},
     )
     return folder
@@ -81,3 +84,20 @@ def test_without_a_sensor_no_verb_takes_the_simulated_one(
     refused = gellight(*(str(bundle) if word == "BUNDLE" else word for word in verb)).exception
     assert isinstance(refused, CameraError)
     assert "are plugged in: check the cable, or take the simulated sensor (--sensor sim://)" in str(refused)
+
+
+def test_the_bundle_of_the_simulated_sensor_is_made_with_its_lights(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its network takes minutes, so here it is the shipped one."""
+
+    def trained_before(out: Path, **_: object) -> Bundle:
+        return load_bundle(made(out, "simulated", "no lights"))
+
+    monkeypatch.setattr(training, "make_synthetic", trained_before)
+    monkeypatch.setattr(training, "LIGHT_FRAMES", 2)
+    done = gellight("synthetic", "--out", str(tmp_path / "written"))
+    assert done.exit_code == 0, done.output
+    written, shipped = (read_lights(load_bundle(source)) for source in (tmp_path / "written", "synthetic"))
+    for kind, pattern in shipped.patterns.items():
+        np.testing.assert_allclose(written.patterns[kind], pattern, atol=0.02)
