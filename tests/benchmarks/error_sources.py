@@ -11,7 +11,7 @@ at the rim, within 0.3 mm of where the contact ends, and inside. The bundle has 
 import argparse
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from unittest.mock import patch
 
@@ -113,13 +113,18 @@ def errors(feel: Feel, scene: Scene, light: NDArray[np.float64], pressed: list[P
 def level_irradiance(surface: Surface, geometry: SensorGeometry, led: int, box: imaging.Box = imaging.WHOLE) -> Floats:
     """Return the light of a LED on slopes that all lie at the height of the gel at rest; nothing hides it from them."""
     level = Surface(np.zeros_like(surface.depth_mm), surface.gradient_map, surface.contact)
-    return imaging.led_irradiance(level, geometry, led, box)
+    with unhidden():
+        return imaging.led_irradiance(level, geometry, led, box)
+
+
+def unhidden() -> AbstractContextManager[object]:
+    """Return what keeps LEDs from casting shadows."""
+    return patch.object(imaging, "visibility", lambda depth, *_: np.ones_like(depth))
 
 
 def calibrate_in_lights() -> None:
     """Print what the guided routine reaches as it is, without shadows, and in light that does not change with depth."""
-    unhidden = patch.object(imaging, "visibility", lambda depth, *_: np.ones_like(depth))
-    ways = {"as it is": nullcontext(), "no shadows": unhidden,
+    ways = {"as it is": nullcontext(), "no shadows": unhidden(),
             "light of gel at rest": patch("gellight.lab.simulator.scene.led_irradiance", level_irradiance)}  # fmt: skip
     for number, (name, light) in enumerate(ways.items()):
         with light, tempfile.TemporaryDirectory() as folder:

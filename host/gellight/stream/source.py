@@ -18,6 +18,8 @@ from gellight.frames.status import SensorStatus
 
 logger = logging.getLogger(__name__)
 PATIENCE_S = 10.0
+CALLBACK_S = 10.0
+"""that the function of a listener may take when the source is closed"""
 BACKLOG = 32
 """frames that wait for a reader who wants them all"""
 
@@ -176,12 +178,16 @@ class FrameSource(ABC):
         """Let go of whatever is held."""
 
     def close(self) -> None:
-        """End; raises what ended a callback of `listen` before."""
+        """End; raises what ended a callback of `listen` before, StreamError for one that does not return."""
         self._closing.set()
         self._release_all()
         for thread in self._listening:
             if thread is not threading.current_thread():
-                thread.join()
+                thread.join(CALLBACK_S)
+                if thread.is_alive() and self._problem is None:
+                    self._problem = StreamError(
+                        f"what listen calls has not returned for {CALLBACK_S:g} s: it runs on, the rest is closed"
+                    )
         if self._problem is not None:
             problem, self._problem = self._problem, None
             raise problem

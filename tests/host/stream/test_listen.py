@@ -13,6 +13,7 @@ from gellight.base.errors import StreamError
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream, ReconnectingError
 from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.stream import source
 from gellight.stream.publisher import Publisher
 from gellight.stream.sensor import Sensor
 from gellight.stream.source import FrameSource, NoFrameError
@@ -158,6 +159,23 @@ def test_what_a_callback_raises_while_the_source_is_closed_is_not_lost() -> None
     closing.set()
     with pytest.raises(ZeroDivisionError):
         frames.close()
+
+
+def test_a_callback_that_does_not_return_is_told_and_the_rest_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(source, "CALLBACK_S", 0.05)
+    camera, called, released = PluggedCamera(), threading.Event(), threading.Event()
+
+    def hang(frame: TactileFrame) -> None:
+        called.set()
+        released.wait(20)
+
+    frames = Sensor(session_of(camera, BumpReconstructor()))
+    frames.listen(hang)
+    assert called.wait(20)
+    with pytest.raises(StreamError, match=r"has not returned for 0\.05 s: it runs on"):
+        frames.close()
+    assert camera.closed
+    released.set()
 
 
 def test_frames_come_to_a_callback_until_the_subscription_is_closed() -> None:
