@@ -25,7 +25,7 @@ class Interrupted(Exception):  # noqa: N818 - what Ctrl-C does
 
 def test_the_verb_writes_each_pose_and_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
     path, folder = tmp_path / "path.csv", tmp_path / "p"
-    path.write_text("x_mm,y_mm,z_mm,turn_deg\n-0.05,0,0,0\n")
+    path.write_text("x_mm,y_mm,z_mm,turn_deg\n-0.05,0,0,3\n")
 
     def interrupt(_: Step) -> None:
         if (folder / "pose-000.npz").exists():
@@ -41,6 +41,7 @@ def test_the_verb_writes_each_pose_and_goes_on_where_it_was_interrupted(tmp_path
     assert result.exit_code == 0, result.output
     report = json.loads(result.stdout)
     assert json.loads((folder / "report.json").read_text()) == report
+    assert [pose["turn_deg"] for pose in report["poses"]] == pytest.approx([0.0, 3.0])
     pressed, dragged = (np.array(pose["force_n"]) for pose in report["poses"])
     assert np.abs(pressed[:2]).max() < 0.02 * pressed[2]
     assert dragged[0] < -0.1 * pressed[2]

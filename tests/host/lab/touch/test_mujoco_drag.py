@@ -67,7 +67,7 @@ def test_what_two_gels_hold_pulls_them_down_with_its_weight() -> None:
     assert pulled == pytest.approx((0.0, 0.0, -0.02 * 9.81), abs=2e-3)
 
 
-def by_hand() -> tuple[Dragging, MujocoGel, mujoco.MjModel, mujoco.MjData]:
+def by_hand(friction: float = 0.6) -> tuple[Dragging, MujocoGel, mujoco.MjModel, mujoco.MjData]:
     """Return a gel and a ball that is moved by hand, .9 mm deep."""
     model = mujoco.MjModel.from_xml_string(
         """<mujoco><worldbody><body name="finger" euler="30 20 10"><site name="gel"/>
@@ -78,7 +78,7 @@ def by_hand() -> tuple[Dragging, MujocoGel, mujoco.MjModel, mujoco.MjData]:
         </worldbody></mujoco>"""
     )
     gel = MujocoGels(model, ["gel"], touching=["ball"], sensor=small)["gel"]
-    return Dragging(gel, friction=0.6), gel, model, mujoco.MjData(model)
+    return Dragging(gel, friction=friction), gel, model, mujoco.MjData(model)
 
 
 def moved(dragging: Dragging, gel: MujocoGel, model: mujoco.MjModel, data: mujoco.MjData, **places: float) -> Sheared:
@@ -88,13 +88,14 @@ def moved(dragging: Dragging, gel: MujocoGel, model: mujoco.MjModel, data: mujoc
     return dragging.follow(data, gel.feel(data))
 
 
-def test_what_is_moved_by_hand_drags_as_told() -> None:
-    dragging, *world = by_hand()
+@pytest.mark.parametrize("friction", [0.05, 0.6])
+def test_what_is_moved_by_hand_drags_as_told(friction: float) -> None:
+    dragging, *world = by_hand(friction)
     moved(dragging, *world)
     felt = world[0].feel(world[2])
     for share in (0.5, 1.0):
         sheared = moved(dragging, *world, x=1e-4 * share, y=-5e-5 * share)
-    told = world[0].sensor.drag(felt, (0.1, -0.05, 0.0), friction=0.6)
+    told = world[0].sensor.drag(felt, (0.1, -0.05, 0.0), friction=friction)
     assert sheared.force_n == pytest.approx(told.force_n, rel=0.05)
     begun = moved(Dragging(world[0], friction=0.6), *world, spin=0.0)
     assert begun.force_n == pytest.approx((0.0, 0.0), abs=1e-9), "what begins to touch pulls nowhere"
