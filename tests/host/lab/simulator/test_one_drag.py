@@ -42,6 +42,7 @@ def test_the_verb_writes_each_pose_and_goes_on_where_it_was_interrupted(tmp_path
     report = json.loads(result.stdout)
     assert json.loads((folder / "report.json").read_text()) == report
     assert [pose["turn_deg"] for pose in report["poses"]] == pytest.approx([0.0, 3.0])
+    assert report["poses"][0]["sticks"] > 0.5  # of what touches, not of the gel
     pressed, dragged = (np.array(pose["force_n"]) for pose in report["poses"])
     assert np.abs(pressed[:2]).max() < 0.02 * pressed[2]
     assert dragged[0] < -0.1 * pressed[2]
