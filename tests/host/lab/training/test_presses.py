@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.bundle.bundle import load_bundle, write_bundle
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
-from gellight.lab.training.table import TableOptions, build_table, images_of
+from gellight.lab.training.table import DARKEST_GREY, PressTable, TableOptions, build_table, images_of, under_light_of
 
 SHAPE = (120, 160)
 BALL = Ball(radius_mm=4.0, pixel_size_mm=0.1)
@@ -180,3 +181,21 @@ def test_the_rim_of_a_circle_that_a_hand_drew_weighs_less(tmp_path: Path) -> Non
     rims, inner = ([((table.image == i) & part).sum() for i in (0, 1)] for part in (distance > 27, distance <= 27))
     assert inner[0] == inner[1]
     assert rims[0] == pytest.approx(0.25 * rims[1], rel=0.2)
+
+
+def test_presses_of_a_like_unit_are_made_as_bright_as_this_units_gel_at_their_place(tmp_path: Path) -> None:
+    random, (height, width) = np.random.default_rng(0), (24, 32)
+    theirs, ours = random.integers(2, 200, (2, height, width, 3)).astype(np.float32)
+    x, y = random.integers(0, width, 50), random.integers(0, height, 50)
+    rows = np.column_stack([random.normal(size=(50, 3)), x, y, random.normal(size=(50, 2))]).astype(np.float32)
+    table = PressTable(rows=rows, image=np.zeros(50, np.int32), image_size=(width, height))
+    bundle = write_bundle(
+        tmp_path / "like", sensor="theirs", reference=theirs, reference_frames=1, noise_grey=1.0,
+        pixel_size_mm=(0.1, 0.1), network=load_bundle("synthetic").network, metrics={}, presses=table.arrays(),
+    )  # fmt: skip
+    found = under_light_of(bundle, ours).rows
+    brighter = np.maximum(ours[y, x], DARKEST_GREY) / np.maximum(theirs[y, x], DARKEST_GREY)
+    np.testing.assert_allclose(found[:, :3], rows[:, :3] * brighter, rtol=1e-4)
+    np.testing.assert_array_equal(found[:, 3:], rows[:, 3:])
+    with pytest.raises(InputError, match="is no like unit"):
+        under_light_of(bundle, ours[:, :-4])
