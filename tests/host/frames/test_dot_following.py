@@ -155,6 +155,17 @@ def test_a_dot_that_leaves_the_picture_is_beyond_the_view() -> None:
     assert not found.problem
 
 
+def test_dots_that_come_in_at_the_border_are_of_no_other_gel() -> None:
+    """At rest they were too near to it, and they are a fifth of those that were seen."""
+    whole = np.stack(np.meshgrid(np.arange(5.0, WIDTH, PITCH), np.arange(5.0, HEIGHT, PITCH)), axis=-1).reshape(-1, 2)
+    inner = ((whole > PITCH / 2) & (whole < np.array([WIDTH, HEIGHT]) - PITCH / 2)).all(axis=1)
+    (*_, found), number = followed(whole[inner], picture(whole + 4.0), picture(whole + 8.0))
+    assert not found.problem
+    there = found.seen[number]
+    assert there.sum() > 0.8 * inner.sum()
+    assert np.hypot(*(found.places_px[number] - whole[inner] - 8.0)[there].T).max() < 0.2
+
+
 @pytest.mark.parametrize("diameter", [8.0, 9.0, 11.0, 13.0, 17.0])
 def test_a_dot_that_is_no_nearer_to_the_border_than_that_is_found(
     diameter: float, monkeypatch: pytest.MonkeyPatch
