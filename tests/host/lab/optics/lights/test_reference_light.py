@@ -144,7 +144,7 @@ def test_an_object_in_the_gel_is_told() -> None:
 
 @pytest.mark.parametrize(
     ("changes", "words"),
-    [({"mounting_height_mm": 41.0}, "above the gel"), ({"led_colours": "RRRGGG"}, "red, green and blue")],
+    [({"mounting_height_mm": 41.0}, "above the gel"), ({"led_colours": "RRRGGG"}, "R, G or B, each at least once")],
 )
 def test_a_ring_that_cannot_be_is_refused(changes: dict[str, float | str], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
