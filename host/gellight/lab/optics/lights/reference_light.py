@@ -28,6 +28,8 @@ LEAST_GREY = 8.0
 """a picture of one LED that is darker than this somewhere in its own channel cannot be told from noise"""
 LARGEST_RESIDUAL = 0.05
 BRIGHT_SHARE = 0.6
+GLINTS = 0.001
+"""share of the grey levels that may be clipped: medians and smooth patterns do not see a few"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,7 +129,8 @@ def find_crosstalk(linear: Array, ring: RingGeometry) -> Array:
     for channel in range(3):
         light = linear[[k for k, own in enumerate(ring.channels) if own == channel]].reshape(-1, 3)
         # Only where it is bright: in the dark, noise that is cut off at 0 looks like light of every colour.
-        bright = light[light[:, channel] > BRIGHT_SHARE * light[:, channel].max()].sum(axis=0)
+        most = np.quantile(light[:, channel], 1 - GLINTS)
+        bright = light[(light[:, channel] > BRIGHT_SHARE * most) & (light[:, channel] <= most)].sum(axis=0)
         columns.append(bright / bright[channel])
     return np.stack(columns, axis=1)
 
@@ -190,9 +193,10 @@ def _unit(light: Array) -> Array:
 
 
 def _check_brightness(pictures: ReferencePictures, singles: Array, ring: RingGeometry) -> None:
-    if pictures.whole.max() >= CLIPPED:
+    brightest = float(np.quantile(pictures.whole, 1 - GLINTS))
+    if brightest >= CLIPPED:
         raise BundleError(
-            f"the picture under the whole ring reaches {pictures.whole.max():.0f} of 255 grey levels: "
+            f"the picture under the whole ring reaches {brightest:.0f} of 255 grey levels: "
             "shorten the exposure and take the lights again"
         )
     for led, channel in enumerate(ring.channels):

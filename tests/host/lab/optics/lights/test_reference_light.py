@@ -132,6 +132,17 @@ def test_a_clipped_picture_is_told(gel: Gel) -> None:
         light_model(replace(pictures, whole=pictures.whole * 0 + 255), RING, RING.colours, PIXEL_MM)
 
 
+def test_a_glint_is_no_clipped_picture(gel: Gel) -> None:
+    pictures = gel.references(1)
+    for image in (pictures.whole, *pictures.singles, *pictures.triples):
+        image[40:43, 60:63] = 255
+    without, found = gel.model(1), light_model(pictures, RING, RING.colours, PIXEL_MM)
+    assert found.gamma == without.gamma
+    np.testing.assert_allclose(found.crosstalk, without.crosstalk, atol=2e-3)
+    for kind, pattern in without.patterns.items():
+        np.testing.assert_allclose(found.patterns[kind], pattern, atol=0.02)
+
+
 def test_an_object_in_the_gel_is_told() -> None:
     from gellight.lab.simulator.scene import Press
 
