@@ -74,8 +74,9 @@ def led_irradiance(surface: Surface, geometry: SensorGeometry, led: int, box: Bo
     else:
         irradiance *= (leaving / np.sqrt(squared)) ** geometry.emission_exponent / squared**1.5
     # A smooth surface casts a shadow only if somewhere it turns away from the light, and not far from there.
-    if facing.min() < 0:
-        reach = (depth.max() - depth.min()) * np.sqrt(squared.max()) / led_z
+    relief = depth.max() - depth.min()
+    if facing.min() < 0 < relief:
+        reach = relief * np.sqrt(squared.max()) / led_z
         rows, columns = around(facing < 0, int(np.ceil(reach / geometry.pixel_size_mm)))
         axes = x[0, box[1]][columns], y[box[0], 0][rows]
         irradiance[rows, columns] *= visibility(depth[rows, columns], axes, position)
