@@ -37,6 +37,8 @@ LEAST_COVERED = 0.3
 """of the contact of a touch, by another one: with less nothing is asked of the two"""
 STEEPEST = np.cos(np.radians(35.0))
 """between two touches that are asked"""
+MOST_UNLIKE = 0.25
+"""of a touch that is searched for: at its place it is 0.005 or less; a fine texture in another place had 0.49"""
 SEARCHED_EVERY = 5
 """touches of an object that has no place yet; each search takes a second"""
 TRIED, LAST = 4, 3
@@ -46,6 +48,11 @@ SAID_EVERY = 10
 MOST_TOUCHES = 400
 FEW, SOLVED_EVERY = 40, 10
 """all places are found anew with each touch while there are few, and then with every so manieth"""
+
+
+def found_again(a: Agreement) -> bool:
+    """Say whether a touch that nothing led to is another one's place; one that was followed may be less like it."""
+    return right(a) and a.unlike <= MOST_UNLIKE
 
 
 def alike(a: Agreement) -> bool:
@@ -194,7 +201,7 @@ class BodyScan(KeptPresses):
 
     def _found(self, number: int, view: View, among: set[int]) -> list[Joint]:
         """Return the joint of a touch that nobody knows, with one of the last touches, or of all; none: no joint."""
-        near = self._searched(number, view, set(sorted(among)[-LAST:]), right)
+        near = self._searched(number, view, set(sorted(among)[-LAST:]), found_again)
         joint = near or self._searched(number, view, among, alike)
         return [joint] if joint is not None else []
 
