@@ -1,8 +1,9 @@
 """Make GelNet for the simulated sensor: `python -m gelnet.synthetic --out DIR`.
 
-Presses balls into the simulated gel all over the view, photographs them with a simulated camera, trains on the true
-slopes, and writes DIR/network.onnx, training.json, reference.npy and provenance.json, all or none. The host makes the
-bundle of it: `gellight calibrate synthetic`.
+Presses balls into the simulated gel all over the view, photographs their slopes with a simulated camera, as if all of
+the gel lay at the depth of the gel at rest, trains on them, and writes DIR/network.onnx, training.json, reference.npy
+and provenance.json, all or none. The host takes off what depth and shadows do to the light, and makes the bundle:
+`gellight calibrate synthetic`.
 """
 
 import argparse
@@ -138,9 +139,10 @@ def _rows_of_press(
 def _rows_of_picture(
     sensor: Sensor, surface: Surface, options: Options, noise_grey: float | None, random: np.random.Generator
 ) -> Floats:
-    """Photograph a surface and return some of its pixels as (n, 7) rows."""
+    """Photograph the slopes of a surface, all at the depth of the gel at rest; return some pixels as (n, 7) rows."""
     width = sensor.geometry.image_width_px
-    grey = linear_grey(ring_irradiance(surface, sensor.geometry, sensor.light), sensor.response).astype(np.float32)
+    level = Surface(np.zeros_like(surface.depth_mm), surface.gradient_map, surface.contact)
+    grey = linear_grey(ring_irradiance(level, sensor.geometry, sensor.light), sensor.response).astype(np.float32)
     chosen = _chosen_pixels(surface.gradient_map, surface.contact, options, random)
     image = grey.clip(0, WHITE) if noise_grey is None else digitise(grey, noise_grey, random)
     rows = np.empty((len(chosen), 7), np.float32)

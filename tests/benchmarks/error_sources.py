@@ -1,18 +1,13 @@
 """What the simulated error in contact is made of: `python -m tests.benchmarks.error_sources [BUNDLE] [--objects]`.
 
-`--routine` calibrates anew by the virtual hand, as it is, without shadows, and in light that gel of any depth gets as
-the gel at rest gets it; printed are depth and normals of six fresh balls. Otherwise:
-
 The ball 2 mm deep at random places, or with `--objects` the ten objects 0.3 mm deep, felt as they are and with one
 source of error after the other taken away. Mean error of the normals and of the depth in contact; of the normals also
 at the rim, within 0.3 mm of where the contact ends, and inside. The bundle has to be of a sensor whose LEDs are even.
 """
 
 import argparse
-import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, nullcontext
-from pathlib import Path
+from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
@@ -25,18 +20,15 @@ from gellight.frame_path.pipeline import Form, Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.synthetic import ball_presses
-from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.integration import angle_deg, normals
 from sim_reference import imaging
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import BENCHMARK_NAMES
 from sim_reference.surface import Surface
-from tests.benchmarks.like_units import calibrated, told
 
 SEED, BALLS, BALL_MM, OBJECT_MM = 3, 6, 2.0, 0.3
 RIM_MM = 0.3
-ROUTINE_URL, ROUTINE_PRESSES = "sim://?fps=500", 40
 Floats = NDArray[np.floating]
 Felt = tuple[Floats, Floats]
 """(H, W, 2) slopes and (H, W) depth, mm"""
@@ -73,25 +65,19 @@ def by_true_slopes(path: Reconstructor) -> Feel:
     return feel
 
 
-def by_network_alone(bundle: Bundle) -> Feel:
-    """Return the network's answer to every pixel as it is, not rounded, not smoothed; the depth is the truth."""
-    network = GradientNetwork(bundle.network, bundle.image_shape, noise_grey=1.0)
-    return lambda grey, surface: (network.gradient_map((grey - bundle.reference).astype(np.float32)), surface.depth_mm)
-
-
 def ways(bundle: Bundle) -> Iterator[tuple[str, Feel, bool, float | None]]:
     """Yield what is taken away, what feels then, whether LEDs cast shadows, and the coating's smoothing, mm."""
     path, unlit = Reconstructor(bundle), Reconstructor(bundle, cast_shadows=False)
     numpy_path = Reconstructor(bundle, cast_shadows=False, form=Form.CELLS)
     rough = Reconstructor(bundle, smoothing_px=1, form=Form.PIXELS)
+    as_it_looks = replace(bundle, manifest=bundle.manifest.model_copy(update={"light_by_depth": False}))
     yield "as it is", felt_by(path, 1.0), True, None
+    yield "light of depth left in", felt_by(Reconstructor(as_it_looks), 1.0), True, None
     yield "shadows not searched for", felt_by(unlit, 1.0), True, None
     yield "no shadows", felt_by(unlit, 1.0), False, None
     yield "no noise", felt_by(path, 0.0), True, None
     yield "no noise, no shadows", felt_by(unlit, 0.0), False, None
     yield "no noise, not smoothed", felt_by(rough, 0.0), True, None
-    yield "network alone, no noise", by_network_alone(bundle), True, None
-    yield "the same, no shadows", by_network_alone(bundle), False, None
     yield "no coating", felt_by(path, 1.0), True, 0.0
     yield "true slopes", by_true_slopes(numpy_path), True, None
 
@@ -110,37 +96,12 @@ def errors(feel: Feel, scene: Scene, light: NDArray[np.float64], pressed: list[P
     return np.asarray(np.nanmean(found, axis=0))
 
 
-def level_irradiance(surface: Surface, geometry: SensorGeometry, led: int, box: imaging.Box = imaging.WHOLE) -> Floats:
-    """Return the light of a LED on slopes that all lie at the height of the gel at rest; nothing hides it from them."""
-    level = Surface(np.zeros_like(surface.depth_mm), surface.gradient_map, surface.contact)
-    with unhidden():
-        return imaging.led_irradiance(level, geometry, led, box)
-
-
-def unhidden() -> AbstractContextManager[object]:
-    """Return what keeps LEDs from casting shadows."""
-    return patch.object(imaging, "visibility", lambda depth, *_: np.ones_like(depth))
-
-
-def calibrate_in_lights() -> None:
-    """Print what the guided routine reaches as it is, without shadows, and in light that does not change with depth."""
-    ways = {"as it is": nullcontext(), "no shadows": unhidden(),
-            "light of gel at rest": patch("gellight.lab.simulator.scene.led_irradiance", level_irradiance)}  # fmt: skip
-    for number, (name, light) in enumerate(ways.items()):
-        with light, tempfile.TemporaryDirectory() as folder:
-            print(f"{name:26}{told(calibrated(ROUTINE_URL, Path(folder) / f'{number}', ROUTINE_PRESSES))}", flush=True)
-
-
 def main() -> None:
     """Print a line for each source of error."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.error_sources", description=__doc__)
     parser.add_argument("bundle", nargs="?", default="synthetic")
     parser.add_argument("--objects", action="store_true")
-    parser.add_argument("--routine", action="store_true")
     given = parser.parse_args()
-    if given.routine:
-        calibrate_in_lights()
-        return
     bundle, pressed = load_bundle(given.bundle), presses(given.objects)
     light = bundle.colours / 255
     print(f"{'':26}{'contact':>9}{'rim':>9}{'inside':>9}{'depth':>10}")

@@ -123,7 +123,8 @@ def over(bundle: Bundle, reference: NDArray[Any]) -> Bundle:
     files = {name: content for name, content in bundle.files.items() if name != LIGHTS}  # which are of its own size
     shrink = bundle.image_shape[1] / width, bundle.image_shape[0] / height
     files[bundle.manifest.network] = _scaled_places(bundle.network, shrink)
-    other = replace(bundle, manifest=bundle.manifest.model_copy(update=size), files=files)
+    described = {**size, "light_by_depth": False}
+    other = replace(bundle, manifest=bundle.manifest.model_copy(update=described), files=files)
     return other.with_reference(np.ascontiguousarray(reference, np.float32), frames=bundle.manifest.reference_frames)
 
 

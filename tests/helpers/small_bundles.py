@@ -110,7 +110,9 @@ def with_view(bundle: Bundle) -> Bundle:
     """Return it for the part `BOX` of the picture."""
     x, y, width, height = BOX
     network = {bundle.manifest.network.replace(".", "__"): at_places(bundle.network, 1, x, y)}
-    cut = replace(bundle, files={name: content for name, content in bundle.files.items() if name != "lights.json"})
+    files = {name: content for name, content in bundle.files.items() if name != "lights.json"}
+    as_it_looks = bundle.manifest.model_copy(update={"light_by_depth": False})
+    cut = replace(bundle, files=files, manifest=as_it_looks)
     seen = sized(cut, bundle.reference[y : y + height, x : x + width], PIXEL_MM)
     steps = PictureSteps.with_view(View.of_box(BOX, SHAPE)).files()["picture.json"]
     return with_files(seen, "view", picture__json=steps, **network)

@@ -214,6 +214,7 @@ class Description(TypedDict, total=False):
     pixel_size_mm: Required[tuple[float, float]]
     follow_light: bool
     level_plane: bool
+    light_by_depth: bool
     gel_thickness_mm: float
     bulge: float
     led: tuple[LedSetting, ...]

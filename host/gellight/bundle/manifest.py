@@ -80,6 +80,9 @@ class Manifest(BaseModel):
     """take the median over the view off every difference image, because the light of this sensor drifts"""
     level_plane: bool = False
     """take the plane that the untouched gel lies on off every depth map, because slopes of this sensor tilt it"""
+    light_by_depth: bool = False
+    """the network answers to light as the gel has it at the depth of rest: what the depth that is felt changes of the
+    light of the LEDs (`lights.json`) is taken off before it is asked"""
     gel_thickness_mm: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
     """of the soft gel, no depth can be beyond it; 0 where nobody told"""
     bulge: Length = BULGE

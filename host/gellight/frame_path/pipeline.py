@@ -97,8 +97,8 @@ class Reconstructor:
         )
         cells = CellNetwork(self._network) if masked and form is not Form.PIXELS else None
         lens = read_undistortion(bundle) if undistorted and has_lens(bundle) else None
-        shadows = CastShadows.of_bundle(bundle, self._network) if cast_shadows else None
-        self.cast_shadows = shadows is not None
+        shadows = CastShadows.of_bundle(bundle, self._network, wanted=cast_shadows)
+        self.cast_shadows = shadows is not None and shadows.hide
         numpy_path = NumpyPath(
             bundle, self._network, cells, lens, shadows, smoothing_px=smoothing_px, masked=masked, clock=clock
         )

@@ -1,4 +1,4 @@
-"""Cast shadows: which LEDs the felt surface hides from the gel, and what the network answers with their light.
+"""The light that the felt surface takes from the gel or brings to it, and what the network answers without that.
 
 The steep wall of a deep press keeps the light of single LEDs from the gel beside it. The colour of one pixel cannot
 tell that from a slope, so the gel there is found too steep and the contact too deep. Where the bundle knows its LEDs
@@ -9,12 +9,18 @@ tell that from a slope, so the gel there is found too steep and the contact too 
    point is in shadow where a nearer point of the same ray has a smaller s. Rays that cross more rows than columns are
    followed away from the LED row by row: the smallest s up to there, between the two cells of the row before that a ray
    passes, is that row's, or s there. The other rays are followed column by column.
-3. `photometric.solver.light_row` says how much light a hidden LED would bring to gel of the slope that was found.
+3. `led_light` says how much light a hidden LED would bring to gel of the slope that was found.
 4. The network answers to the colour of the cell with that light. By how much that differs from the slope that was
    found is added to the slopes of the pixels, linear between cells, before they are smoothed and integrated.
+
+Depth does the same everywhere: gel that is pressed in lies nearer to the LEDs. A network that learnt from balls as they
+look shows gentle slopes deep, because a ball has them in its middle, and reads the gel beside a contact too flat. Where
+the manifest says `light_by_depth`, the network learnt colours as they would be at the depth of the gel at rest, and in
+step 3 each cell gets the light, too, that it would have there (`LedLight.lost_by_depth`). All is then done twice, for
+the depth of the first round is felt in the wrong light.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -22,12 +28,13 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.pixel_grid import between_blocks
-from gellight.photometric.light_model import WHITE, LightGroups, LightModel
+from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import has_lights, read_lights
-from gellight.photometric.solver import Points, light_row
+from gellight.photometric.solver import Points
 from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX, GradientNetwork, block_middles, cell_means
 from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.led_light import LedLight, unit_normals
 from gellight.reconstruction.lens.lens_file import has_lens
 
 Floats = NDArray[np.float32]
@@ -36,9 +43,12 @@ Bools = NDArray[np.bool_]
 EDGE_MM = 0.08
 """Where the ray to a LED passes the surface by less than half of this, a part of the cell is in shadow."""
 LEAST_LOST = 0.001
-"""of the light of a channel at rest: less is left"""
+"""of the light of a channel at rest: less is left, of twice as much all is given back, in between a part"""
 FEWEST_CELLS = 16
 """Smaller shadows are left: they change the depth in contact by less than half a micrometre."""
+ROUNDS = 2
+"""where depth changes the light: after one, deep walls are felt a third worse than without any, in the third as in the
+second"""
 DEEPEST = 0.15
 """of the height of the LEDs: gel is not pressed in further, so nothing is sought where nothing so deep would shade"""
 _BEYOND = np.float32(1e3)
@@ -48,58 +58,61 @@ _DIAGONAL = 1.00001
 
 
 class CastShadows:
-    """The shadows of one sensor's LEDs."""
+    """What the surface does to the light of one sensor's LEDs."""
 
-    def __init__(self, bundle: Bundle, model: LightModel, network: GradientNetwork) -> None:
-        """Take the light of the sensor and the network that is asked again."""
-        self._network, self._bulge = network, bundle.manifest.bulge
-        self.black, self.gamma = np.asarray(model.black_grey, np.float32), model.gamma
-        self.leds = np.concatenate([model.ring.positions_mm(), model.ring.axes()], axis=1).astype(np.float32)
-        """(K, 6) position, mm, and axis"""
-        self.deepest_mm = DEEPEST * float(self.leds[:, 2].min())
-        self.exponent = model.ring.emission_exponent
+    def __init__(self, bundle: Bundle, model: LightModel, network: GradientNetwork, *, hide: bool = True) -> None:
+        """Take the light of the sensor and the network that is asked again; hide: LEDs can be hidden by the surface."""
+        self._network, self._bulge, self.hide = network, bundle.manifest.bulge, hide
+        self.by_depth = bundle.manifest.light_by_depth
+        self.rounds = ROUNDS if self.by_depth else 1
         self.cell_mm = CELL_PX * bundle.pixel_size_mm[0], CELL_PX * bundle.pixel_size_mm[1]
         self.cells = -(-bundle.image_shape[0] // CELL_PX), -(-bundle.image_shape[1] // CELL_PX)
+        self.light = LedLight.of(model, self.cells)
+        self.deepest_mm = DEEPEST * float(self.light.leds[:, 2].min())
         self.middle = block_middles(bundle.image_shape, CELL_PX)
         place = (self.middle - (np.array(bundle.image_shape[::-1]) - 1) / 2) * bundle.pixel_size_mm
         x, y = np.moveaxis(place.reshape(*self.cells, 2), 2, 0).astype(np.float32)
         self.x_mm, self.y_mm = np.ascontiguousarray(x[0]), np.ascontiguousarray(y[:, 0])
         self.rest = cell_means(bundle.reference.astype(np.float32), CELL_PX).reshape(-1, 3)
         """(h w, 3) grey levels at rest"""
-        self.shares = _shares(model, self.cells)
-        """(K, 3, h, w) share of each LED in the light of each channel at rest"""
         self._zero = network.infer(np.zeros((len(self.middle), 3), np.float32), self.middle)
 
     @classmethod
-    def of_bundle(cls, bundle: Bundle, network: GradientNetwork) -> Self | None:
-        """Return those of a bundle; None where it does not know its LEDs, or has a lens, which moves the shadows.
+    def of_bundle(cls, bundle: Bundle, network: GradientNetwork, *, wanted: bool = True) -> Self | None:
+        """Return those of a bundle; None where there is nothing to do.
 
-        Raises BundleError for a damaged `lights.json`.
+        Nothing is hidden where it is not `wanted`, where the bundle does not know its LEDs, and in one with a lens,
+        which moves the shadows. Raises BundleError for a damaged or missing `lights.json`.
         """
-        if not has_lights(bundle) or has_lens(bundle):
+        hide = wanted and has_lights(bundle) and not has_lens(bundle)
+        if not hide and not bundle.manifest.light_by_depth:
             return None
-        return cls(bundle, read_lights(bundle), network)
+        return cls(bundle, read_lights(bundle), network, hide=hide)
 
     def change(self, difference: Floats, slopes: Floats, touched: Bools) -> Floats | None:
-        """Return what is to be added to the slopes of every pixel, (H, W, 2); None without shadows.
+        """Return what is to be added to the slopes of every pixel, (H, W, 2); None where it is nothing.
 
         difference: (H, W, 3). slopes: (H, W, 2) as found, not smoothed. touched: (h, w) cells.
         """
-        found = cell_means(slopes, CELL_PX)
-        deepest = self._surface(np.full(self.cells, self.deepest_mm, np.float32), found)
-        if not any(deepest.away_from(led).any() for led in self.leds):
+        found = first = cell_means(slopes, CELL_PX)
+        if not self.by_depth and not self._may_shade(found):
             return None
-        lost = self.lost(self.depth_mm(found, touched), found)
-        cell = np.flatnonzero(lost.max(axis=2) > LEAST_LOST)
-        if len(cell) < FEWEST_CELLS:
-            return None
-        lit = self._lit(
-            cell_means(difference, CELL_PX).reshape(-1, 3)[cell], lost.reshape(-1, 3)[cell], self.rest[cell]
-        )
-        change = np.zeros((*self.cells, 2), np.float32)
-        answer = self._network.infer(lit, self.middle[cell])
-        change.reshape(-1, 2)[cell] = answer - self._zero[cell] - found.reshape(-1, 2)[cell]
-        return between_blocks(change, CELL_PX, slopes.shape)
+        seen = cell_means(difference, CELL_PX).reshape(-1, 3)
+        for _ in range(self.rounds):
+            lost = self.lost(self.depth_mm(found, touched), found)
+            cell = np.flatnonzero(np.abs(lost).max(axis=2) > LEAST_LOST)
+            if len(cell) < FEWEST_CELLS:
+                return None
+            light = lost.reshape(-1, 3)[cell]
+            lit = self.light.with_light(seen[cell], light, self.rest[cell])
+            answer = self._network.infer(lit, self.middle[cell]) - self._zero[cell]
+            found = first.copy()
+            found.reshape(-1, 2)[cell] += part_given(light) * (answer - first.reshape(-1, 2)[cell])
+        return between_blocks(found - first, CELL_PX, slopes.shape)
+
+    def _may_shade(self, slopes: Floats) -> bool:
+        deepest = self._surface(np.full(self.cells, self.deepest_mm, np.float32), slopes)
+        return any(deepest.away_from(led).any() for led in self.light.leds)
 
     def depth_mm(self, slopes: Floats, touched: Bools) -> Floats:
         """Integrate the (h, w, 2) slopes of cells."""
@@ -111,29 +124,27 @@ class CastShadows:
 
         depth_mm: (h, w). slopes: (h, w, 2).
         """
-        lost = np.zeros((3, *self.cells), np.float32)
-        surface = self._surface(depth_mm, slopes)
-        normal = np.stack([-surface.across, -surface.down, np.ones_like(depth_mm)])
-        normal /= np.sqrt((normal**2).sum(axis=0))
-        for led, shares in zip(self.leds, self.shares, strict=True):
+        surface, light = self._surface(depth_mm, slopes), self.light
+        points = Points(surface.x.ravel(), surface.y.ravel(), depth_mm.ravel())
+        shares = light.shares.reshape(*light.shares.shape[:2], -1)
+        normal = unit_normals(slopes).reshape(3, -1)
+        lost = np.zeros((3, depth_mm.size), np.float32)
+        if self.by_depth:
+            lost += light.lost_by_depth(points, slopes.reshape(-1, 2), shares)
+        for number, led in enumerate(light.leds if self.hide else ()):
             away = surface.away_from(led)
-            if not away.any():  # a smooth surface casts no shadow where all of it faces the light
-                continue
-            hidden = surface.hidden_from(led, away, self.cell_mm)
-            points = Points(surface.x, surface.y, depth_mm)
-            light = light_row(points, hidden, led[:3].tolist(), led[3:].tolist(), self.exponent)
-            lost += shares * np.maximum((light * normal).sum(axis=0), 0)
-        return np.moveaxis(lost, 0, 2)
+            if away.any():  # a smooth surface casts no shadow where all of it faces the light
+                hidden = surface.hidden_from(led, away, self.cell_mm).ravel()
+                lost += shares[number] * light.on(number, points, normal, hidden)
+        return np.moveaxis(lost.reshape(3, *self.cells), 0, 2)
 
     def _surface(self, depth_mm: Floats, slopes: Floats) -> "_Surface":
         return _Surface(depth_mm, slopes[..., 0], slopes[..., 1], *np.meshgrid(self.x_mm, self.y_mm))
 
-    def _lit(self, seen: Floats, lost: Floats, rest: Floats) -> Floats:
-        """(M, 3) differences of cells with the light `lost` (M, 3), in shares of the light at rest; seen: without."""
-        span = WHITE - self.black
-        at_rest, now = (np.maximum((grey - self.black) / span, 0) ** self.gamma for grey in (rest, rest + seen))
-        lit = self.black + span * (now + lost * at_rest) ** (1 / self.gamma) - rest
-        return np.asarray(lit, np.float32)
+
+def part_given(lost: Floats) -> Floats:
+    """Return which part (M, 1) of the light `lost` (M, 3) is given back: rounding at a limit then changes nothing."""
+    return np.asarray(np.clip(np.abs(lost).max(axis=1, keepdims=True) / LEAST_LOST - 1, 0, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,11 +203,3 @@ def _follow_rays(
         if row > rows[-1] and not part.any():
             return
         hidden[row] += part
-
-
-def _shares(model: LightModel, cells: tuple[int, int]) -> Floats:
-    """(K, 3, h, w) share of the light at rest in each channel that each LED brings, at cells."""
-    alone = replace(model, image_shape=cells).references(LightGroups.SINGLES)
-    seen = model.crosstalk[:, model.ring.channels, None, None] * alone
-    shares = seen / seen.sum(axis=1, keepdims=True)
-    return np.ascontiguousarray(shares.swapaxes(0, 1), np.float32)

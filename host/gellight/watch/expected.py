@@ -18,8 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
+from gellight.frames.pixel_grid import spread_blocks
 from gellight.reconstruction.at_rest import far_from_touch
-from gellight.reconstruction.gelnet import GradientNetwork
+from gellight.reconstruction.cast_shadows import CastShadows
+from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.light_drift import light_drift
 from gellight.watch.cells import Cells, spread
@@ -69,6 +71,7 @@ class ErrorEstimate:
             rest_grey=bundle.manifest.rest_grey,
             source=bundle.source,
         )
+        self._shadows = CastShadows.of_bundle(bundle, self._network)
         self._places = np.zeros(bundle.image_shape, np.bool_)
         self._places[_EVERY_PX // 2 :: _EVERY_PX, _EVERY_PX // 2 :: _EVERY_PX] = True
         self._derivative = np.stack([self._slopes_per_grey(channel) for channel in range(3)], axis=2)
@@ -92,11 +95,13 @@ class ErrorEstimate:
         difference = spread(change, self._bundle.image_shape)
         if self._bundle.manifest.follow_light:
             difference -= light_drift(difference)
-        slopes = self._network.gradient_map(difference)
+        slopes, touched = self._network.gradient_map(difference), self._network.touched_cells(difference)
+        if self._shadows and (by_depth := self._shadows.change(difference, slopes, touched)) is not None:
+            slopes += by_depth
         depth_mm = integrate(
             slopes,
             self._bundle.pixel_size_mm,
-            at_rest=far_from_touch(self._network.touched(difference)),
+            at_rest=far_from_touch(spread_blocks(touched, CELL_PX, self._bundle.image_shape)),
             bulge=self._bundle.manifest.bulge,
         )
         angle = np.degrees(np.arctan(np.hypot(slopes[..., 0], slopes[..., 1])))

@@ -87,7 +87,7 @@ def test_fit_writes_a_bundle_that_says_how_it_came_about(bundle: Path, pressed: 
     record = written.metrics["training"]
     assert (record["recipe"], record["width"], record["images"]) == ("fast", 16, 10)
     assert record["losses"][-1] < record["losses"][0]
-    assert set(written.presses()) == {"rows", "image", "image_size"}
+    assert set(written.presses()) == {"rows", "image", "image_size", "depth_mm"}
     assert [path.name for path in bundle.parent.iterdir()] == [bundle.name]
 
 

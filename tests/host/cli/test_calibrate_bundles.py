@@ -10,7 +10,8 @@ from click.testing import Result
 from gellight.base.errors import BundleError, CameraError
 from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
 from gellight.cli.calibrate import training
-from gellight.photometric.lights_file import read_lights
+from gellight.photometric.light_model import LightModel
+from gellight.photometric.lights_file import read_lights, write_lights
 from gellight.sensor.discovery import discover
 from tests.helpers.command_line import invoke
 
@@ -91,8 +92,8 @@ def test_the_bundle_of_the_simulated_sensor_is_made_with_its_lights(
 ) -> None:
     """Its network takes minutes, so here it is the shipped one."""
 
-    def trained_before(out: Path, **_: object) -> Bundle:
-        return load_bundle(made(out, "simulated", "no lights"))
+    def trained_before(out: Path, *, lights: LightModel, **_: object) -> Bundle:
+        return write_lights(load_bundle(made(tmp_path / "trained", "simulated", "no lights")), lights, out)
 
     monkeypatch.setattr(training, "make_synthetic", trained_before)
     monkeypatch.setattr(training, "LIGHT_FRAMES", 2)

@@ -1,6 +1,7 @@
 """The library for aarch64, run by QEMU on any machine, against the NumPy form."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -44,6 +45,9 @@ def test_the_shipped_network_gives_the_same_there(aarch64: OtherProcessor) -> No
     native, cells = both(bundle)
     frame = CameraFrame(image=scenes(bundle)["all touched, steep"], time_s=0.0, sequence=0)
     agree(native.reconstruct(frame), cells.reconstruct(frame), but=1e-3)
+    # Without the light of depth it is first asked whether there can be shadows.
+    as_it_looks = bundle.manifest.model_copy(update={"light_by_depth": False})
+    compare(replace(bundle, manifest=as_it_looks))
     assert aarch64.called == set(library.SIGNATURES)
 
 

@@ -39,7 +39,7 @@ def test_slow_drift_is_followed_and_the_depth_returns_to_zero(new_sensor: New, s
     sensor.run(4)
     frame = sensor.frame().camera_frame
     before = Reconstructor(synthetic).reconstruct(frame)
-    assert np.abs(before.depth_mm).mean() > 0.1, "four per cent less light is taken for a tenth of a millimetre"
+    assert np.abs(before.depth_mm).mean() > 0.04, "four per cent less light is taken for a twentieth of a millimetre"
     zero = sensor.watch.propose_zero(asked=False)
     sensor.watch.accept_zero(zero)
     after = Reconstructor(synthetic.with_reference(zero.reference, frames=100)).reconstruct(frame)
@@ -202,7 +202,7 @@ def test_a_running_daemon_follows_drift_by_itself_and_goes_on_streaming(
         status = daemon.status()["watch"]
         assert isinstance(status, dict)
         assert status["zeros"] >= 1
-        assert np.abs(Reconstructor(synthetic).reconstruct(frame.camera_frame).depth_mm).mean() > 0.05
+        assert np.abs(Reconstructor(synthetic).reconstruct(frame.camera_frame).depth_mm).mean() > 0.03
         assert daemon.bundle.identity == synthetic.identity, "a zero is no other calibration"
 
 

@@ -3,12 +3,10 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
 
-from gellight.base.settings import SensorSettings, Settings
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.calibrate.training_options import Like, SizedTraining, Threads, Trainer, check_recipe
 from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
@@ -17,7 +15,7 @@ from gellight.frames.dots import Dots
 from gellight.frames.picture import steps_of
 from gellight.frames.view import read_view
 from gellight.lab.calibration.ball_radius import is_another, likely_radius_mm
-from gellight.lab.optics.lights.adding import add_lights
+from gellight.lab.optics.lights.adding import lights_of_simulated_sensor
 from gellight.lab.training import validation
 from gellight.lab.training.cross_validation import Comparison, CrossValidation, cross_validate
 from gellight.lab.training.judged_fit import fit_judged
@@ -25,7 +23,7 @@ from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling.ball_size import check_ball, felt_radius_mm
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.prisms import PrismError, PrismPress, prism_errors, read_prisms
-from gellight.lab.training.synthetic import make_synthetic
+from gellight.lab.training.synthetic import PIXEL_SIZE_MM, make_synthetic
 from gellight.lab.training.training import Learning, Reference, like_words, read_reference
 from gellight.lab.training.validation import AngleFigures, PressFigures
 
@@ -161,19 +159,19 @@ def synthetic(
 ) -> None:
     """Make the bundle of the simulated sensor that comes with GelLight."""
     check_recipe(recipe)
-    untouched = Settings(sensor=SensorSettings(url="sim://?programme=0"))
-    with progress("training") as report, TemporaryDirectory(prefix="gellight-synthetic-") as folder:
-        draft = make_synthetic(
-            Path(folder) / "draft",
+    lights = lights_of_simulated_sensor(PIXEL_SIZE_MM, frames=LIGHT_FRAMES)
+    with progress("training") as report:
+        written = make_synthetic(
+            bundle.out,
+            lights=lights,
             width=width,
             recipe=recipe,
             seed=seed,
             threads=threads,
             trainer=trainer,
+            overwrite=bundle.overwrite,
             progress=report,
         )
-        add_lights(draft, untouched, bundle.out, frames=LIGHT_FRAMES, overwrite=bundle.overwrite)
-    written = load_bundle(bundle.out)
     test = [f"{name:<28}{value:>10.4g}" for name, value in written.metrics["test"].items()]
     lines = ["measured on simulated presses it was not trained on:", *test]
     _print_written(written, bundle.out, as_json, lines)

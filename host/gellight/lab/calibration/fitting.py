@@ -1,7 +1,7 @@
 """Step 5: the LEDs are measured, the network is trained in a child process, and both are kept as a draft bundle."""
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from gellight.base.errors import InputError, TrainingError
 from gellight.bundle.bundle import Bundle
@@ -15,6 +15,7 @@ from gellight.lab.training.child import RefusedTableError
 from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.presses import Press
 from gellight.lab.training.training import Learning, Reference, rehearse
+from gellight.photometric.light_model import LightModel
 
 logger = logging.getLogger(__name__)
 
@@ -51,7 +52,7 @@ def fit(run: CalibrationRun) -> None:
     run.folder.finish(Fit.model_validate({**bundle.metrics, "losses": bundle.metrics["training"]["losses"]}))
 
 
-def _draft(run: CalibrationRun, presses: Sequence[Press], lights: Mapping[str, bytes]) -> Bundle:
+def _draft(run: CalibrationRun, presses: Sequence[Press], lights: LightModel | None) -> Bundle:
     def report(epoch: int, epochs: int, loss: float) -> None:
         run.display.update(progress=Progress(done=epoch, wanted=epochs, unit="epochs", loss=loss))
 
@@ -62,8 +63,8 @@ def _draft(run: CalibrationRun, presses: Sequence[Press], lights: Mapping[str, b
         ball_of(run),
         run.folder.draft,
         sensor=run.options.sensor,
-        how=Learning(options=run.options.training, like=run.options.like),
-        extra_files={**run.camera.bundle_files, **lights},
+        how=Learning(options=run.options.training, like=run.options.like, lights=lights),
+        extra_files=run.camera.bundle_files,
         overwrite=True,
         progress=report,
         check=run.check_stopped,

@@ -1,4 +1,4 @@
-"""The light of each LED, measured before the network is trained: with it the frame path finds cast shadows."""
+"""The light of each LED, measured before the network is trained: the frame path then knows how depth changes it."""
 
 import logging
 
@@ -14,7 +14,6 @@ from gellight.lab.calibration.sensing import detector_of, wait_free
 from gellight.lab.optics.lights.adding import take_lights
 from gellight.lab.optics.lights.ring_fit import fit_ring
 from gellight.photometric.light_model import LightModel
-from gellight.photometric.lights_file import lights_file
 
 logger = logging.getLogger(__name__)
 
@@ -25,8 +24,8 @@ ALIKE = 0.1
 quarter too low, shadows that are not there make deep walls twice as wrong as none that are found."""
 
 
-def measure_lights(run: CalibrationRun) -> dict[str, bytes]:
-    """Return `lights.json` of the untouched gel as a file of the bundle; nothing where it would be of no use.
+def measure_lights(run: CalibrationRun) -> LightModel | None:
+    """Return the light of each LED on the untouched gel; None where it would be of no use.
 
     That is without a ring; with a pin grid or a view, for shadows are sought in pictures as the camera takes them; and
     where the light does not fit the ring of [geometry], which the user is told.
@@ -34,16 +33,16 @@ def measure_lights(run: CalibrationRun) -> dict[str, bytes]:
     steps = steps_in(run.camera.bundle_files)
     viewed = run.options.tools.pin_pitch_mm is not None or (steps is not None and steps.view is not None)
     if run.camera.ring is None or viewed:
-        return {}
+        return None
     run.display.update(instruction="The light of each LED is measured. Touch nothing.")
     wait_free(run, detector_of(run))
     try:
-        return lights_file(_measured(run))
+        return _measured(run)
     except BundleError as error:
-        problem = f"no light of single LEDs, so deep walls are felt without their cast shadows: {error}"
+        problem = f"no light of single LEDs, so deep presses are felt less exactly: {error}"
         logger.warning(problem)
         run.display.update(problem=problem)
-        return {}
+        return None
 
 
 def _measured(run: CalibrationRun) -> LightModel:

@@ -50,7 +50,8 @@ class Shade:
         depth, *slopes = (cv2.resize(plane, (w, h), interpolation=cv2.INTER_AREA) for plane in (depth_mm, across, down))
         given = (depth, np.stack(slopes), self._x_mm, self._y_mm, self._leds, len(self._leds))
         kept = (self._shares, *self._cell_mm, EDGE_MM, self._exponent, self._lost, self._work, self._flags)
-        if self._c.call("lost_light", *given, *kept, w, h):
+        hide, by_depth = True, False
+        if self._c.call("lost_light", *given, *kept, hide, by_depth, w, h):
             for channel, lost in enumerate(self._lost):
                 light[channel] -= cv2.resize(lost * self._rest[channel], light.shape[:0:-1])
 

@@ -24,9 +24,11 @@ from gellight.bundle.contents import npz
 from gellight.bundle.manifest import METRICS
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.lab.training.child import Progress, silent
+from gellight.lab.training.level_light import at_rest_depth
 from gellight.lab.training.light_change import LightChange, light_change
 from gellight.lab.training.table import COLOURS, PressTable
 from gellight.lab.training.training import Reference, TrainingOptions, train
+from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import has_lights, lights_file, read_lights
 from gellight.reconstruction.image_noise import measure_noise
 from gellight.reconstruction.measures import PRESSES
@@ -77,15 +79,18 @@ def adapt(
     """
     table, options = PressTable.of(bundle), _as_it_was_trained(bundle)
     change = light_change(bundle, untouched.image, untouched.frames)
-    table = replace(table, rows=rows_of_now(table, bundle, change))
-    network, record = train(table, options, untouched=untouched.image, progress=progress)
+    table, lights = replace(table, rows=rows_of_now(table, bundle, change)), _lights_of_now(bundle, change)
+    learnt = table
+    if lights and bundle.manifest.light_by_depth:
+        learnt = at_rest_depth(table, lights, untouched.image, bundle.pixel_size_mm)
+    network, record = train(learnt, options, untouched=untouched.image, progress=progress)
     told = {"from": bundle.identity, "frames": untouched.frames, **change.as_json()}
     metrics = {**bundle.metrics, "training": record, ADAPTED: told}
     files = {
         bundle.manifest.network: network,
         PRESSES: npz(table.arrays()),
         METRICS: (json.dumps(metrics, indent=2, sort_keys=True, allow_nan=False) + "\n").encode(),
-        **_lights_of_now(bundle, change),
+        **(lights_file(lights) if lights else {}),
     }
     made = bundle.with_files(files).with_reference(untouched.image, frames=untouched.frames)
     created = datetime.now(UTC).replace(microsecond=0)
@@ -123,13 +128,13 @@ def _as_it_was_trained(bundle: Bundle) -> TrainingOptions:
         ) from error
 
 
-def _lights_of_now(bundle: Bundle, change: LightChange) -> dict[str, bytes]:
-    """Return the light model with each LED as bright as it is now; nothing where the bundle has none."""
+def _lights_of_now(bundle: Bundle, change: LightChange) -> LightModel | None:
+    """Return the light model with each LED as bright as it is now; None where the bundle has none."""
     if not has_lights(bundle):
-        return {}
+        return None
     model = read_lights(bundle)
     leds = change.gains[model.colours.argmax(axis=1)] if change.leds is None else change.leds
     patterns = {kind: pattern.copy() for kind, pattern in model.patterns.items()}
     for pattern in patterns.values():
         pattern[:, 0, 0] += np.log(np.maximum(leds, DARKEST_LED))
-    return lights_file(replace(model, patterns=patterns))
+    return replace(model, patterns=patterns)

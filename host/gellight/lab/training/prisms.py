@@ -191,8 +191,9 @@ def _check(press: PrismPress, image_shape: tuple[int, int], where: str) -> None:
 def with_prisms(
     table: PressTable, prisms: Sequence[PrismPress], reference: Floats, options: TableOptions, *, follow_light: bool
 ) -> PressTable:
-    """Return a table of ball presses with the faces of prisms added; reference (H, W, 3), grey levels.
+    """Return a table of ball presses with the faces of prisms added, whose depth nobody knows.
 
+    reference: (H, W, 3), grey levels.
     Of the pixels beyond 0.9 of a face a quarter is trained on, as the gel may have left it there already.
     """
     if not prisms:
@@ -204,6 +205,7 @@ def with_prisms(
         table,
         rows=np.concatenate([table.rows, *parts]),
         image=np.concatenate([table.image, np.repeat(numbers, [len(part) for part in parts])]),
+        depth_mm=None,
     )
 
 

@@ -16,6 +16,8 @@ from gellight.lab.simulator.known_force import known_force
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.child import Progress, run_module, silent
 from gellight.lab.training.trainer import TrainerName, checked_trainer
+from gellight.photometric.light_model import LightModel
+from gellight.photometric.lights_file import lights_file
 from gellight.reconstruction.errors import surface_errors
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.geometry import SensorGeometry
@@ -25,6 +27,7 @@ from sim_reference.surface import Surface
 Array = NDArray[np.float64]
 TEST_SEED = 3
 NOISE_GREY = 1.0
+PIXEL_SIZE_MM = SensorGeometry().pixel_size_mm
 DEPTH_MM = 1.0
 """of the presses that are measured"""
 MARGIN_MM = 3.0
@@ -125,6 +128,7 @@ def _jacobian(scene: Scene, surface: Surface, step: float = 1e-4) -> Array:
 def make_synthetic(
     out: Path,
     *,
+    lights: LightModel,
     width: int,
     recipe: str = "fine",
     seed: int = 0,
@@ -135,19 +139,20 @@ def make_synthetic(
 ) -> Bundle:
     """Train GelNet on simulated presses in a child process, write the bundle and measure it on test presses.
 
-    Raises TrainingError or BundleError; then `out` is as it was.
+    lights: of the simulated sensor. Raises TrainingError or BundleError; then `out` is as it was.
     """
     with tempfile.TemporaryDirectory(prefix="gellight-synthetic-") as folder:
         place = Path(folder)
         arguments = ["--out", folder, "--width", str(width), "--recipe", recipe, "--seed", str(seed)]
         run_module("gelnet.synthetic", arguments, progress, trainer=checked_trainer(trainer), threads=threads)
         training = json.loads((place / "training.json").read_text())
-        draft = _written(place, place / "draft", {"training": training})
+        draft = _written(place, place / "draft", lights, {"training": training})
         # Measured through the bundle as it will be loaded, then written once with what was measured.
-        return _written(place, out, {"training": training, "test": asdict(evaluate_simulated(draft))}, overwrite)
+        measured = {"training": training, "test": asdict(evaluate_simulated(draft))}
+        return _written(place, out, lights, measured, overwrite)
 
 
-def _written(place: Path, out: Path, metrics: dict[str, object], overwrite: bool = False) -> Bundle:
+def _written(place: Path, out: Path, lights: LightModel, metrics: dict[str, object], overwrite: bool = False) -> Bundle:
     """Write the files of the child as a bundle."""
     provenance = json.loads((place / "provenance.json").read_text())
     return write_bundle(
@@ -158,10 +163,15 @@ def _written(place: Path, out: Path, metrics: dict[str, object], overwrite: bool
         noise_grey=provenance["camera"]["noise_grey"],
         pixel_size_mm=(provenance["geometry"]["pixel_size_mm"],) * 2,
         gel_thickness_mm=provenance["geometry"]["gel_thickness_mm"],
+        light_by_depth=True,
         network=(place / "network.onnx").read_bytes(),
         network_name="synthetic.onnx",
         led=_leds(provenance["geometry"]["led_colours"], provenance["light"]),
-        extra_files={"provenance.json": (place / "provenance.json").read_bytes(), **known_force(SensorGeometry())},
+        extra_files={
+            "provenance.json": (place / "provenance.json").read_bytes(),
+            **lights_file(lights),
+            **known_force(SensorGeometry()),
+        },
         metrics=metrics,
         overwrite=overwrite,
     )

@@ -1,5 +1,6 @@
 """The table that GelNet is trained on: labelled pixels of presses, their colours and the slopes that the ball gives."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
-from gellight.lab.training.presses import Ball, Floats, Press, distance_px, sphere_gradient
+from gellight.lab.training.presses import SUNKEN, Ball, Floats, Press, distance_px, sphere_gradient
 from gellight.reconstruction.light_drift import difference_of, light_drift
 
 COLOURS = 3
@@ -46,17 +47,21 @@ class PressTable:
     """(N,) number of the image each row comes from, see `images_of`"""
     image_size: tuple[int, int]
     """(W, H) px"""
+    depth_mm: Floats | None = None
+    """(N,) how deep the gel lies there, as far as a picture of a press tells; None where nobody knows"""
 
     @classmethod
     def of(cls, bundle: Bundle) -> Self:
         """Return the table that a bundle was trained on; BundleError where it keeps none."""
         arrays = bundle.presses()
         width, height = (int(size) for size in arrays["image_size"])
-        return cls(rows=arrays["rows"], image=arrays["image"], image_size=(width, height))
+        depth_mm = arrays.get("depth_mm")
+        return cls(rows=arrays["rows"], image=arrays["image"], image_size=(width, height), depth_mm=depth_mm)
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """Return the arrays as they are stored in an npz file."""
-        return {"rows": self.rows, "image": self.image, "image_size": np.array(self.image_size, np.int32)}
+        depth = {} if self.depth_mm is None else {"depth_mm": self.depth_mm}
+        return {"rows": self.rows, "image": self.image, "image_size": np.array(self.image_size, np.int32), **depth}
 
     @classmethod
     def joined(cls, parts: Sequence[Floats], images: NDArray[np.int32], image_shape: tuple[int, int]) -> Self:
@@ -78,7 +83,9 @@ def build_table(
         difference = difference_of(press.picture(), reference, follow_light=follow_light)
         together = [other for other in presses if other.image == press.image]
         parts.append(labelled_rows(press, together, difference, ball, options, random))
-    return PressTable.joined(parts, images_of(presses), (reference.shape[0], reference.shape[1]))
+    table = PressTable.joined(parts, images_of(presses), (reference.shape[0], reference.shape[1]))
+    depths = [_depth_mm(press, ball, part) for press, part in zip(presses, parts, strict=True)]
+    return replace(table, depth_mm=np.concatenate(depths))
 
 
 def labelled_rows(
@@ -111,6 +118,16 @@ def labelled_rows(
     slopes = np.zeros((len(chosen), 2))
     slopes[: len(contact)] = sphere_gradient(press, ball, shape).reshape(-1, 2)[contact]
     return np.concatenate([change.reshape(-1, change.shape[2])[chosen], places, slopes], axis=1, dtype=np.float32)
+
+
+def _depth_mm(press: Press, ball: Ball, rows: Floats) -> Floats:
+    """(n,) how deep the gel lies at the rows of a press: the cap of the ball, its rim by `SUNKEN`; 0 beside it."""
+    x, y = rows[:, -4:-2].T.astype(np.float64)
+    below = ball.radius_px**2 - (x - press.center_x_px) ** 2 - (y - press.center_y_px) ** 2
+    rim = math.sqrt(ball.radius_px**2 - press.contact_radius_px**2)
+    cap = np.sqrt(np.maximum(below, 0)) - rim
+    depth_px = np.where(cap > 0, cap + SUNKEN * (ball.radius_px - rim), 0)
+    return (depth_px * ball.pixel_size_mm).astype(np.float32)
 
 
 def images_of(presses: Sequence[Press]) -> NDArray[np.int32]:

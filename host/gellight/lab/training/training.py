@@ -22,11 +22,14 @@ from gellight.frames.view import View
 from gellight.lab.training.child import Check, Progress, go_on, run_module, silent
 from gellight.lab.training.gel_at_rest import rest_of_presses
 from gellight.lab.training.labelling.refinement import refine as refinement_of
+from gellight.lab.training.level_light import at_rest_depth
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.prisms import PrismPress, with_prisms
 from gellight.lab.training.table import PressTable, TableOptions, build_table, drift_of_presses, under_light_of
 from gellight.lab.training.trainer import TrainerName, checked_trainer
 from gellight.opening import open_camera
+from gellight.photometric.light_model import LightModel
+from gellight.photometric.lights_file import lights_file
 from gellight.reconstruction.fine_pattern import pattern_match
 from gellight.reconstruction.image_noise import measure_noise, noise_of_one
 from gellight.sensor.findings import Finding, ok, warning
@@ -64,6 +67,8 @@ class Learning:
     """refit the circles together with the light first"""
     like: Bundle | None = None
     """of a unit like this one, whose presses are what few own ones begin with"""
+    lights: LightModel | None = None
+    """of the LEDs one by one; with it the network learns all slopes at the depth of the gel at rest (`level_light`)"""
 
 
 AS_A_RULE = Learning()
@@ -160,6 +165,8 @@ def fit(
     (`gel_at_rest`). Where circles are refined (`labelling.refinement`) the metrics say by how much. The rim of circles
     whose radius no light decided weighs less, unless `table_options` say otherwise.
     The metrics also say how well the fine pattern of the reference shows in the presses (`fine_pattern`).
+    Where the light of the LEDs is given, it goes into the bundle (`lights.json`), and the network learns from colours
+    as they would be at the depth of the gel at rest (`level_light`), unless prisms are among the presses.
     view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more of
     them, ready for JSON. level_plane: as the manifest has it. Raises InputError, TrainingError or BundleError; then
     `out` is as it was.
@@ -175,16 +182,23 @@ def fit(
     balls = build_table(presses, reference.image, ball, how.table_options, follow_light=follow)
     table = with_prisms(balls, how.prisms, reference.image, how.table_options, follow_light=follow)
     like = under_light_of(how.like, reference.image) if how.like else None
-    network, record = train(table, how.options, untouched=reference.image, like=like, progress=progress, check=check)
+    learnt, size = table, (ball.pixel_size_mm, ball.pixel_size_mm)
+    lights = how.lights if table.depth_mm is not None else None
+    if lights:
+        learnt = at_rest_depth(table, lights, reference.image, size)
+        like = like and at_rest_depth(like, lights, reference.image, size)
+    network, record = train(learnt, how.options, untouched=reference.image, like=like, progress=progress, check=check)
     metrics |= {LIKE: how.like.manifest.sensor} if how.like else {}
     rest_grey = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
     return write_bundle(
         out, sensor=sensor, overwrite=overwrite,
         reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
-        rest_grey=rest_grey, follow_light=follow, level_plane=level_plane, network=network,
-        pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm), presses=table.arrays(),
+        rest_grey=rest_grey, follow_light=follow, level_plane=level_plane, light_by_depth=lights is not None,
+        network=network, pixel_size_mm=size, presses=table.arrays(),
         metrics={**metrics, "prisms": len(how.prisms), "training": record},
-        extra_files={**(extra_files or {}), **(steps.files() if steps else {})},
+        extra_files={
+            **(extra_files or {}), **(steps.files() if steps else {}), **(lights_file(how.lights) if how.lights else {})
+        },
     )  # fmt: skip
 
 

@@ -40,9 +40,10 @@ SIGNATURES = {
     "measure_parts": "ppppippii",
     "slope_means": "pppii",
     "may_shade": "ppppifppii",
-    "lost_light": "pppppipffffpppii",
-    "lit_rows": "ppppffppi",
-    "add_change": "pppppppiii",
+    "lost_light": "pppppipffffpppiiii",
+    "lit_rows": "ppppffpppi",
+    "felt_slopes": "ppppppii",
+    "add_change": "ppppppiii",
     "network_slopes": "pppi",
     "network_jacobian": "ppppi",
 }

@@ -24,40 +24,54 @@ class NativeShadows:
         """Take the parts; zero: (h w, 2) what the network answers at cells to no difference."""
         self._c, self._parts, self._network, self._zero, self._bulge = library, shadows, network, zero, bulge
         h, w = shadows.cells
-        turned = np.ascontiguousarray(shadows.shares.swapaxes(2, 3))
-        self._shares = np.concatenate([shadows.shares.ravel(), turned.ravel()])
+        shares = shadows.light.shares
+        self._shares = np.concatenate([shares.ravel(), shares.swapaxes(2, 3).ravel()])
         self._cosines = CosineRows(library, (h, w))
         self._factors, self._column = elimination((h, w)), np.zeros(h)
-        self._means, self._change = np.zeros((2, 2, h, w), np.float32)
+        self._means, self._felt, self._change = np.zeros((3, 2, h, w), np.float32)
         self._lost, self._work = np.zeros((3, h, w), np.float32), np.zeros(8 * h * w + 4 * (w + h + 64), np.float32)
-        self._flags = np.zeros(w + h, np.uint8)
+        self._flags, self._part = np.zeros(w + h, np.uint8), np.zeros(h * w, np.float32)
 
     def add_change(self, m: WorkMemory, far: NDArray[np.bool_]) -> None:
-        """Add to the slopes in `m` what the light that their shadows took changes of them; far: of `far_cells`."""
-        parts, (h, w) = self._parts, self._parts.cells
+        """Add to the slopes in `m` what the light that the surface changed makes of them; far: of `far_cells`."""
+        parts, (h, w), light = self._parts, self._parts.cells, self._parts.light
         height, width = m.slopes.shape[1:]
         self._c.call("slope_means", m.slopes, self._means, m.work, width, height)
-        places = (parts.x_mm, parts.y_mm, parts.leds, len(parts.leds))
-        if not self._c.call("may_shade", self._means, *places, parts.deepest_mm, self._work, self._flags, w, h):
+        places = (parts.x_mm, parts.y_mm, light.leds, len(light.leds))
+        seeking = (parts.deepest_mm, self._work, self._flags)
+        if not parts.by_depth and not self._c.call("may_shade", self._means, *places, *seeking, w, h):
             return
-        light = (self._shares, *parts.cell_mm, EDGE_MM, parts.exponent, self._lost, self._work, self._flags)
-        if not self._c.call("lost_light", self._depth_mm(m, far), self._means, *places, *light, w, h):
-            return
-        lost = (self._lost, parts.rest, parts.black, parts.gamma, LEAST_LOST)
-        dark = self._c.call("lit_rows", m.cell_rows, *lost, m.index, m.rows, h * w)
-        if dark < FEWEST_CELLS:
-            return
-        rows = m.rows[:dark]
-        blocks = [self._network.slopes(rows[at : at + BLOCK_ROWS]) for at in range(0, dark, BLOCK_ROWS)]
-        answer = np.concatenate(blocks)
-        given = (m.index, answer, self._zero, self._means, self._change, m.slopes, m.work)
-        self._c.call("add_change", *given, dark, width, height)
+        self._felt[:] = self._means
+        for _ in range(parts.rounds):
+            count = self._feel_again(m, far)
+            if not count:
+                return
+        given = (m.index, self._felt, self._means, self._change, m.slopes, m.work)
+        self._c.call("add_change", *given, count, width, height)
+
+    def _feel_again(self, m: WorkMemory, far: NDArray[np.bool_]) -> int:
+        """Ask the network without the light that the felt slopes changed; return of how many cells, 0 for too few."""
+        parts, (h, w), light = self._parts, self._parts.cells, self._parts.light
+        places = (parts.x_mm, parts.y_mm, light.leds, len(light.leds))
+        given = (self._depth_mm(m, far), self._felt, *places, self._shares, *parts.cell_mm, EDGE_MM, light.exponent)
+        work = (self._lost, self._work, self._flags)
+        if not self._c.call("lost_light", *given, *work, parts.hide, parts.by_depth, w, h):
+            return 0
+        lost = (self._lost, parts.rest, light.black, light.gamma, LEAST_LOST)
+        count = self._c.call("lit_rows", m.cell_rows, *lost, m.index, m.rows, self._part, h * w)
+        if count < FEWEST_CELLS:
+            return 0
+        rows = m.rows[:count]
+        blocks = [self._network.slopes(rows[at : at + BLOCK_ROWS]) for at in range(0, count, BLOCK_ROWS)]
+        answer = (np.concatenate(blocks), self._zero, self._part, self._means, self._felt)
+        self._c.call("felt_slopes", m.index, *answer, count, h * w)
+        return count
 
     def _depth_mm(self, m: WorkMemory, far: NDArray[np.bool_]) -> Floats:
-        """Integrate the means of the slopes."""
+        """Integrate the felt slopes."""
         (h, w), size = self._parts.cells, self._parts.cell_mm
         depth = np.empty((h, w), np.float32)
-        self._c.call("divergence", self._means, depth, *size, m.work, w, h)
+        self._c.call("divergence", self._felt, depth, *size, m.work, w, h)
         waves = self._cosines.forwards(depth)
         self._c.call("solve_columns", waves, self._factors, self._column, w, h)
         depth = self._cosines.backwards(waves)

@@ -1,4 +1,4 @@
-/* Cast shadows on cells: `cast_shadows.py` has the formulas. */
+/* Cast shadows, and the light of depth, on cells: `cast_shadows.py` and `led_light.py` have the formulas. */
 #include "frame_path.h"
 
 #define BEYOND 1e3f
@@ -74,6 +74,14 @@ ONCE int hide_row(const Surface *s, const Led *led, int i, int first, int last, 
     return any;
 }
 
+/* How the light of a LED differs from that at depth 0, but for its angle to the surface. */
+INLINE float falls_off(const Led *led, float lx, float ly, float lz, float exponent) {
+    const float sideways = lx * lx + ly * ly, ratio = (sideways + led->z * led->z) / (sideways + lz * lz);
+    const float across = lx * led->axis_x + ly * led->axis_y;
+    const float leaving = larger((across + lz * led->axis_z) / (across + led->z * led->axis_z), 0);
+    return exponent == 1 ? ratio * ratio * leaving : power(ratio, 0.5f * (3 + exponent)) * power(leaving, exponent);
+}
+
 /* Add the light that row i lacks: share at rest x hidden x what the light would be. */
 INLINE void add_lost(const Surface *s, const Led *led, const float *shares, int i, int first, int last, float exponent,
                      const float *restrict hidden) {
@@ -82,13 +90,30 @@ INLINE void add_lost(const Surface *s, const Led *led, const float *shares, int 
     const float *restrict upright = s->upright + at, *restrict red = shares + at, *restrict green = red + plane,
                 *restrict blue = green + plane;
     float *restrict r = s->lost + at, *restrict g = r + plane, *restrict b = g + plane;
-    const float ly = led->y - s->y[i], led_z = led->z, axis_x = led->axis_x, axis_y = led->axis_y, axis_z = led->axis_z;
+    const Led here = *led;
+    const float ly = here.y - s->y[i];
     for (int j = first; j < last; j++) {
-        const float lx = led->x - px[j], lz = led_z - z[j], sideways = lx * lx + ly * ly;
-        const float ratio = (sideways + led_z * led_z) / (sideways + lz * lz), across = lx * axis_x + ly * axis_y;
-        const float leaving = larger((across + lz * axis_z) / (across + led_z * axis_z), 0);
-        const float falls = exponent == 1 ? ratio * ratio * leaving : power(ratio, 0.5f * (3 + exponent)) * power(leaving, exponent);
-        const float light = hidden[j] * falls / led_z * upright[j] * larger(lz - gx[j] * lx - gy[j] * ly, 0);
+        const float lx = here.x - px[j], lz = here.z - z[j], falls = falls_off(&here, lx, ly, lz, exponent);
+        const float light = hidden[j] * falls / here.z * upright[j] * larger(lz - gx[j] * lx - gy[j] * ly, 0);
+        r[j] += red[j] * light;
+        g[j] += green[j] * light;
+        b[j] += blue[j] * light;
+    }
+}
+
+/* Add the light that row i would have more at the depth of the gel at rest. */
+INLINE void add_by_depth(const Surface *s, const Led *led, const float *shares, int i, float exponent) {
+    const ptrdiff_t at = (ptrdiff_t)i * s->w, plane = (ptrdiff_t)s->h * s->w;
+    const float *restrict z = s->z + at, *restrict gx = s->gx + at, *restrict gy = s->gy + at, *restrict px = s->x;
+    const float *restrict upright = s->upright + at, *restrict red = shares + at, *restrict green = red + plane,
+                *restrict blue = green + plane;
+    float *restrict r = s->lost + at, *restrict g = r + plane, *restrict b = g + plane;
+    const Led here = *led;
+    const float ly = here.y - s->y[i];
+    for (int j = 0; j < s->w; j++) {
+        const float lx = here.x - px[j], lz = here.z - z[j], sloped = gx[j] * lx + gy[j] * ly;
+        const float now = falls_off(&here, lx, ly, lz, exponent) * larger(lz - sloped, 0);
+        const float light = upright[j] * (larger(here.z - sloped, 0) - now) / here.z;
         r[j] += red[j] * light;
         g[j] += green[j] * light;
         b[j] += blue[j] * light;
@@ -163,14 +188,23 @@ EXPORT int may_shade(const float *slopes, const float *x, const float *y, const 
     return 0;
 }
 
-/* The light that cells lack for the shadows of a surface, (3, h, w), in shares of the light at rest.
+ONCE void depth_light(const Surface *s, const Led *led, const float *shares, float exponent) {
+    for (int i = 0; i < s->h; i++)
+        if (exponent == 1)
+            add_by_depth(s, led, shares, i, 1);
+        else
+            add_by_depth(s, led, shares, i, exponent);
+}
+
+/* The light that cells lack, (3, h, w), in shares of the light at rest: for the shadows of a surface where it can `hide`
+ * LEDs, and against gel at the depth of rest where the network answers `by_depth`.
  *
  * depth: (h, w) mm. slopes: (2, h, w). x: (w) and y: (h) middles of the cells, mm. leds: (count, 6) position and axis. shares:
  * of each LED in the light of each channel at rest, (count, 3, h, w), then the same with columns for rows. edge_mm: see
- * `cast_shadows.EDGE_MM`. work: 8 h w + 4 (w + h + 64); flags: w + h. Returns from how many LEDs some cell is turned away. */
+ * `cast_shadows.EDGE_MM`. work: 8 h w + 4 (w + h + 64); flags: w + h. Returns whether there is any. */
 EXPORT int lost_light(const float *depth, const float *slopes, const float *x, const float *y, const float *leds, int count,
                       const float *shares, float size_x, float size_y, float edge_mm, float exponent, float *lost, float *work,
-                      uint8_t *flags, int w, int h) {
+                      uint8_t *flags, int hide, int by_depth, int w, int h) {
     const ptrdiff_t n = (ptrdiff_t)w * h;
     float *upright = work, *turned = upright + n, *turned_lost = turned + 4 * n, *rows = turned_lost + 3 * n;
     const Rules rules = {edge_mm, exponent};
@@ -183,7 +217,8 @@ EXPORT int lost_light(const float *depth, const float *slopes, const float *x, c
     for (int k = 0; k < count; k++) {
         const float *p = leds + 6 * k, *share = shares + (ptrdiff_t)3 * n * k, *turned_share = share + (ptrdiff_t)3 * n * count;
         const Led led = {p[0], p[1], p[2], p[3], p[4], p[5]}, turned_led = {p[1], p[0], p[2], p[4], p[3], p[5]};
-        if (!turned_away(&down, &led, flags, flags + h)) continue;
+        if (by_depth) depth_light(&down, &led, share, exponent);
+        if (!hide || !turned_away(&down, &led, flags, flags + h)) continue;
         if (!any++) {
             transpose(depth, turned, w, h);
             transpose(slopes + n, turned + n, w, h);
@@ -199,24 +234,27 @@ EXPORT int lost_light(const float *depth, const float *slopes, const float *x, c
         transpose(turned_lost + c * n, turned, h, w);
         for (ptrdiff_t at = 0; at < n; at++) lost[c * n + at] += turned[at];
     }
-    return any;
+    return any || by_depth;
 }
 
-/* Rows (n, 5) of the cells that lack more than `least` of the light of a channel at rest, with that light: see
- * `CastShadows._lit`. cells: (size, 5) all rows. rest: (size, 3) grey levels of the gel at rest. black: (3). Returns n;
- * index: which. */
+/* Rows (n, 5) of the cells whose light differs by more than `least` of a channel at rest, with that light: see
+ * `LedLight.with_light`. cells: (size, 5) all rows. rest: (size, 3) grey levels of the gel at rest. black: (3). Returns n;
+ * index: which; part (n): how much of the light is given back, see `cast_shadows.part_given`. */
 EXPORT int lit_rows(const float *cells, const float *lost, const float *rest, const float *black, float gamma, float least,
-                    int32_t *index, float *rows, int size) {
+                    int32_t *index, float *rows, float *part, int size) {
     int count = 0;
     for (int at = 0; at < size; at++) {
         const float light[3] = {lost[at], lost[size + at], lost[2 * (ptrdiff_t)size + at]};
-        if (!(larger(larger(light[0], light[1]), light[2]) > least)) continue;
+        const float above = larger(larger(light[0], light[1]), light[2]), below = smaller(smaller(light[0], light[1]), light[2]);
+        const float most = larger(above, -below);
+        if (!(most > least)) continue;
+        part[count] = smaller(most / least - 1, 1);
         float *row = rows + 5 * (ptrdiff_t)count;
         for (int c = 0; c < 5; c++) row[c] = cells[5 * (ptrdiff_t)at + c];
         for (int c = 0; c < 3; c++) {
             const float span = 255 - black[c], dim = rest[3 * (ptrdiff_t)at + c] - black[c];
             if (gamma == 1)
-                row[c] = larger(dim + row[c], 0) + light[c] * larger(dim, 0) - dim;
+                row[c] = larger(larger(dim + row[c], 0) + light[c] * larger(dim, 0), 0) - dim;
             else {
                 const float now = power((dim + row[c]) / span, gamma), given = light[c] * power(dim / span, gamma);
                 row[c] = span * power(now + given, 1 / gamma) - dim;
@@ -227,15 +265,26 @@ EXPORT int lit_rows(const float *cells, const float *lost, const float *rest, co
     return count;
 }
 
-/* What the light changes of the slopes of `count` cells, answer - zero - means, added to the slopes of the pixels, linear
- * between cells. change: 2 planes of cells, all 0 before and after. work: 5 cells_of(width) + 2. */
-EXPORT void add_change(const int32_t *index, const float *answer, const float *zero, const float *means, float *change, float *slopes,
-                       float *work, int count, int width, int height) {
+/* The slopes of all cells: their means, and of `count` of them `part` of the way to what the network answered, less zero. */
+EXPORT void felt_slopes(const int32_t *index, const float *answer, const float *zero, const float *part, const float *means, float *felt,
+                        int count, int size) {
+    for (ptrdiff_t at = 0; at < 2 * (ptrdiff_t)size; at++) felt[at] = means[at];
+    for (int k = 0; k < count; k++)
+        for (int o = 0; o < 2; o++) {
+            float *to = felt + (ptrdiff_t)o * size + index[k];
+            *to += part[k] * (answer[2 * (ptrdiff_t)k + o] - zero[2 * (ptrdiff_t)index[k] + o] - *to);
+        }
+}
+
+/* What the light changes of the slopes of `count` cells, felt - means, added to the slopes of the pixels, linear between
+ * cells. change: 2 planes of cells, all 0 before and after. work: 5 cells_of(width) + 2. */
+EXPORT void add_change(const int32_t *index, const float *felt, const float *means, float *change, float *slopes, float *work,
+                       int count, int width, int height) {
     const int w = cells_of(width), h = cells_of(height);
     const ptrdiff_t n = (ptrdiff_t)w * h;
     for (int k = 0; k < count; k++)
         for (int o = 0; o < 2; o++)
-            change[o * n + index[k]] = answer[2 * (ptrdiff_t)k + o] - zero[2 * (ptrdiff_t)index[k] + o] - means[o * n + index[k]];
+            change[o * n + index[k]] = felt[o * n + index[k]] - means[o * n + index[k]];
     /* index ascends, so its ends tell the rows of cells. */
     const int top = larger_int(index[0] / w - 1, 0), bottom = smaller_int(index[count - 1] / w + 2, h);
     for (int y = CELL * top; y < smaller_int(CELL * bottom, height); y++)

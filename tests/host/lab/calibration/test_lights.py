@@ -16,7 +16,6 @@ from gellight.lab.calibration.run import Aborted, CalibrationRun
 from gellight.lab.calibration.untouched import take_reference
 from gellight.lab.simulator.virtual_hand import hand_of
 from gellight.opening import open_camera
-from gellight.photometric.lights_file import LightRecord
 from gellight.photometric.ring_geometry import RingGeometry
 from tests.helpers.calibration_routine import GEOMETRY, LIT, URL, options
 
@@ -37,12 +36,12 @@ def begun(
 def test_the_lights_are_those_of_the_ring_and_the_ring_shines_afterwards_as_before(tmp_path: Path) -> None:
     with begun(tmp_path) as run:
         before = run.frame().image
-        (content,) = measure_lights(run).values()
+        model = measure_lights(run)
         after = run.frame().image
-    record = LightRecord.model_validate_json(content)
-    assert record.ring == RingGeometry()
-    assert record.gamma == 1.0
-    assert record.pattern_residual < 0.01
+    assert model is not None
+    assert model.ring == RingGeometry()
+    assert model.gamma == 1.0
+    assert model.pattern_residual < 0.01
     assert np.abs(before.astype(float) - after).mean() < 2
 
 
@@ -51,7 +50,7 @@ HIGH = {**GEOMETRY, "mounting_height_mm": 15.0}
 
 def test_a_ring_that_stands_elsewhere_than_the_settings_say_is_told_with_its_measures(tmp_path: Path) -> None:
     with begun(tmp_path, geometry=HIGH) as run:
-        assert measure_lights(run) == {}
+        assert measure_lights(run) is None
         told = re.search(
             r"of LEDs (\S+) mm above .* radius of (\S+) mm, \[geometry\] has (\S+) and (\S+) mm", run.display.problem
         )
@@ -61,13 +60,15 @@ def test_a_ring_that_stands_elsewhere_than_the_settings_say_is_told_with_its_mea
 
 def test_a_ring_that_stands_as_the_settings_say_is_taken(tmp_path: Path) -> None:
     with begun(tmp_path, geometry=HIGH, ring=RingGeometry(mounting_height_mm=15.0)) as run:
-        assert list(measure_lights(run)) == ["lights.json"]
+        model = measure_lights(run)
+        assert model is not None
+        assert model.ring.height_mm == 25.0
 
 
 @pytest.mark.parametrize(("url", "tools"), [(URL, {}), (LIT, {"pin_pitch_mm": 2.0})], ids=["no ring", "pin grid"])
 def test_where_they_would_be_of_no_use_no_lights_are_taken(tmp_path: Path, url: str, tools: dict[str, Any]) -> None:
     with begun(tmp_path, url, **tools) as run:
-        assert measure_lights(run) == {}
+        assert measure_lights(run) is None
         assert not run.display.problem
 
 

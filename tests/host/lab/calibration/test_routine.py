@@ -103,6 +103,7 @@ def test_a_ring_of_eight_leds_is_calibrated_as_its_geometry_says(tmp_path: Path)
     bundle = load_bundle(tmp_path / "bundle")
     assert [led.colour for led in bundle.manifest.led] == list("RRRGGGBB")
     assert read_lights(bundle).ring.led_colours == "RRRGGGBB"
+    assert bundle.manifest.light_by_depth
     collected = snapshot["figures"]["presses"]
     assert LEAST_PRESSES <= collected["presses"] < 30
     assert collected["held_out_um"] <= UNTIL_UM

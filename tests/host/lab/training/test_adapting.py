@@ -9,17 +9,21 @@ import pytest
 
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, LedSetting, load_bundle, write_bundle
+from gellight.bundle.contents import npz
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.training import adapting
 from gellight.lab.training.adapting import adapt, rows_of_now
+from gellight.lab.training.level_light import at_rest_depth
 from gellight.lab.training.light_change import light_change
 from gellight.lab.training.table import PressTable
 from gellight.lab.training.training import Reference, TrainingOptions, train
 from gellight.photometric.light_model import LightGroups
 from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.integration import angle_deg, normals
+from gellight.reconstruction.measures import PRESSES
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import ring_irradiance
@@ -136,6 +140,31 @@ def test_an_adapted_bundle_feels_as_before_the_light_changed(
     assert load_bundle(tmp_path / "now").identity == made.identity != bundle.identity
     before, after = (read_lights(one).references(LightGroups.SINGLES).mean(axis=(1, 2)) for one in (bundle, made))
     assert after / before == pytest.approx(leds, abs=LIGHT_MODEL * np.abs(1 - leds).max())
+
+
+def test_a_network_of_light_at_rest_learns_such_light_again(
+    sensor: Sensor, bundle: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    learnt: list[PressTable] = []
+
+    def train_nothing(table: PressTable, *_: object, **__: object) -> tuple[bytes, object]:
+        learnt.append(table)
+        return bundle.network, bundle.metrics["training"]
+
+    monkeypatch.setattr(adapting, "train", train_nothing)
+    table = PressTable.of(bundle)
+    table = replace(table, depth_mm=np.full(len(table.rows), 0.5, np.float32))
+    manifest = bundle.manifest.model_copy(update={"light_by_depth": True})
+    at_rest = replace(bundle, manifest=manifest, files={**bundle.files, PRESSES: npz(table.arrays())})
+    now = sensor.untouched(tint=0.9)
+    (_, _), (made, _) = (adapt(one, now, tmp_path / name) for one, name in ((bundle, "looks"), (at_rest, "rest")))
+    as_it_looks, level = learnt
+    np.testing.assert_array_equal(PressTable.of(made).rows, as_it_looks.rows)
+    own = replace(as_it_looks, depth_mm=table.depth_mm)
+    wanted = at_rest_depth(own, read_lights(made), now.image, bundle.pixel_size_mm)
+    assert np.abs(wanted.rows - own.rows).max() > 1
+    np.testing.assert_allclose(level.rows, wanted.rows, atol=0.01)
+    assert made.manifest.light_by_depth
 
 
 def pressed_by_a_plate(sensor: Sensor, deeper_mm: float) -> np.ndarray:
