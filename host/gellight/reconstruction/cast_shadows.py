@@ -43,7 +43,9 @@ Bools = NDArray[np.bool_]
 EDGE_MM = 0.08
 """Where the ray to a LED passes the surface by less than half of this, a part of the cell is in shadow."""
 LEAST_LOST = 0.001
-"""of the light of a channel at rest: less is left, of twice as much all is given back, in between a part"""
+"""of the light of a channel at rest: less is left, a fifth more is given back whole, what lies between in part"""
+GROWS = 5.0
+"""how fast the part grows: it is whole at 1 + 1 / 5 of `LEAST_LOST`"""
 FEWEST_CELLS = 16
 """Smaller shadows are left: they change the depth in contact by less than half a micrometre."""
 ROUNDS = 2
@@ -144,7 +146,7 @@ class CastShadows:
 
 def part_given(lost: Floats) -> Floats:
     """Return which part (M, 1) of the light `lost` (M, 3) is given back: rounding at a limit then changes nothing."""
-    return np.asarray(np.clip(np.abs(lost).max(axis=1, keepdims=True) / LEAST_LOST - 1, 0, 1))
+    return np.asarray(np.clip(GROWS * (np.abs(lost).max(axis=1, keepdims=True) / LEAST_LOST - 1), 0, 1))
 
 
 @dataclass(frozen=True, eq=False)

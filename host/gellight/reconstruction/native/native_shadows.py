@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.reconstruction.at_rest import free_and_far
-from gellight.reconstruction.cast_shadows import EDGE_MM, FEWEST_CELLS, LEAST_LOST, CastShadows
+from gellight.reconstruction.cast_shadows import EDGE_MM, FEWEST_CELLS, GROWS, LEAST_LOST, CastShadows
 from gellight.reconstruction.gelnet import BLOCK_ROWS, CELL_PX, COARSE_PX
 from gellight.reconstruction.integration import rest_level
 from gellight.reconstruction.native.cosine import CosineRows
@@ -57,7 +57,7 @@ class NativeShadows:
         work = (self._lost, self._work, self._flags)
         if not self._c.call("lost_light", *given, *work, parts.hide, parts.by_depth, w, h):
             return 0
-        lost = (self._lost, parts.rest, light.black, light.gamma, LEAST_LOST)
+        lost = (self._lost, parts.rest, light.black, light.gamma, LEAST_LOST, GROWS)
         count = self._c.call("lit_rows", m.cell_rows, *lost, m.index, m.rows, self._part, h * w)
         if count < FEWEST_CELLS:
             return 0
