@@ -11,7 +11,8 @@ tell that from a slope, so the gel there is found too steep and the contact too 
    passes, is that row's, or s there. The other rays are followed column by column.
 3. `led_light` says how much light a hidden LED would bring to gel of the slope that was found.
 4. The network answers to the colour of the cell with that light. By how much that differs from the slope that was
-   found is added to the slopes of the pixels, linear between cells, before they are smoothed and integrated.
+   found is added to the slopes of the pixels, linear between cells, before they are smoothed and integrated. Cells that
+   nothing touches lie as the gel at rest, whatever depth is found there, and stay as they are.
 
 Depth does the same everywhere: gel that is pressed in lies nearer to the LEDs. A network that learnt from balls as they
 look shows gentle slopes deep, because a ball has them in its middle, and reads the gel beside a contact too flat. Where
@@ -36,6 +37,7 @@ from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX, GradientNetwork, 
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.led_light import LedLight, unit_normals
 from gellight.reconstruction.lens.lens_file import has_lens
+from gellight.reconstruction.linearised import widened
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -99,10 +101,10 @@ class CastShadows:
         found = first = cell_means(slopes, CELL_PX)
         if not self.by_depth and not self._may_shade(found):
             return None
-        seen = cell_means(difference, CELL_PX).reshape(-1, 3)
+        seen, near = cell_means(difference, CELL_PX).reshape(-1, 3), widened(touched)
         for _ in range(self.rounds):
             lost = self.lost(self.depth_mm(found, touched), found)
-            cell = np.flatnonzero(np.abs(lost).max(axis=2) > LEAST_LOST)
+            cell = np.flatnonzero(near & (np.abs(lost).max(axis=2) > LEAST_LOST))
             if len(cell) < FEWEST_CELLS:
                 return None
             light = lost.reshape(-1, 3)[cell]

@@ -72,7 +72,7 @@ class CellNetwork:
         Outside the cells the slopes are those of `GradientNetwork.gradient_map`, but for what `_coarse_slopes` says.
         """
         slopes = np.empty((*difference.shape[:2], 2), np.float32) if cells.all() else self._coarse_slopes(difference)
-        near = _widened(cells)
+        near = widened(cells)
         box = bounding_box(near)
         inside = tuple(slice(side.start * CELL_PX, side.stop * CELL_PX) for side in box)
         planes = self._planes(cell_means(difference, CELL_PX), near)[box]
@@ -99,7 +99,7 @@ class CellNetwork:
         planes = self._asked(means, high_contrast, self.middle, self.zero)
         low_contrast = near & ~high_contrast
         if low_contrast.any():
-            around = self._asked(blocks, _widened(_joined(low_contrast)), network.coarse_position, network.coarse_zero)
+            around = self._asked(blocks, widened(_joined(low_contrast)), network.coarse_position, network.coarse_zero)
             planes[low_contrast] = _from_blocks(around, means)[low_contrast]
         return planes
 
@@ -201,7 +201,7 @@ def _from_blocks(blocks: Floats, means: Floats) -> Floats:
     return planes
 
 
-def _widened(cells: Bools) -> Bools:
+def widened(cells: Bools) -> Bools:
     """Cells, and their eight neighbours."""
     return cv2.dilate(cells.view(np.uint8), _NEIGHBOURS).view(np.bool_)
 

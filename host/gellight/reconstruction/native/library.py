@@ -41,7 +41,7 @@ SIGNATURES = {
     "slope_means": "pppii",
     "may_shade": "ppppifppii",
     "lost_light": "pppppipffffpppiiii",
-    "lit_rows": "ppppfffpppi",
+    "lit_rows": "pppppfffpppi",
     "felt_slopes": "ppppppii",
     "add_change": "ppppppiii",
     "network_slopes": "pppi",

@@ -57,7 +57,7 @@ class NativeShadows:
         work = (self._lost, self._work, self._flags)
         if not self._c.call("lost_light", *given, *work, parts.hide, parts.by_depth, w, h):
             return 0
-        lost = (self._lost, parts.rest, light.black, light.gamma, LEAST_LOST, GROWS)
+        lost = (m.near, self._lost, parts.rest, light.black, light.gamma, LEAST_LOST, GROWS)
         count = self._c.call("lit_rows", m.cell_rows, *lost, m.index, m.rows, self._part, h * w)
         if count < FEWEST_CELLS:
             return 0

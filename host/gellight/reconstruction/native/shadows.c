@@ -237,17 +237,17 @@ EXPORT int lost_light(const float *depth, const float *slopes, const float *x, c
     return any || by_depth;
 }
 
-/* Rows (n, 5) of the cells whose light differs by more than `least` of a channel at rest, with that light: see
+/* Rows (n, 5) of the `near` cells whose light differs by more than `least` of a channel at rest, with that light: see
  * `LedLight.with_light`. cells: (size, 5) all rows. rest: (size, 3) grey levels of the gel at rest. black: (3). Returns n;
  * index: which; part (n): how much of the light is given back, see `cast_shadows.part_given`. */
-EXPORT int lit_rows(const float *cells, const float *lost, const float *rest, const float *black, float gamma, float least,
-                    float grows, int32_t *index, float *rows, float *part, int size) {
+EXPORT int lit_rows(const float *cells, const uint8_t *near, const float *lost, const float *rest, const float *black, float gamma,
+                    float least, float grows, int32_t *index, float *rows, float *part, int size) {
     int count = 0;
     for (int at = 0; at < size; at++) {
         const float light[3] = {lost[at], lost[size + at], lost[2 * (ptrdiff_t)size + at]};
         const float above = larger(larger(light[0], light[1]), light[2]), below = smaller(smaller(light[0], light[1]), light[2]);
         const float most = larger(above, -below);
-        if (!(most > least)) continue;
+        if (!(near[at] && most > least)) continue;
         part[count] = smaller(grows * (most / least - 1), 1);
         float *row = rows + 5 * (ptrdiff_t)count;
         for (int c = 0; c < 5; c++) row[c] = cells[5 * (ptrdiff_t)at + c];
