@@ -7,6 +7,7 @@ import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -181,25 +182,32 @@ def fit(
     follow = drift > reference.noise_grey
     balls = build_table(presses, reference.image, ball, how.table_options, follow_light=follow)
     table = with_prisms(balls, how.prisms, reference.image, how.table_options, follow_light=follow)
-    like = under_light_of(how.like, reference.image) if how.like else None
-    learnt, size = table, (ball.pixel_size_mm, ball.pixel_size_mm)
-    lights = how.lights if table.depth_mm is not None else None
-    if lights:
-        learnt = at_rest_depth(table, lights, reference.image, size)
-        like = like and at_rest_depth(like, lights, reference.image, size)
+    size = (ball.pixel_size_mm, ball.pixel_size_mm)
+    learnt, like = _learnt(table, how, reference, size)
     network, record = train(learnt, how.options, untouched=reference.image, like=like, progress=progress, check=check)
     metrics |= {LIKE: how.like.manifest.sensor} if how.like else {}
     rest_grey = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
     return write_bundle(
         out, sensor=sensor, overwrite=overwrite,
         reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
-        rest_grey=rest_grey, follow_light=follow, level_plane=level_plane, light_by_depth=lights is not None,
+        rest_grey=rest_grey, follow_light=follow, level_plane=level_plane, light_by_depth=learnt is not table,
         network=network, pixel_size_mm=size, presses=table.arrays(),
         metrics={**metrics, "prisms": len(how.prisms), "training": record},
         extra_files={
             **(extra_files or {}), **(steps.files() if steps else {}), **(lights_file(how.lights) if how.lights else {})
         },
     )  # fmt: skip
+
+
+def _learnt(
+    table: PressTable, how: Learning, reference: Reference, pixel_size_mm: tuple[float, float]
+) -> tuple[PressTable, PressTable | None]:
+    """Return what is learnt from, and the presses of a like unit; at the depth of the gel at rest where it can be."""
+    like = under_light_of(how.like, reference.image) if how.like else None
+    if how.lights is None or table.depth_mm is None:
+        return table, like
+    at_rest = partial(at_rest_depth, model=how.lights, untouched=reference.image, pixel_size_mm=pixel_size_mm)
+    return at_rest(table), like and at_rest(like)
 
 
 def like_words(metrics: Mapping[str, Any]) -> list[str]:
