@@ -159,9 +159,6 @@ class DotFollower:
         border = border_px(self._diameter_px)
         beyond = ((places < border) | (places > np.array(size_px) - 1 - border)).any(axis=1)
         reasons[~seen & beyond] = Unseen.BEYOND_VIEW
-        if len(spots.places_px):
-            taken = np.hypot(*np.moveaxis(places[:, None] - spots.places_px[None], 2, 0)).min(axis=1)
-            reasons[~seen & ~beyond & (taken < 0.6 * self._diameter_px)] = Unseen.MERGED
         if spots.brightness_grey < _DARK_GREY:
             reasons[~seen] = Unseen.DARK
         return reasons.astype(np.uint8)

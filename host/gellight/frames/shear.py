@@ -26,11 +26,9 @@ class Unseen(IntEnum):
     SEEN = 0
     """it is seen"""
     MISSING = 1
-    """nothing is dark where it should be: hidden, or come off"""
+    """no dot is where it should be: it is hidden, has come off, or cannot be told from the dot beside it"""
     BEYOND_VIEW = 2
     """it has moved out of the picture"""
-    MERGED = 3
-    """it cannot be told from the dot beside it"""
     DARK = 4
     """the gel is not lit"""
 
