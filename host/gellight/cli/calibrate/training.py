@@ -21,11 +21,13 @@ from gellight.lab.training.cross_validation import Comparison, CrossValidation, 
 from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling.ball_size import check_ball, felt_radius_mm
+from gellight.lab.training.level_light import lights_of_unit
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.prisms import PrismError, PrismPress, prism_errors, read_prisms
 from gellight.lab.training.synthetic import PIXEL_SIZE_MM, make_synthetic
 from gellight.lab.training.training import Learning, Reference, like_words, read_reference
 from gellight.lab.training.validation import AngleFigures, PressFigures
+from gellight.photometric.lights_file import has_lights
 
 LIGHT_FRAMES = 64
 """averaged under each LED of the simulated sensor"""
@@ -53,12 +55,16 @@ class Recorded:
     ] = False
     prisms: Prisms = None
     like: Like = None
+    lights: Annotated[
+        str | None, typer.Option(help="earlier bundle of this sensor that knows the light of its LEDs (lights.json)")
+    ] = None
 
     def learning(self, untouched: Reference, how: SizedTraining) -> Learning:
-        """Return how is learnt from them, and from presses of prisms; InputError for a csv that cannot be used."""
+        """Return how is learnt from them; InputError or BundleError for prisms or a bundle that cannot be used."""
         prisms = _prisms(self.prisms, untouched.image_shape, untouched.dots)
         like = load_bundle(self.like) if self.like else None
-        return Learning(options=how.options(), prisms=prisms, refine=self.refine, like=like)
+        lights = lights_of_unit(load_bundle(self.lights), untouched.image) if self.lights else None
+        return Learning(options=how.options(), prisms=prisms, refine=self.refine, like=like, lights=lights)
 
     def read(self) -> Given:
         """Return what a network is trained on; raises InputError for what cannot be used."""
@@ -100,7 +106,7 @@ def fit(
             overwrite=bundle.overwrite,
             progress=report,
         )
-    lines = [*_fit_lines(written.metrics), *(_cross_lines(crossed) if crossed else [])]
+    lines = [*_fit_lines(written), *(_cross_lines(crossed) if crossed else [])]
     _print_written(written, bundle.out, as_json, lines)
 
 
@@ -221,7 +227,8 @@ def _print_written(bundle: Bundle, out: Path, as_json: bool, lines: list[str]) -
     show({"calibration": str(out), "metrics": bundle.metrics}, as_json, "\n".join([f"wrote {out}", *lines]))
 
 
-def _fit_lines(metrics: Mapping[str, Any]) -> list[str]:
+def _fit_lines(written: Bundle) -> list[str]:
+    metrics = written.metrics
     trained, judged = metrics["training"], metrics.get("held_out")
     return [
         f"trained on {trained['images']} images by {trained['trainer']} in {trained['cpu_seconds']:.1f} CPU seconds",
@@ -229,9 +236,19 @@ def _fit_lines(metrics: Mapping[str, Any]) -> list[str]:
         if judged
         else "one press is all learnt from: how large the errors are, nobody knows",
         *like_words(metrics),
+        *depth_line(written),
         *ball_warning(metrics.get("likely_ball_radius_mm"), metrics["ball_radius_mm"]),
         *radius_line(metrics.get("refinement")),
     ]
+
+
+def depth_line(written: Bundle) -> list[str]:
+    """Return whether the light of depth was taken off; nothing where the LEDs are not known."""
+    if written.manifest.light_by_depth:
+        return ["slopes are learnt in the light that the gel has at rest, at any depth"]
+    if has_lights(written):
+        return ["slopes are learnt in the light of their depth: how deep a prism lies nobody knows"]
+    return []
 
 
 def radius_line(refinement: Mapping[str, Any] | None) -> list[str]:

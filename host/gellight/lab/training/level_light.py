@@ -9,12 +9,26 @@ from dataclasses import replace
 
 import numpy as np
 
+from gellight.bundle.bundle import Bundle
 from gellight.lab.training.presses import Floats
 from gellight.lab.training.table import COLOURS, PressTable
 from gellight.photometric.light_model import LightModel
+from gellight.photometric.lights_file import read_lights
 from gellight.photometric.solver import Points
 from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.led_light import LedLight
+from gellight.watch.other_unit import UnitCheck
+
+
+def lights_of_unit(bundle: Bundle, untouched: Floats) -> LightModel:
+    """Return the light of the LEDs that an earlier bundle of a unit knows.
+
+    untouched: (H, W, 3) picture of the gel of the unit at rest, grey levels. Raises BundleError where the bundle knows
+    no LEDs, or is of pictures of another size or of another unit.
+    """
+    bundle.check_fits("the untouched gel", (untouched.shape[0], untouched.shape[1]))
+    UnitCheck(bundle).refuse(np.clip(np.rint(untouched), 0, 255).astype(np.uint8))
+    return read_lights(bundle)
 
 
 def at_rest_depth(
