@@ -95,9 +95,10 @@ class Reconstructor:
             threads=threads,
             source=bundle.source,
         )
-        cells = CellNetwork(self._network) if masked and form is not Form.PIXELS else None
+        at_cells = CellNetwork(self._network)
+        cells = at_cells if masked and form is not Form.PIXELS else None
         lens = read_undistortion(bundle) if undistorted and has_lens(bundle) else None
-        shadows = CastShadows.of_bundle(bundle, self._network, wanted=cast_shadows)
+        shadows = CastShadows.of_bundle(bundle, at_cells, wanted=cast_shadows)
         self.cast_shadows = shadows is not None and shadows.hide
         numpy_path = NumpyPath(
             bundle, self._network, cells, lens, shadows, smoothing_px=smoothing_px, masked=masked, clock=clock

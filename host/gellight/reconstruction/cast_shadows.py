@@ -10,9 +10,10 @@ tell that from a slope, so the gel there is found too steep and the contact too 
    followed away from the LED row by row: the smallest s up to there, between the two cells of the row before that a ray
    passes, is that row's, or s there. The other rays are followed column by column.
 3. `led_light` says how much light a hidden LED would bring to gel of the slope that was found.
-4. The network answers to the colour of the cell with that light. By how much that differs from the slope that was
-   found is added to the slopes of the pixels, linear between cells, before they are smoothed and integrated. Cells that
-   nothing touches lie as the gel at rest, whatever depth is found there, and stay as they are.
+4. By how much the network answers otherwise to the colour of the cell with that light is added to the slopes of the
+   pixels, linear between cells, before they are smoothed and integrated. Where the colour changes little, the Jacobian
+   that `linearised` has of the cell tells it; only where it changes by more than `LIMIT_GREY` is the network asked.
+   Cells that nothing touches lie as the gel at rest, whatever depth is found there, and stay as they are.
 
 Depth does the same everywhere: gel that is pressed in lies nearer to the LEDs. A network that learnt from balls as they
 look shows gentle slopes deep, because a ball has them in its middle, and reads the gel beside a contact too flat. Where
@@ -33,23 +34,17 @@ from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import has_lights, read_lights
 from gellight.photometric.solver import Points
 from gellight.reconstruction.at_rest import far_from_touch
-from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX, GradientNetwork, block_middles, cell_means
+from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX, cell_means
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.led_light import LedLight, unit_normals
 from gellight.reconstruction.lens.lens_file import has_lens
-from gellight.reconstruction.linearised import widened
+from gellight.reconstruction.linearised import LIMIT_GREY, CellNetwork, widened
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
 EDGE_MM = 0.08
 """Where the ray to a LED passes the surface by less than half of this, a part of the cell is in shadow."""
-LEAST_LOST = 0.001
-"""of the light of a channel at rest: less is left, a fifth more is given back whole, what lies between in part"""
-GROWS = 5.0
-"""how fast the part grows: it is whole at 1 + 1 / 5 of `LEAST_LOST`"""
-FEWEST_CELLS = 16
-"""Smaller shadows are left: they change the depth in contact by less than half a micrometre."""
 ROUNDS = 2
 """where depth changes the light: after one alone deep walls are felt a third worse than without any; a third one brings
 steep waves better normals, and a depth that is three times as far off"""
@@ -64,25 +59,23 @@ _DIAGONAL = 1.00001
 class CastShadows:
     """What the surface does to the light of one sensor's LEDs."""
 
-    def __init__(self, bundle: Bundle, model: LightModel, network: GradientNetwork, *, hide: bool = True) -> None:
+    def __init__(self, bundle: Bundle, model: LightModel, network: CellNetwork, *, hide: bool = True) -> None:
         """Take the light of the sensor and the network that is asked again; hide: LEDs can be hidden by the surface."""
-        self._network, self._bulge, self.hide = network, bundle.manifest.bulge, hide
+        self._cells, self._bulge, self.hide = network, bundle.manifest.bulge, hide
         self.by_depth = bundle.manifest.light_by_depth
         self.rounds = ROUNDS if self.by_depth else 1
         self.cell_mm = CELL_PX * bundle.pixel_size_mm[0], CELL_PX * bundle.pixel_size_mm[1]
         self.cells = -(-bundle.image_shape[0] // CELL_PX), -(-bundle.image_shape[1] // CELL_PX)
         self.light = LedLight.of(model, self.cells)
         self.deepest_mm = DEEPEST * float(self.light.leds[:, 2].min())
-        self.middle = block_middles(bundle.image_shape, CELL_PX)
-        place = (self.middle - (np.array(bundle.image_shape[::-1]) - 1) / 2) * bundle.pixel_size_mm
+        place = (network.middle - (np.array(bundle.image_shape[::-1]) - 1) / 2) * bundle.pixel_size_mm
         x, y = np.moveaxis(place.reshape(*self.cells, 2), 2, 0).astype(np.float32)
         self.x_mm, self.y_mm = np.ascontiguousarray(x[0]), np.ascontiguousarray(y[:, 0])
         self.rest = cell_means(bundle.reference.astype(np.float32), CELL_PX).reshape(-1, 3)
         """(h w, 3) grey levels at rest"""
-        self._zero = network.infer(np.zeros((len(self.middle), 3), np.float32), self.middle)
 
     @classmethod
-    def of_bundle(cls, bundle: Bundle, network: GradientNetwork, *, wanted: bool = True) -> Self | None:
+    def of_bundle(cls, bundle: Bundle, network: CellNetwork, *, wanted: bool = True) -> Self | None:
         """Return those of a bundle; None where there is nothing to do.
 
         Nothing is hidden where it is not `wanted`, where the bundle does not know its LEDs, and in one with a lens,
@@ -98,21 +91,31 @@ class CastShadows:
 
         difference: (H, W, 3). slopes: (H, W, 2) as found, not smoothed. touched: (h, w) cells.
         """
-        found = first = cell_means(slopes, CELL_PX)
-        if not self.by_depth and not self._may_shade(found):
+        means = cell_means(slopes, CELL_PX)
+        if not self.by_depth and not self._may_shade(means):
             return None
-        seen, near = cell_means(difference, CELL_PX).reshape(-1, 3), widened(touched)
+        near, change = widened(touched), np.zeros_like(means)
+        planes = self._cells.planes(cell_means(difference, CELL_PX), near)
         for _ in range(self.rounds):
-            lost = self.lost(self.depth_mm(found, touched), found)
-            cell = np.flatnonzero(near & (np.abs(lost).max(axis=2) > LEAST_LOST))
-            if len(cell) < FEWEST_CELLS:
-                return None
-            light = lost.reshape(-1, 3)[cell]
-            lit = self.light.with_light(seen[cell], light, self.rest[cell])
-            answer = self._network.infer(lit, self.middle[cell]) - self._zero[cell]
-            found = first.copy()
-            found.reshape(-1, 2)[cell] += part_given(light) * (answer - first.reshape(-1, 2)[cell])
-        return between_blocks(found - first, CELL_PX, slopes.shape)
+            felt = means + change
+            change[near] = self._changed(planes, self.lost(self.depth_mm(felt, touched), felt), near)
+        return between_blocks(change, CELL_PX, slopes.shape)
+
+    def _changed(self, planes: Floats, lost: Floats, near: Bools) -> Floats:
+        """Return by how much the network answers otherwise to the M cells that are near with the light lost, (M, 2).
+
+        planes: (h, w, 11), as `CellNetwork.planes` has them. lost: (h, w, 3).
+        """
+        cell, network = np.flatnonzero(near), self._cells
+        half, seen, jacobian = np.split(planes[near], (2, 5), axis=1)
+        lit = self.light.with_light(seen, lost[near], self.rest[cell])
+        by_grey = jacobian.reshape(-1, 2, 3)
+        change = np.einsum("nij,nj->ni", by_grey, lit - seen)
+        strong = np.flatnonzero((np.abs(lit - seen) > LIMIT_GREY).any(axis=1))
+        at = cell[strong]
+        answer = network.network.infer(lit[strong], network.middle[at]) - network.zero[at]
+        change[strong] = answer - half[strong] - np.einsum("nij,nj->ni", by_grey, seen)[strong] / 2
+        return np.asarray(change, np.float32)
 
     def _may_shade(self, slopes: Floats) -> bool:
         deepest = self._surface(np.full(self.cells, self.deepest_mm, np.float32), slopes)
@@ -144,11 +147,6 @@ class CastShadows:
 
     def _surface(self, depth_mm: Floats, slopes: Floats) -> "_Surface":
         return _Surface(depth_mm, slopes[..., 0], slopes[..., 1], *np.meshgrid(self.x_mm, self.y_mm))
-
-
-def part_given(lost: Floats) -> Floats:
-    """Return which part (M, 1) of the light `lost` (M, 3) is given back: rounding at a limit then changes nothing."""
-    return np.asarray(np.clip(GROWS * (np.abs(lost).max(axis=1, keepdims=True) / LEAST_LOST - 1), 0, 1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -75,7 +75,7 @@ class CellNetwork:
         near = widened(cells)
         box = bounding_box(near)
         inside = tuple(slice(side.start * CELL_PX, side.stop * CELL_PX) for side in box)
-        planes = self._planes(cell_means(difference, CELL_PX), near)[box]
+        planes = self.planes(cell_means(difference, CELL_PX), near)[box]
         mask = spread_blocks(cells[box], CELL_PX, difference[inside].shape[:2])
         found, away = _blend(planes, difference[inside])
         np.copyto(slopes[inside], found, where=mask[..., None])
@@ -92,7 +92,7 @@ class CellNetwork:
         slopes[strong] = asked - np.take(network.coarse_zero, strong, axis=0)
         return network.spread(slopes)
 
-    def _planes(self, means: Floats, near: Bools) -> Floats:
+    def planes(self, means: Floats, near: Bools) -> Floats:
         """(h, w, 11): g - J m / 2 of both slopes, the mean m of three channels, and J; 0 where a cell is not near."""
         blocks, network = cell_means(means, 2), self.network
         high_contrast = near & _far_from_blocks(means, blocks)

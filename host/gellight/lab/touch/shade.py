@@ -34,7 +34,7 @@ class Shade:
         self._shares = np.concatenate([shares.ravel(), np.ascontiguousarray(shares.swapaxes(2, 3)).ravel()])
         self._lost = np.zeros((3, h, w), np.float32)
         self._work = np.zeros(8 * h * w + 4 * (w + h + 64), np.float32)
-        self._flags = np.zeros(w + h, np.uint8)
+        self._flags, self._near = np.zeros(w + h, np.uint8), np.zeros((h, w), np.uint8)
 
     @classmethod
     def of(cls, geometry: SensorGeometry) -> Self:
@@ -51,7 +51,7 @@ class Shade:
         given = (depth, np.stack(slopes), self._x_mm, self._y_mm, self._leds, len(self._leds))
         kept = (self._shares, *self._cell_mm, EDGE_MM, self._exponent, self._lost, self._work, self._flags)
         hide, by_depth = True, False
-        if self._c.call("lost_light", *given, *kept, hide, by_depth, w, h):
+        if self._c.call("lost_light", *given, *kept, self._near, hide, by_depth, w, h):
             for channel, lost in enumerate(self._lost):
                 light[channel] -= cv2.resize(lost * self._rest[channel], light.shape[:0:-1])
 

@@ -40,10 +40,10 @@ SIGNATURES = {
     "measure_parts": "ppppippii",
     "slope_means": "pppii",
     "may_shade": "ppppifppii",
-    "lost_light": "pppppipffffpppiiii",
-    "lit_rows": "pppppfffpppi",
-    "felt_slopes": "ppppppii",
-    "add_change": "ppppppiii",
+    "lost_light": "pppppipffffppppiiii",
+    "relit": "ppppppffpppi",
+    "answered": "pppppii",
+    "add_change": "pppii",
     "network_slopes": "pppi",
     "network_jacobian": "ppppi",
 }
@@ -58,7 +58,7 @@ _COUNTING = (
     "kept_rows",
     "may_shade",
     "lost_light",
-    "lit_rows",
+    "relit",
     "measure_parts",
 )
 """functions that return an int; the others return nothing"""

@@ -4,9 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.reconstruction.at_rest import free_and_far
-from gellight.reconstruction.cast_shadows import EDGE_MM, FEWEST_CELLS, GROWS, LEAST_LOST, CastShadows
+from gellight.reconstruction.cast_shadows import EDGE_MM, CastShadows
 from gellight.reconstruction.gelnet import BLOCK_ROWS, CELL_PX, COARSE_PX
 from gellight.reconstruction.integration import rest_level
+from gellight.reconstruction.linearised import LIMIT_GREY
 from gellight.reconstruction.native.cosine import CosineRows
 from gellight.reconstruction.native.library import Library
 from gellight.reconstruction.native.network import SlopeNetwork
@@ -30,7 +31,7 @@ class NativeShadows:
         self._factors, self._column = elimination((h, w)), np.zeros(h)
         self._means, self._felt, self._change = np.zeros((3, 2, h, w), np.float32)
         self._lost, self._work = np.zeros((3, h, w), np.float32), np.zeros(8 * h * w + 4 * (w + h + 64), np.float32)
-        self._flags, self._part = np.zeros(w + h, np.uint8), np.zeros(h * w, np.float32)
+        self._flags = np.zeros(w + h, np.uint8)
 
     def add_change(self, m: WorkMemory, far: NDArray[np.bool_]) -> None:
         """Add to the slopes in `m` what the light that the surface changed makes of them; far: of `far_cells`."""
@@ -43,29 +44,26 @@ class NativeShadows:
             return
         self._felt[:] = self._means
         for _ in range(parts.rounds):
-            count = self._feel_again(m, far)
-            if not count:
+            if not self._feel_again(m, far):
                 return
-        given = (m.index, self._felt, self._means, self._change, m.slopes, m.work)
-        self._c.call("add_change", *given, count, width, height)
+        self._c.call("add_change", self._change, m.slopes, m.work, width, height)
 
-    def _feel_again(self, m: WorkMemory, far: NDArray[np.bool_]) -> int:
-        """Ask the network without the light that the felt slopes changed; return of how many cells, 0 for too few."""
+    def _feel_again(self, m: WorkMemory, far: NDArray[np.bool_]) -> bool:
+        """Find what the light that the felt slopes changed makes of them; return whether it changed any."""
         parts, (h, w), light = self._parts, self._parts.cells, self._parts.light
         places = (parts.x_mm, parts.y_mm, light.leds, len(light.leds))
         given = (self._depth_mm(m, far), self._felt, *places, self._shares, *parts.cell_mm, EDGE_MM, light.exponent)
-        work = (self._lost, self._work, self._flags)
+        work = (self._lost, self._work, self._flags, m.near)
         if not self._c.call("lost_light", *given, *work, parts.hide, parts.by_depth, w, h):
-            return 0
-        lost = (m.near, self._lost, parts.rest, light.black, light.gamma, LEAST_LOST, GROWS)
-        count = self._c.call("lit_rows", m.cell_rows, *lost, m.index, m.rows, self._part, h * w)
-        if count < FEWEST_CELLS:
-            return 0
-        rows = m.rows[:count]
-        blocks = [self._network.slopes(rows[at : at + BLOCK_ROWS]) for at in range(0, count, BLOCK_ROWS)]
-        answer = (np.concatenate(blocks), self._zero, self._part, self._means, self._felt)
-        self._c.call("felt_slopes", m.index, *answer, count, h * w)
-        return count
+            return False
+        lost = (m.near, self._lost, parts.rest, light.black, light.gamma, LIMIT_GREY)
+        count = self._c.call("relit", m.planes, m.cell_rows, *lost, m.index, m.rows, self._change, h * w)
+        for start in range(0, count, BLOCK_ROWS):
+            rows = m.rows[start : min(start + BLOCK_ROWS, count)]
+            answer = (m.index[start:], self._network.slopes(rows), self._zero, m.planes)
+            self._c.call("answered", *answer, self._change, len(rows), h * w)
+        np.add(self._means, self._change, out=self._felt)
+        return True
 
     def _depth_mm(self, m: WorkMemory, far: NDArray[np.bool_]) -> Floats:
         """Integrate the felt slopes."""

@@ -101,8 +101,8 @@ INLINE void add_lost(const Surface *s, const Led *led, const float *shares, int 
     }
 }
 
-/* Add the light that row i would have more at the depth of the gel at rest. */
-INLINE void add_by_depth(const Surface *s, const Led *led, const float *shares, int i, float exponent) {
+/* Add the light that cells first to last - 1 of row i would have more at the depth of the gel at rest. */
+INLINE void add_by_depth(const Surface *s, const Led *led, const float *shares, int i, int first, int last, float exponent) {
     const ptrdiff_t at = (ptrdiff_t)i * s->w, plane = (ptrdiff_t)s->h * s->w;
     const float *restrict z = s->z + at, *restrict gx = s->gx + at, *restrict gy = s->gy + at, *restrict px = s->x;
     const float *restrict upright = s->upright + at, *restrict red = shares + at, *restrict green = red + plane,
@@ -110,7 +110,7 @@ INLINE void add_by_depth(const Surface *s, const Led *led, const float *shares, 
     float *restrict r = s->lost + at, *restrict g = r + plane, *restrict b = g + plane;
     const Led here = *led;
     const float ly = here.y - s->y[i];
-    for (int j = 0; j < s->w; j++) {
+    for (int j = first; j < last; j++) {
         const float lx = here.x - px[j], lz = here.z - z[j], sloped = gx[j] * lx + gy[j] * ly;
         const float now = falls_off(&here, lx, ly, lz, exponent) * larger(lz - sloped, 0);
         const float light = upright[j] * (larger(here.z - sloped, 0) - now) / here.z;
@@ -188,23 +188,28 @@ EXPORT int may_shade(const float *slopes, const float *x, const float *y, const 
     return 0;
 }
 
-ONCE void depth_light(const Surface *s, const Led *led, const float *shares, float exponent) {
-    for (int i = 0; i < s->h; i++)
+/* Add it to each row from the first to the last cell that is `near`. */
+ONCE void depth_light(const Surface *s, const Led *led, const float *shares, const uint8_t *near, float exponent) {
+    for (int i = 0; i < s->h; i++, near += s->w) {
+        int first = 0, last = s->w;
+        while (first < last && !near[first]) first++;
+        while (last > first && !near[last - 1]) last--;
         if (exponent == 1)
-            add_by_depth(s, led, shares, i, 1);
+            add_by_depth(s, led, shares, i, first, last, 1);
         else
-            add_by_depth(s, led, shares, i, exponent);
+            add_by_depth(s, led, shares, i, first, last, exponent);
+    }
 }
 
 /* The light that cells lack, (3, h, w), in shares of the light at rest: for the shadows of a surface where it can `hide`
- * LEDs, and against gel at the depth of rest where the network answers `by_depth`.
+ * LEDs, and for cells that are `near` against gel at the depth of rest where the network answers `by_depth`.
  *
  * depth: (h, w) mm. slopes: (2, h, w). x: (w) and y: (h) middles of the cells, mm. leds: (count, 6) position and axis. shares:
  * of each LED in the light of each channel at rest, (count, 3, h, w), then the same with columns for rows. edge_mm: see
- * `cast_shadows.EDGE_MM`. work: 8 h w + 4 (w + h + 64); flags: w + h. Returns whether there is any. */
+ * `cast_shadows.EDGE_MM`. near: (h, w). work: 8 h w + 4 (w + h + 64); flags: w + h. Returns whether there is any. */
 EXPORT int lost_light(const float *depth, const float *slopes, const float *x, const float *y, const float *leds, int count,
                       const float *shares, float size_x, float size_y, float edge_mm, float exponent, float *lost, float *work,
-                      uint8_t *flags, int hide, int by_depth, int w, int h) {
+                      uint8_t *flags, const uint8_t *near, int hide, int by_depth, int w, int h) {
     const ptrdiff_t n = (ptrdiff_t)w * h;
     float *upright = work, *turned = upright + n, *turned_lost = turned + 4 * n, *rows = turned_lost + 3 * n;
     const Rules rules = {edge_mm, exponent};
@@ -217,7 +222,7 @@ EXPORT int lost_light(const float *depth, const float *slopes, const float *x, c
     for (int k = 0; k < count; k++) {
         const float *p = leds + 6 * k, *share = shares + (ptrdiff_t)3 * n * k, *turned_share = share + (ptrdiff_t)3 * n * count;
         const Led led = {p[0], p[1], p[2], p[3], p[4], p[5]}, turned_led = {p[1], p[0], p[2], p[4], p[3], p[5]};
-        if (by_depth) depth_light(&down, &led, share, exponent);
+        if (by_depth) depth_light(&down, &led, share, near, exponent);
         if (!hide || !turned_away(&down, &led, flags, flags + h)) continue;
         if (!any++) {
             transpose(depth, turned, w, h);
@@ -237,60 +242,58 @@ EXPORT int lost_light(const float *depth, const float *slopes, const float *x, c
     return any || by_depth;
 }
 
-/* Rows (n, 5) of the `near` cells whose light differs by more than `least` of a channel at rest, with that light: see
- * `LedLight.with_light`. cells: (size, 5) all rows. rest: (size, 3) grey levels of the gel at rest. black: (3). Returns n;
- * index: which; part (n): how much of the light is given back, see `cast_shadows.part_given`. */
-EXPORT int lit_rows(const float *cells, const uint8_t *near, const float *lost, const float *rest, const float *black, float gamma,
-                    float least, float grows, int32_t *index, float *rows, float *part, int size) {
+/* By how much the network answers otherwise to `near` cells with the light `lost`, two planes, 0 elsewhere: by the Jacobian in
+ * `planes`. Rows (n, 5) of the network are made where a channel changes by more than `limit` grey levels; returns n.
+ *
+ * planes: as store_cells has them. cells: (size, 5) all rows. lost: 3 planes. rest: (size, 3) grey levels of the gel at rest.
+ * black: (3). index: (n) which rows they are. See `LedLight.with_light`. */
+EXPORT int relit(const float *planes, const float *cells, const uint8_t *near, const float *lost, const float *rest,
+                 const float *black, float gamma, float limit, int32_t *index, float *rows, float *change, int size) {
     int count = 0;
     for (int at = 0; at < size; at++) {
-        const float light[3] = {lost[at], lost[size + at], lost[2 * (ptrdiff_t)size + at]};
-        const float above = larger(larger(light[0], light[1]), light[2]), below = smaller(smaller(light[0], light[1]), light[2]);
-        const float most = larger(above, -below);
-        if (!(near[at] && most > least)) continue;
-        part[count] = smaller(grows * (most / least - 1), 1);
-        float *row = rows + 5 * (ptrdiff_t)count;
-        for (int c = 0; c < 5; c++) row[c] = cells[5 * (ptrdiff_t)at + c];
+        change[at] = change[size + at] = 0;
+        if (!near[at]) continue;
+        const float *seen = cells + 5 * (ptrdiff_t)at;
+        float lit[3], most = 0;
         for (int c = 0; c < 3; c++) {
-            const float span = 255 - black[c], dim = rest[3 * (ptrdiff_t)at + c] - black[c];
+            const float light = lost[(ptrdiff_t)c * size + at], span = 255 - black[c], dim = rest[3 * (ptrdiff_t)at + c] - black[c];
             if (gamma == 1)
-                row[c] = larger(larger(dim + row[c], 0) + light[c] * larger(dim, 0), 0) - dim;
-            else {
-                const float now = power((dim + row[c]) / span, gamma), given = light[c] * power(dim / span, gamma);
-                row[c] = span * power(now + given, 1 / gamma) - dim;
-            }
+                lit[c] = larger(larger(dim + seen[c], 0) + light * larger(dim, 0), 0) - dim;
+            else
+                lit[c] = span * power(power((dim + seen[c]) / span, gamma) + light * power(dim / span, gamma), 1 / gamma) - dim;
+            most = larger(most, __builtin_fabsf(lit[c] - seen[c]));
         }
+        for (int o = 0; o < 2; o++)
+            for (int c = 0; c < 3; c++) change[o * size + at] += planes[(ptrdiff_t)(5 + 3 * o + c) * size + at] * (lit[c] - seen[c]);
+        if (!(most > limit)) continue;
+        float *row = rows + 5 * (ptrdiff_t)count;
+        for (int c = 0; c < 5; c++) row[c] = c < 3 ? lit[c] : seen[c];
         index[count++] = at;
     }
     return count;
 }
 
-/* The slopes of all cells: their means, and of `count` of them `part` of the way to what the network answered, less zero. */
-EXPORT void felt_slopes(const int32_t *index, const float *answer, const float *zero, const float *part, const float *means, float *felt,
-                        int count, int size) {
-    for (ptrdiff_t at = 0; at < 2 * (ptrdiff_t)size; at++) felt[at] = means[at];
-    for (int k = 0; k < count; k++)
+/* The change at `count` cells by what the network answered, less zero, less its answer to the cell as it was seen. */
+EXPORT void answered(const int32_t *index, const float *answer, const float *zero, const float *planes, float *change, int count,
+                     int size) {
+    for (int k = 0; k < count; k++) {
+        const float *cell = planes + index[k];
         for (int o = 0; o < 2; o++) {
-            float *to = felt + (ptrdiff_t)o * size + index[k];
-            *to += part[k] * (answer[2 * (ptrdiff_t)k + o] - zero[2 * (ptrdiff_t)index[k] + o] - *to);
+            float seen = cell[(ptrdiff_t)o * size];
+            for (int c = 0; c < 3; c++)
+                seen += 0.5f * cell[(ptrdiff_t)(5 + 3 * o + c) * size] * cell[(ptrdiff_t)(2 + c) * size];
+            change[o * size + index[k]] = answer[2 * (ptrdiff_t)k + o] - zero[2 * (ptrdiff_t)index[k] + o] - seen;
         }
+    }
 }
 
-/* What the light changes of the slopes of `count` cells, felt - means, added to the slopes of the pixels, linear between
- * cells. change: 2 planes of cells, all 0 before and after. work: 5 cells_of(width) + 2. */
-EXPORT void add_change(const int32_t *index, const float *felt, const float *means, float *change, float *slopes, float *work,
-                       int count, int width, int height) {
+/* Add two planes of cells to the slopes of the pixels, linear between cells. work: 5 cells_of(width) + 2. */
+EXPORT void add_change(const float *change, float *slopes, float *work, int width, int height) {
     const int w = cells_of(width), h = cells_of(height);
-    const ptrdiff_t n = (ptrdiff_t)w * h;
-    for (int k = 0; k < count; k++)
-        for (int o = 0; o < 2; o++)
-            change[o * n + index[k]] = felt[o * n + index[k]] - means[o * n + index[k]];
-    /* index ascends, so its ends tell the rows of cells. */
-    const int top = larger_int(index[0] / w - 1, 0), bottom = smaller_int(index[count - 1] / w + 2, h);
-    for (int y = CELL * top; y < smaller_int(CELL * bottom, height); y++)
+    for (int y = 0; y < height; y++)
         for (int o = 0; o < 2; o++) {
             float *restrict pixels = work + w + 2, *restrict to = slopes + ((ptrdiff_t)o * height + y) * width;
-            between_rows(change + o * n, CELL, y, h, w, 0, w, work);
+            between_rows(change + (ptrdiff_t)o * w * h, CELL, y, h, w, 0, w, work);
             int first = 0, last = w;
             while (first < w && work[1 + first] == 0) first++;
             while (last > first && work[last] == 0) last--;
@@ -299,5 +302,4 @@ EXPORT void add_change(const int32_t *index, const float *felt, const float *mea
             between_columns(work + first, last - first, pixels);
             for (int x = CELL * first; x < smaller_int(CELL * last, width); x++) to[x] += pixels[x - CELL * first];
         }
-    for (int k = 0; k < count; k++) change[index[k]] = change[n + index[k]] = 0;
 }
