@@ -110,5 +110,5 @@ UNQUOTED = {"python -m tests.benchmarks.firmware", "python -m tests.benchmarks.l
 
 
 def test_a_figure_that_was_not_printed_is_noticed() -> None:
-    assert printed("gellight selfcheck", "0.004")
+    assert printed("gellight selfcheck", "0.018")
     assert not printed("python -m tests.benchmarks.presses", "0.253")
