@@ -131,6 +131,13 @@ def test_both_forms_find_the_same_light(
     agree(native.reconstruct(frame := picture(scene, press)), cells.reconstruct(frame), but=8e-3)
 
 
+def test_pixels_that_are_not_square_give_the_same_light_in_both_forms(scene: Scene) -> None:
+    oblong = SYNTHETIC.manifest.model_copy(update={"pixel_size_mm": (GEOMETRY.pixel_size_mm, 0.07)})
+    frame = picture(scene, WALLS)
+    native, cells = (path.reconstruct(frame).depth_mm for path in both(replace(SYNTHETIC, manifest=oblong)))
+    np.testing.assert_allclose(native, cells, atol=1e-5)
+
+
 def test_a_bundle_that_does_not_know_its_leds_has_no_shadows() -> None:
     files = {name: content for name, content in AS_IT_LOOKS.files.items() if name != FILE_NAME}
     assert of(replace(AS_IT_LOOKS, files=files)) is None
