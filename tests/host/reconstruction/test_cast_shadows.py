@@ -131,6 +131,15 @@ def test_both_forms_find_the_same_light(
     agree(native.reconstruct(frame := picture(scene, press)), cells.reconstruct(frame), but=8e-3)
 
 
+def test_no_shadow_of_an_earlier_frame_is_left(scene: Scene) -> None:
+    used = Reconstructor(AS_IT_LOOKS)
+    for depth_mm in (1.6, 1.4, 1.2, 1.0):
+        frame = picture(scene, Press("BALL", depth_mm, -3.0, 2.0))
+        used.reconstruct(picture(scene, DEEP))
+        anew = Reconstructor(AS_IT_LOOKS).reconstruct(frame)
+        np.testing.assert_array_equal(used.reconstruct(frame).depth_mm, anew.depth_mm)
+
+
 def test_pixels_that_are_not_square_give_the_same_light_in_both_forms(scene: Scene) -> None:
     oblong = SYNTHETIC.manifest.model_copy(update={"pixel_size_mm": (GEOMETRY.pixel_size_mm, 0.07)})
     frame = picture(scene, WALLS)
