@@ -5,74 +5,33 @@ import os
 import re
 import signal
 import sys
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, InputError, TrainingError
-from gellight.bundle.bundle import Bundle, load_bundle, save_bundle
-from gellight.cli.calibrate.training import Recorded, ball_warning, depth_line, which_ball
-from gellight.frame_path.pipeline import Reconstructor
-from gellight.frames.frames import CameraFrame
+from gellight.base.errors import InputError, TrainingError
+from gellight.bundle.bundle import load_bundle
+from gellight.cli.calibrate.training import Recorded, ball_warning, which_ball
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training import child, cross_validation, folds
 from gellight.lab.training.cross_validation import cross_validate
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.training import Learning, TrainingOptions, read_reference
-from gellight.photometric.lights_file import read_lights
-from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.integration import angle_deg
-from sim_reference.camera import CameraResponse, digitise
-from sim_reference.geometry import SensorGeometry
-from tests.helpers.command_line import invoke, refused
+from sim_reference.camera import CameraResponse
+from tests.helpers.command_line import refused
 from tests.helpers.places import real
+from tests.helpers.pressed_pictures import BALL, GEOMETRY, photograph, press_into, run, sources
 from tests.helpers.pressed_unit import pressed_unit
-from tests.helpers.small_bundles import ordinary
 
-GEOMETRY = SensorGeometry(image_width_px=160, image_height_px=120, pixel_size_mm=0.2352)
-BALL = ["--ball-radius-mm", "4", "--pixel-size-mm", "0.2352"]
 REAL = real("gelsight_mini_ball")
-
-
-def photograph(scene: Scene, press: Press | None, seed: int, path: Path) -> np.ndarray:
-    """Take a picture of a press, and return where the ball touches."""
-    grey, surface = scene.show(press)
-    image = digitise(grey, 1.0, np.random.default_rng(seed))
-    cv2.imwrite(str(path), image[..., ::-1])
-    return surface.contact
 
 
 @pytest.fixture(scope="module")
 def pressed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder as a user makes it: pictures of ball presses, one csv of circles, pictures of the untouched gel."""
-    folder = tmp_path_factory.mktemp("pressed")
-    scene = Scene(GEOMETRY, CameraResponse())
-    lines = ["image,center_x_px,center_y_px,contact_radius_px"]
-    random = np.random.default_rng(0)
-    for number in range(14):
-        x, y = random.uniform([-12, -9], [12, 9])
-        contact = photograph(scene, Press("BALL", 1.5, x, y), number, folder / f"{number:02}.png")
-        centre = x / 0.2352 + 79.5, y / 0.2352 + 59.5
-        lines.append(f"{number:02}.png,{centre[0]:.2f},{centre[1]:.2f},{np.sqrt(contact.sum() / np.pi):.2f}")
-    (folder / "presses.csv").write_text("\n".join(lines[:11]) + "\n")
-    (folder / "others.csv").write_text("\n".join([lines[0], *lines[11:]]) + "\n")
-    (folder / "untouched").mkdir()
-    for number in range(8):
-        photograph(scene, None, 100 + number, folder / f"untouched/{number}.png")
-    return folder
-
-
-def run(*arguments: str | Path) -> Any:
-    return invoke("calibrate", *arguments)
-
-
-def sources(folder: Path) -> list[str | Path]:
-    return ["--presses", folder / "presses.csv", "--reference", folder / "untouched", *BALL]
+    return press_into(tmp_path_factory.mktemp("pressed"))
 
 
 @pytest.fixture(scope="module")
@@ -273,61 +232,6 @@ def test_one_press_begins_with_those_of_a_like_unit(bundle: Path, pressed: Path,
     assert errors[1] < 0.7 * errors[0]
     assert re.search(r"begun with the presses of S1, which alone are off by \d\d?% of the slopes", result.output)
     assert load_bundle(tmp_path / "2").metrics["like"] == "S1"
-
-
-@pytest.fixture(scope="module")
-def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A bundle of the same unit that knows the light of its LEDs."""
-    return Path(save_bundle(ordinary(), tmp_path_factory.mktemp("earlier") / "earlier").source)
-
-
-def test_the_lights_of_an_earlier_bundle_take_the_light_of_depth_off(
-    bundle: Path, earlier: Path, pressed: Path, tmp_path: Path
-) -> None:
-    result = run(
-        "fit", *sources(pressed), "--lights", earlier, "--out", tmp_path / "out", "--recipe", "fast", "--width", "16"
-    )
-    assert result.exit_code == 0, result.output
-    assert "learnt in the light that the gel has at rest" in result.output
-    assert "learnt in the light" not in run("fit", *sources(pressed), "--out", tmp_path / "b", "--epochs", "1").output
-    made = load_bundle(tmp_path / "out")
-    assert made.manifest.light_by_depth
-    assert read_lights(made).pattern_residual == read_lights(load_bundle(earlier)).pattern_residual
-    # The balls to learn from lay 1.5 mm deep: gentle slopes there are nearer to the LEDs than those of a light touch.
-    with_lights, without = (light_touch_deg(one) for one in (made, load_bundle(bundle)))
-    assert with_lights < 0.85 * without
-
-
-def test_prisms_leave_the_light_of_depth_as_it_is_and_the_user_is_told() -> None:
-    known = ordinary()
-    without = replace(known, manifest=known.manifest.model_copy(update={"light_by_depth": False}))
-    assert "at rest" in depth_line(known)[0]
-    assert "how deep a prism lies nobody knows" in depth_line(without)[0]
-    unlit = {name: content for name, content in without.files.items() if name != "lights.json"}
-    assert depth_line(replace(without, files=unlit)) == []
-
-
-def light_touch_deg(bundle: Bundle) -> float:
-    """Return the error on balls 0.4 mm deep, degrees in contact."""
-    scene, reconstructor = Scene(GEOMETRY, CameraResponse()), Reconstructor(bundle)
-    errors = []
-    for number, (x, y) in enumerate([(0, 0), (-6, 5), (7, -4), (3, 6)]):
-        grey, surface = scene.show(Press("BALL", 0.4, x, y))
-        image = digitise(grey, 1.0, np.random.default_rng(number))
-        depth = reconstructor.reconstruct(CameraFrame(image=image, time_s=0.0, sequence=0, source="balls"))
-        errors.append(surface_errors(depth, surface).contact_normal_deg)
-    return float(np.mean(errors))
-
-
-def test_lights_of_another_unit_are_refused(bundle: Path, earlier: Path, pressed: Path, tmp_path: Path) -> None:
-    other = load_bundle(earlier)
-    save_bundle(other.with_reference(np.ascontiguousarray(other.reference[..., ::-1]), frames=30), tmp_path / "other")
-    for given, said in ((bundle, "has no lights.json"), (tmp_path / "other", "was made with another unit"),
-                        ("synthetic", "the untouched gel delivers 160x120 pixels")):  # fmt: skip
-        result = run("fit", *sources(pressed), "--lights", given, "--out", tmp_path / "out")
-        assert isinstance(result.exception, BundleError)
-        assert said in str(result.exception)
-    assert not (tmp_path / "out").exists()
 
 
 def test_a_unit_of_another_kind_is_refused(pressed: Path, tmp_path: Path) -> None:
