@@ -164,13 +164,12 @@ def fit(
     The drift of the light is taken off each difference image where the light of the presses differs from the
     reference's by more than the noise of a pixel. What the gel at rest does is measured far from the presses
     (`gel_at_rest`). Where circles are refined (`labelling.refinement`) the metrics say by how much. The rim of circles
-    whose radius no light decided weighs less, unless `table_options` say otherwise.
-    The metrics also say how well the fine pattern of the reference shows in the presses (`fine_pattern`).
-    Where the light of the LEDs is given, it goes into the bundle (`lights.json`), and the network learns from colours
-    as they would be at the depth of the gel at rest (`level_light`), unless prisms are among the presses.
-    view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more of
-    them, ready for JSON. level_plane: as the manifest has it. Raises InputError, TrainingError or BundleError; then
-    `out` is as it was.
+    whose radius no light decided weighs less, unless `table_options` say otherwise. The metrics also say how well the
+    fine pattern of the reference shows (`fine_pattern`).
+    Where the LEDs are known they go into the bundle, and the network learns colours as at the depth of the gel at rest
+    (`level_light`), unless prisms are among the presses.
+    view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more, ready
+    for JSON. level_plane: as in the manifest. Raises InputError, TrainingError or BundleError; then `out` is as it was.
     """
     steps = PictureSteps.of(reference.image_shape, view, reference.dots)
     metrics: dict[str, object] = {"ball_radius_mm": ball.radius_mm, **(extra_metrics or {})}
@@ -182,8 +181,7 @@ def fit(
     follow = drift > reference.noise_grey
     balls = build_table(presses, reference.image, ball, how.table_options, follow_light=follow)
     table = with_prisms(balls, how.prisms, reference.image, how.table_options, follow_light=follow)
-    size = (ball.pixel_size_mm, ball.pixel_size_mm)
-    learnt, like = _learnt(table, how, reference, size)
+    learnt, like = _learnt(table, how, reference, size := (ball.pixel_size_mm, ball.pixel_size_mm))
     network, record = train(learnt, how.options, untouched=reference.image, like=like, progress=progress, check=check)
     metrics |= {LIKE: how.like.manifest.sensor} if how.like else {}
     rest_grey = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
