@@ -6,8 +6,8 @@ TORCH  ?= torch==2.13.0
 VENV   := .venv
 BIN    := $(VENV)/bin
 ARGS   ?=
-# processes that share the tests: one has the virtual machine, which mostly waits, the others a core each
-JOBS   ?= 3
+# processes that share the tests; at night one more has the virtual machine
+JOBS   ?= 2
 
 # the emulator of the firmware that others wrote
 SECOND := tests/firmware/second_emulator
@@ -17,26 +17,39 @@ REAL   := tests/data/real/three_lights
 # Tests start hundreds of programs and a machine that emulates its processor: nothing is compiled at each start.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test check lint types pytest bench boards housing docs dist lock audit clean
+.PHONY: demo test test-all check lint types imports style pytest nightly bench boards housing docs dist lock audit clean
 
 demo: $(VENV)/.host
 	@$(BIN)/gellight demo $(ARGS)
 
+# Every promise once: a quarter of an hour on two cores.
 test: check pytest
 
-check: lint types
+# That, and what takes long or needs much: a virtual machine, other compilers, browsers, PyTorch, circuit boards.
+test-all: test nightly
 
-lint: $(VENV)/.dev
+check: lint types imports style
+
+lint: $(VENV)/.test
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 
-types: $(VENV)/.dev
+types: $(VENV)/.test
 	$(BIN)/mypy
 
-pytest: $(VENV)/.dev | tools
+imports: $(VENV)/.test
+	PYTHONPATH=host:models:. $(BIN)/lint-imports --no-cache --no-logo
+
+style: $(VENV)/.test
+	$(BIN)/pytest -m style tests/style tests/host/cli/test_help.py
+
+pytest: $(VENV)/.test | browser
 	$(BIN)/pytest --numprocesses $(JOBS) --durations 20 $(ARGS)
 
-bench: $(VENV)/.dev
+nightly: $(VENV)/.dev | browser tools
+	$(BIN)/pytest -m nightly --numprocesses 3 --durations 20 $(ARGS)
+
+bench: $(VENV)/.test
 	$(BIN)/python -m tests.benchmarks.frame_times --press $(REAL)/press.png --untouched $(REAL)/untouched.png $(ARGS)
 
 # The site, in build/site: strict, so a link that leads nowhere ends it.
@@ -75,7 +88,7 @@ define install
 endef
 
 # A stamp says what is installed: `host` is what a user runs, `parts` adds the CAD kernel, `docs` what makes the site,
-# `dev` PyTorch and the test tools.
+# `test` what `make test` runs, `dev` PyTorch and the rest of the test tools.
 $(VENV)/.host: pyproject.toml | $(BIN)/python
 	@echo "Installing GelLight and 41 packages that it needs into $(VENV): 600 MB, one to three minutes, once"
 	$(call install,--editable .,44)
@@ -89,11 +102,16 @@ $(VENV)/.docs: pyproject.toml | $(VENV)/.host
 	$(call install,--editable ".[docs]",80)
 	@touch $@
 
+$(VENV)/.test: pyproject.toml | $(BIN)/python
+	@echo "Installing GelLight and what its tests need into $(VENV): 1 GB, one to three minutes, once"
+	$(call install,--editable ".[test]",85)
+	@touch $@ $(VENV)/.host
+
 $(VENV)/.dev: pyproject.toml | $(BIN)/python
 	@echo "Installing PyTorch and what the tests need into $(VENV): some GB come, which takes minutes, once"
 	$(call install,"$(TORCH)",80)
 	$(call install,--editable ".[dev]",150)
-	@touch $@ $(VENV)/.host
+	@touch $@ $(VENV)/.test $(VENV)/.host
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -104,25 +122,30 @@ $(BIN)/python:
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/pip install --quiet --upgrade pip
 
-# What the tests need beside Python: two real browsers for the page, a second compiler and a second emulator for the
-# firmware, an emulator for the frame path on aarch64, KiCad for the boards (45 MB and 37 packages beside it: two minutes).
-# Root installs it; anyone else is told how. The virtual machine's kernel and tools are only
-# unpacked, into a cache folder.
-.PHONY: tools
-tools:
-	@missing=; \
-	for browser in chromium chromium-browser google-chrome; do command -v $$browser >/dev/null && found=1; done; \
-	[ "$$found" ] || missing="chromium"; \
-	command -v firefox-esr >/dev/null || command -v firefox >/dev/null || missing="$$missing firefox-esr"; \
-	command -v arm-none-eabi-gcc >/dev/null || missing="$$missing gcc-arm-none-eabi"; \
-	command -v gcc >/dev/null || missing="$$missing gcc"; \
-	command -v qemu-aarch64 >/dev/null || missing="$$missing qemu-user"; \
-	/usr/bin/python3 -c 'import pcbnew' 2>/dev/null || missing="$$missing kicad"; \
-	command -v npm >/dev/null || missing="$$missing nodejs npm"; \
+# $(1): programs that may be called one name or another, each with its package: "chromium|google-chrome=chromium".
+# Root installs what is missing; what anyone else is told stands in $(2).
+define debian
+	@missing=; for need in $(1); do \
+	    found=; for name in $$(echo $${need%=*} | tr '|' ' '); do command -v $$name >/dev/null && found=1; done; \
+	    [ "$$found" ] || missing="$$missing $${need#*=}"; done; \
 	[ -z "$$missing" ] || \
 	    { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
 	      { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing >/dev/null; }; } || \
-	    { echo "The tests need: sudo apt-get install --no-install-recommends $$missing"; exit 2; }
+	    { $(2); }
+endef
+
+# The page is tried in a real browser. Without one its tests are left out, and the last lines of the run say so.
+.PHONY: browser tools
+browser:
+	$(call debian,"chromium|chromium-browser|google-chrome=chromium",echo "No Chromium: the tests of the page are left out")
+
+# A second browser for the page, a second compiler and a second emulator for the firmware, an emulator for the frame path
+# on aarch64, KiCad for the boards (45 MB and 37 packages beside it: two minutes). The virtual machine's kernel and tools
+# are only unpacked, into a cache folder.
+tools:
+	$(call debian,"firefox-esr|firefox=firefox-esr" "arm-none-eabi-gcc=gcc-arm-none-eabi" "gcc=gcc" \
+	    "qemu-aarch64=qemu-user" "kicad-cli|pcbnew=kicad" "npm=nodejs npm",echo "The tests need: sudo apt-get install \
+	    --no-install-recommends $$missing"; exit 2)
 	@$(PYTHON) -m tests.vm.machine.packages
 	@[ -d $(SECOND)/node_modules/rp2040js ] || npm ci --prefix $(SECOND) --ignore-scripts --no-audit --no-fund --silent
 

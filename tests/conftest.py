@@ -1,6 +1,7 @@
 """Options and rules that hold for every test."""
 
 import os
+import shutil
 from collections import Counter
 from pathlib import Path
 
@@ -15,6 +16,8 @@ for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(threads, "1")
 
 ALLOWED_SKIPS = ("needs real hardware", "needs a GPU")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+NO_CHROMIUM = "needs Chromium: sudo apt-get install chromium"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -39,7 +42,7 @@ LONGEST = (
     "host/lab/touch/test_examples.py", "soak/test_kills.py", "sim_reference/test_fem_dragging.py",
     "sim_reference/test_fem_contact.py",
 )  # fmt: skip
-"""files, and the virtual machine, that take a process longest: begun first, so that none is left for the end"""
+"""files, and the virtual machine, that take a process longest: several processes begin with them"""
 
 
 class ByFile(LoadFileScheduling):
@@ -58,26 +61,39 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadFileS
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Begin with what takes longest; leave out what needs hardware, or images that are not there."""
+    """Mark what a folder says of its tests; leave out what needs hardware, a browser, or images that are not there."""
     for gone in (name for name in LONGEST if not (TESTS / name).exists()):
         raise pytest.UsageError(f"tests/conftest.py names {gone}, which is not there: say where it is")
-    items.sort(key=place)
+    if hasattr(config, "workerinput"):  # one process runs a room in its own order, and shows its own fault first
+        items.sort(key=place)
+    no_browser = not any(map(shutil.which, BROWSERS))
     for item in items:
+        if (folder := item.path.relative_to(TESTS).parts[0]) in FOLDER_MARKS:
+            item.add_marker(FOLDER_MARKS[folder])
+        if item.get_closest_marker("flaky") and not item.get_closest_marker("flaky").kwargs.get("reason"):
+            raise pytest.UsageError(f"{item.nodeid} may be run again: say why, as `reason`")
         if item.get_closest_marker("hardware") and not config.getoption("--hardware"):
             item.add_marker(pytest.mark.skip(reason="needs real hardware: --hardware URL"))
+        if item.get_closest_marker("browser") and no_browser:
+            item.add_marker(pytest.mark.skip(reason=NO_CHROMIUM))
         needed = {name for marker in item.iter_markers("real_images") for name in marker.args}
         if gone := sorted(name for name in needed if not is_here(name)):
             why = f"needs pictures of real sensors: python -m tests.data.fetch {' '.join(gone)}"
             item.add_marker(pytest.mark.skip(reason=why))
 
 
+FOLDER_MARKS = {"style": "style", "vm": "nightly"}
+"""what is true of every test of a folder"""
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say what was left out and why, one line a file and reason."""
+    """Say what was left out and why, one line a file and reason; one for all that need a browser."""
     left_out: Counter[tuple[str, str]] = Counter()
     for report in terminalreporter.stats.get("skipped", []):
-        left_out[report.nodeid.split("::")[0], reason_of(report)] += 1
-    for (file, reason), count in sorted(left_out.items()):
-        terminalreporter.write_line(f"left out: {file}, {count} test{'s' * (count > 1)}: {reason}")
+        reason = reason_of(report)
+        left_out["the page" if reason == NO_CHROMIUM else report.nodeid.split("::")[0], reason] += 1
+    for (what, reason), count in sorted(left_out.items()):
+        terminalreporter.write_line(f"left out: {what}, {count} test{'s' * (count > 1)}: {reason}")
 
 
 def reason_of(report: pytest.TestReport) -> str:

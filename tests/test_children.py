@@ -2,12 +2,12 @@
 
 import signal
 import sys
-import time
 from contextlib import suppress
 from pathlib import Path
 from subprocess import PIPE
 
-from tests.helpers.children import GELLIGHT, run, started
+from tests.helpers.children import run, started
+from tests.helpers.waiting import eventually
 
 
 def runs(process: int) -> bool:
@@ -24,19 +24,7 @@ def test_a_test_that_fails_leaves_neither_its_program_nor_what_that_started() ->
         assert runs(below)
         raise RuntimeError("the test fails")
     assert program.returncode == -signal.SIGKILL
-    end_s = time.monotonic() + 10
-    while runs(below) and time.monotonic() < end_s:
-        time.sleep(0.01)
-    assert not runs(below)
-
-
-def test_ctrl_c_ends_what_was_started_even_where_the_tests_themselves_ignore_it() -> None:
-    code = f"import os, signal; signal.signal(signal.SIGINT, signal.SIG_IGN); os.execv({sys.executable!r}, {GELLIGHT!r}"
-    wait = "+ ('sim', '--seconds', '60'))"
-    with started([sys.executable, "-c", code + wait], stdout=PIPE, text=True) as program:
-        assert "a simulated board" in program.stdout.readline()
-        program.send_signal(signal.SIGINT)
-        assert program.wait(30) == 0
+    eventually(lambda: not runs(below), 10.0)
 
 
 def test_a_program_that_fails_is_returned_with_its_status() -> None:

@@ -1,26 +1,12 @@
-"""What the README promises runs."""
+"""The package as README.md uses it: its program runs, and importing it is light."""
 
 import re
-import shlex
 import sys
-from collections.abc import Iterator
-from importlib.metadata import version
-from itertools import takewhile
-from pathlib import Path
-from typing import Any
 
 import pytest
-import typer
-from typer.main import get_command
 
-import gellight
-from gellight.cli.main import app
 from tests.helpers.children import run
-from tests.helpers.command_line import verbs
 from tests.helpers.doc_examples import examples
-
-ROOT = Path(__file__).parent.parent
-README = (ROOT / "README.md").read_text()
 
 
 @pytest.mark.parametrize("block", examples("README.md"))
@@ -29,119 +15,6 @@ def test_the_program_in_the_readme_runs(block: str) -> None:
     assert done.returncode == 0, done.stderr
     assert re.search(r"(0\.9\d|1\.0\d) mm deep", done.stdout), done.stdout
     assert "(480, 640) (480, 640, 3)" in done.stdout
-
-
-def test_every_file_the_documents_link_to_is_there() -> None:
-    for document in (ROOT / "README.md", *ROOT.glob("docs/*.md"), ROOT / "models/README.md"):
-        for link in re.findall(r"\]\((?!https?:)([^)#]+)", document.read_text()):
-            assert (document.parent / link).exists(), f"{document.name} links to {link}"
-
-
-def commands(text: str) -> Iterator[tuple[str, bool]]:
-    """Yield what a document says after `gellight`, and whether a user can type it as it stands."""
-    for block in re.findall(r"^```[^\n]*\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
-        for line in block.replace("\\\n", " ").splitlines():
-            found = re.match(r"\s*(?:\$ |sudo |\.venv/bin/)*gellight(?=\s)(.*)", line)
-            if found:
-                yield found[1], "..." not in found[1]
-    prose = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
-    for words in re.findall(r"`(?:sudo )?gellight((?:\s[^`]*)?)`", prose):
-        yield words, False
-
-
-def parse(text: str, complete: bool) -> None:
-    """Parse all words after `gellight` as the command line does, without running anything.
-
-    complete: also demand what a verb cannot do without. Raises typer's errors.
-    """
-    lexer = shlex.shlex(text, posix=True, punctuation_chars="|&;<>")
-    lexer.whitespace_split = True
-    words = list(takewhile(lambda word: not set(word) <= set("|&;<>"), lexer))
-    if words and words[-1] == "..." and not words[-2].startswith("--"):
-        words.pop()  # it stands for more options, not for the value of the last one
-    command = get_command(app)
-    context: Any = None
-    try:
-        context = command.make_context("gellight", words)
-        while context._protected_args:
-            group, rest = context.command, [*context._protected_args, *context.args]
-            name, verb, rest = group.resolve_command(context, rest)
-            context = verb.make_context(name, rest, parent=context)
-    except typer.BadParameter as error:
-        if complete or type(error).__name__ != "MissingParameter":
-            raise
-    except UsageError as error:
-        if complete or type(error).__name__ != "NoArgsIsHelpError":
-            raise
-
-
-UsageError = typer.BadParameter.__mro__[1]
-DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "models/README.md", *sorted(ROOT.glob("docs/*.md"))]
-COMMANDS = [(path.name, *found) for path in DOCUMENTS for found in commands(path.read_text())]
-
-
-@pytest.mark.parametrize(("document", "words", "complete"), COMMANDS)
-def test_every_command_in_the_documents_can_be_typed(document: str, words: str, complete: bool) -> None:
-    parse(words, complete)
-
-
-def test_no_command_stands_outside_a_block_or_behind_another_one() -> None:
-    for path in {*DOCUMENTS, ROOT / "firmware/README.md"}:
-        text = path.read_text()
-        outside = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
-        assert re.findall(r"^    gellight .*", outside, re.MULTILINE) == [], f"{path.name}: give it a block of its own"
-        for words, _ in commands(text):
-            assert " gellight " not in words.partition("#")[0], f"{path.name}: {words}"
-
-
-def test_every_kind_of_command_is_found() -> None:
-    text = "`gellight a`\n| `gellight b --c` |\n```\nsudo gellight d \\\n  e # f\n.venv/bin/gellight g\n```\n"
-    assert [(words.split(), complete) for words, complete in commands(text)] == [
-        (["d", "e", "#", "f"], True), (["g"], True), (["a"], False), (["b", "--c"], False),
-    ]  # fmt: skip
-    assert len(COMMANDS) > 60
-
-
-@pytest.mark.parametrize(
-    ("words", "complete"),
-    [
-        ("nonsense", False),
-        ("calibrate nonsense", False),
-        ("calibrate fit --nonsense 3", False),
-        ("calibrate fit --folds many", False),
-        ("demo --frames", False),
-        ("bench nonsense", False),
-        ("selfcheck nonsense", False),
-        ("calibrate fit --refine", True),
-        ("optimize", True),
-        ("demo 'sim://?a=1&b=2' | less", True),
-    ],
-)
-def test_a_command_that_cannot_be_typed_is_noticed(words: str, complete: bool) -> None:
-    with pytest.raises(UsageError):
-        parse(words, complete)
-
-
-def test_what_follows_a_command_is_left_out() -> None:
-    parse("demo --sensor 'sim://?object=BALL&depth=1.0' --json | less  # a comment", True)
-
-
-def test_every_option_in_the_text_exists() -> None:
-    known = {"--system-site-packages"}
-    for verb in verbs(get_command(app)):
-        known.update(*(option.opts + option.secondary_opts for option in verb.params))
-    for path in DOCUMENTS:
-        named = set(re.findall(r"`(--[a-z][\w-]*)[^`]*`", path.read_text()))
-        assert named <= known, path.name
-
-
-@pytest.mark.parametrize("name", gellight.__all__)
-def test_every_public_name_can_be_had(name: str) -> None:
-    assert getattr(gellight, name).__doc__
-
-
-def test_the_version_is_that_of_the_installed_package() -> None:
-    assert gellight.__version__ == version("gellight")
 
 
 def test_importing_the_package_imports_nothing_heavy() -> None:

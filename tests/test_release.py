@@ -12,6 +12,8 @@ from rattler_build import Stage0Recipe, VariantConfig
 from tests.helpers.children import gellight, run
 from tests.helpers.places import CHECKOUT
 
+pytestmark = pytest.mark.nightly
+
 DOCKERFILE = (CHECKOUT / "Dockerfile").read_text()
 
 

@@ -56,11 +56,13 @@ def test_a_lock_that_is_not_of_now_is_noticed(text: str, instead: str) -> None:
     assert outdated(LOCK.replace(text, instead)) != []
 
 
+@pytest.mark.nightly
 def test_every_package_that_ships_and_every_extra_has_a_licence_that_fits() -> None:
     told = {name: licence(found) for name, found in {**shipped(), **of_extras()}.items()}
     assert {name: text for name, text in told.items() if not allowed(text)} == {}
 
 
+@pytest.mark.nightly
 def test_every_library_inside_a_wheel_has_a_licence_that_fits() -> None:
     inside = {(package, name): text for package, found in shipped().items() for name, text in libraries(found).items()}
     assert len(inside) > 10
@@ -112,6 +114,7 @@ def test_a_licence_that_does_not_fit_is_noticed(told: dict[str, str]) -> None:
     assert not allowed(licence(Named(**told)))
 
 
+@pytest.mark.nightly
 def test_the_bill_of_materials_lists_what_ships_with_hashes_and_licences(tmp_path: Path) -> None:
     run([sys.executable, "-m", "tests.release.sbom", tmp_path / "bill.json"], cwd=CHECKOUT, check=True)
     bill = json.loads((tmp_path / "bill.json").read_text())
@@ -129,6 +132,7 @@ def test_the_bill_of_materials_lists_what_ships_with_hashes_and_licences(tmp_pat
     assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(json.dumps(bill)) is None
 
 
+@pytest.mark.nightly
 def test_an_audit_that_could_not_ask_says_so_and_does_not_pass() -> None:
     proxies = dict.fromkeys(("HTTPS_PROXY", "https_proxy"), "http://127.0.0.1:9")
     done = run([sys.executable, "-m", "tests.release.audit"], cwd=CHECKOUT, env=os.environ | proxies)

@@ -9,6 +9,8 @@ from tests.soak.kills import DONE, REFUSED, Blow, Faults, did, table
 from tests.soak.surroundings import without_growth
 from tests.soak.writers import Writer, prepare, writers
 
+pytestmark = pytest.mark.nightly
+
 FAULTS = 20
 
 

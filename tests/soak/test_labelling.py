@@ -16,6 +16,8 @@ from tests.soak.labelling import Labelling
 from tests.soak.pressed_gel import PressedGel
 from tests.soak.run import soak_bundle
 
+pytestmark = pytest.mark.nightly
+
 
 def suffer(folder: Path, *kinds: FaultKind, seconds: float = 1.0) -> Labelling:
     labelling = Labelling(0, folder / "bus", soak_bundle(folder / "bundle", PressedGel()))

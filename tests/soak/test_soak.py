@@ -29,7 +29,7 @@ from tests.soak.shift import Shift
 
 SEED = 2026
 HOURS = 0.3
-pytestmark = pytest.mark.timeout(600)
+pytestmark = [pytest.mark.nightly, pytest.mark.timeout(600)]
 
 
 @pytest.fixture(autouse=True)
