@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 # Before OpenCV is loaded, for a small file may be a picture of gigabytes: 8192 x 8192 pixels, unless told otherwise.
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 26))
+# Before ONNX Runtime is loaded, which else sends its maker events; its own function comes too late.
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
 _HOME = {
     "Bundle": "bundle.bundle",
