@@ -8,9 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gerbonara.cad.kicad.sexp import parse_sexp
-from gerbonara.excellon import ExcellonFile
-from gerbonara.graphic_objects import Flash
 
 from gellight.lab.boards.files import bill_of_materials, placement, shopping_list
 from gellight.lab.boards.gerbers import gerber_archive
@@ -21,7 +18,10 @@ from tests.helpers.boards import carrier_of, objects, ring_of, rolled_up, spot, 
 ROOT = Path(__file__).parents[4]
 
 
+@pytest.mark.nightly
 def test_the_gerbers_have_the_leds_where_the_table_has_them(made: Path) -> None:
+    from gerbonara.graphic_objects import Flash
+
     geometry = SensorGeometry()
     flashes = [one for one in objects(made / "gellight-strip-F_Paste.gbr") if isinstance(one, Flash)]
     wide = np.array([[one.x, one.y] for one in flashes[: 4 * len(table(geometry)[0])]])
@@ -29,7 +29,10 @@ def test_the_gerbers_have_the_leds_where_the_table_has_them(made: Path) -> None:
     assert np.linalg.norm(rolled_up(flat, geometry) - table(geometry)[0], axis=1).max() < 0.05
 
 
+@pytest.mark.nightly
 def test_the_holes_are_those_of_vias_and_pads(made: Path) -> None:
+    from gerbonara.excellon import ExcellonFile
+
     for board in (strip_board(SensorGeometry()), carrier_of("pico")):
         drilled = ExcellonFile.open(made / f"{board.name}-PTH.drl")
         wanted = [(via.at, via.drill_mm) for via in board.vias]
@@ -38,6 +41,7 @@ def test_the_holes_are_those_of_vias_and_pads(made: Path) -> None:
         assert read == Counter((spot(*at), round(size, 3)) for at, size in wanted)
 
 
+@pytest.mark.nightly
 def test_the_outline_is_closed(made: Path) -> None:
     for name in ("gellight-strip", "gellight-carrier-pico"):
         ends = Counter(
@@ -86,7 +90,10 @@ def place(node: Any) -> tuple[float, float]:
     return round(float(x), 2), round(float(y), 2)
 
 
+@pytest.mark.nightly
 def test_the_schematic_has_the_same_nets(made: Path) -> None:
+    from gerbonara.cad.kicad.sexp import parse_sexp
+
     for board in (strip_board(SensorGeometry()), carrier_of("pico")):
         sheet = parse_sexp((made / f"{board.name}.kicad_sch").read_text())
         shapes_of = {str(one[1]): one for one in within(within(sheet, "lib_symbols")[0], "symbol")}

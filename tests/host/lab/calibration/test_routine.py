@@ -84,6 +84,7 @@ def test_it_measures_noise_and_pixel_and_finds_every_led_where_it_is(calibrated:
     assert max(map(abs, turned)) < 12
 
 
+@pytest.mark.nightly
 def test_a_ring_of_eight_leds_is_calibrated_as_its_geometry_says(tmp_path: Path) -> None:
     """A short rehearsal: board, LED check, light and bundle go by led_colours, whose colours are not equally many.
 

@@ -1,5 +1,6 @@
 """The measures of the housing: it holds what the geometry says, and its joints have the play that is said."""
 
+import sys
 from dataclasses import replace
 from itertools import pairwise
 from math import pi, radians, tan
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.lab.housing.measures import CLEARANCE_MM, SPIGOT_MM, Profile, housing, profiles
+from gellight.lab.housing.parts import housing_files
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions
 
 GEOMETRIES = [
@@ -78,3 +80,9 @@ def test_what_cannot_be_built_is_refused_with_the_nearest_that_works() -> None:
     with pytest.raises(InputError, match=r"gel_diameter_mm at least 45\.3"):
         housing(SensorGeometry(gel_diameter_mm=44.0, ring_radius_mm=18.0))
     housing(SensorGeometry(gel_diameter_mm=45.3, ring_radius_mm=18.0))
+
+
+def test_without_the_kernel_the_housing_is_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "OCP.gp", None)
+    with pytest.raises(InputError, match="pip install"):
+        housing_files(SensorGeometry())

@@ -88,6 +88,7 @@ def test_a_wave_passes_as_the_standard_has_it(wavelength_mm: float) -> None:
     assert np.abs(let_through).max() == pytest.approx(0.5 ** ((2.5 / wavelength_mm) ** 2), abs=5e-4)
 
 
+@pytest.mark.nightly
 def test_areas_are_filtered_as_another_program_does() -> None:
     filtering = pytest.importorskip("surfalize.filter", reason="the judge from outside is not installed")
     surfalize = pytest.importorskip("surfalize")

@@ -47,6 +47,7 @@ def test_a_line_across_the_waves_has_the_figures_of_a_sine() -> None:
     assert found.rz_mm == pytest.approx(passed * 0.02, rel=0.02)
 
 
+@pytest.mark.nightly
 def test_the_figures_are_those_of_another_program() -> None:
     surfalize = pytest.importorskip("surfalize", reason="the judge from outside is not installed")
     random = np.random.default_rng(3)

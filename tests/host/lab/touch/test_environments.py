@@ -27,6 +27,7 @@ def tell(**how: Any) -> PressAndTell:
     return PressAndTell(("BALL", "TSTEP", "WAVE"), sensor=COARSE, **how)
 
 
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("error::UserWarning")
 @pytest.mark.parametrize(
     ("name", "how"),

@@ -26,6 +26,7 @@ def unrehearsed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training, "_rehearsed", {})
 
 
+@pytest.mark.nightly
 def test_numpy_trains_and_torch_where_it_is_asked_for(caplog: pytest.LogCaptureFixture) -> None:
     assert TrainingOptions().trainer == "numpy"
     with caplog.at_level("INFO", logger=trainer.__name__):
@@ -40,7 +41,7 @@ def test_without_torch_numpy_trains_and_torch_is_refused() -> None:
         checked_trainer("torch")
 
 
-@pytest.mark.parametrize("name", ["numpy", "torch"])
+@pytest.mark.parametrize("name", ["numpy", pytest.param("torch", marks=pytest.mark.nightly)])
 def test_a_rehearsal_trains_for_real_and_names_what_trained(name: trainer.TrainerName) -> None:
     library, version = rehearse(name).split()
     assert library == name
