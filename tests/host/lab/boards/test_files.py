@@ -3,6 +3,7 @@
 import csv
 import io
 from collections import Counter
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from sim_reference.geometry import SensorGeometry
 from tests.helpers.boards import carrier_of, objects, ring_of, rolled_up, spot, table
 
 ROOT = Path(__file__).parents[4]
+JUDGED = Path(__file__).with_name("judged.txt")
 
 
 @pytest.mark.nightly
@@ -79,6 +81,13 @@ def test_the_shopping_list_has_all_parts_of_both_boards_for_one_and_for_ten() ->
     assert (capacitors["For one"], capacitors["For ten"]) == ("14", "140"), "one a LED and two on the carrier"
     assert (rows["Ease Release 200"]["For one"], rows["Ease Release 200"]["For ten"]) == ("1", "1")
     assert rows["XP-565"]["For ten"] == "150"
+
+
+def test_the_files_are_those_that_other_programs_have_judged(made: Path) -> None:
+    """Judged at night by KiCad, gerbonara and SKiDL. After a wanted change let them judge, and write judged.txt anew."""
+    judged = dict(line.split() for line in JUDGED.read_text().splitlines())
+    found = {path.name: sha256(path.read_bytes()).hexdigest()[:16] for path in made.iterdir() if path.name in judged}
+    assert found == judged
 
 
 def within(node: Any, name: str) -> list[Any]:

@@ -55,7 +55,9 @@ def test_doctor_names_what_trains() -> None:
     assert finding.text.startswith("numpy ")
 
 
-@pytest.mark.parametrize(("library", "name"), [("torch", "torch"), ("onnxruntime", "numpy")])
+@pytest.mark.parametrize(
+    ("library", "name"), [pytest.param("torch", "torch", marks=pytest.mark.nightly), ("onnxruntime", "numpy")]
+)
 def test_a_library_that_cannot_be_loaded_is_found_before_anybody_presses(
     library: str, name: trainer.TrainerName, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
