@@ -84,7 +84,7 @@ def test_the_shopping_list_has_all_parts_of_both_boards_for_one_and_for_ten() ->
 
 
 def test_the_files_are_those_that_other_programs_have_judged(made: Path) -> None:
-    """Judged at night by KiCad, gerbonara and SKiDL. After a wanted change let them judge, and write judged.txt anew."""
+    """KiCad, gerbonara and SKiDL judge at night. After a wanted change let them judge, and write judged.txt anew."""
     judged = dict(line.split() for line in JUDGED.read_text().splitlines())
     found = {path.name: sha256(path.read_bytes()).hexdigest()[:16] for path in made.iterdir() if path.name in judged}
     assert found == judged

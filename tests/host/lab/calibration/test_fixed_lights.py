@@ -23,6 +23,7 @@ def options(folder: Path, **changes: Any) -> RoutineOptions:
     return short_options(folder, **{"pixel_size_mm": PIXEL_MM, **changes})
 
 
+@pytest.mark.nightly
 def test_no_ring_and_no_cylinder_are_needed(tmp_path: Path) -> None:
     with open_camera(URL, geometry=SMALL) as camera:
         assert camera.ring is None

@@ -19,14 +19,14 @@ from gellight.lab.simulator.virtual_hand import VirtualHand
 from gellight.lab.training.training import LIKE
 from gellight.opening import open_camera
 from tests.helpers.begun_calibration import begun_in
-from tests.helpers.calibration_routine import URL, camera, finished, options, wait_for
+from tests.helpers.calibration_routine import LIT, camera, finished, options, wait_for
 
-OTHER = f"{URL}&seed=7"
+OTHER = f"{LIT}&seed=7"
 ANY = Limits(depth_mm=10.0, normal_deg=90.0)
 """which every calibration keeps: what is judged here is what it was made of"""
 
 
-def routine_of(folder: Path, url: str = URL, **changes: Any) -> Routine:
+def routine_of(folder: Path, url: str = LIT, **changes: Any) -> Routine:
     """Return a routine whose hand presses, and which closes its camera with the test's process."""
     sensor = camera(url)
     assert sensor.stage is not None
@@ -35,12 +35,9 @@ def routine_of(folder: Path, url: str = URL, **changes: Any) -> Routine:
 
 
 @pytest.fixture(scope="module")
-def first(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+def first(calibrated: tuple[Path, dict[str, Any]]) -> Bundle:
     """The calibration of the first unit, called "one"."""
-    folder = tmp_path_factory.mktemp("first")
-    routine = routine_of(folder)
-    assert finished(routine)["step"] == "finished", routine.error
-    return load_bundle(folder / "bundle")
+    return load_bundle(calibrated[0] / "bundle")
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +64,7 @@ def test_two_presses_are_enough_with_those_of_a_like_unit(first: Bundle, tmp_pat
     assert unfinished(tmp_path / "state") is None
 
 
+@pytest.mark.nightly
 def test_a_unit_that_is_unlike_is_dropped_and_its_own_presses_are_learnt_from(unlike: Bundle, tmp_path: Path) -> None:
     routine = routine_of(tmp_path, presses=LEAST_PRESSES, like=unlike)
     snapshot = finished(routine)

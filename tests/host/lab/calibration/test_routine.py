@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,6 @@ from gellight.bundle.bundle import extend_bundle, load_bundle
 from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore
 from gellight.frames.camera import Camera
-from gellight.frames.camera_wrapper import CameraWrapper
-from gellight.frames.frames import CameraFrame
 from gellight.lab.calibration.choices import LEAST_PRESSES, RoutineOptions
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.report.pictures import write_png
@@ -29,39 +26,9 @@ from gellight.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.force_file import read_force
 from gellight.reconstruction.lens.lens_file import read_record
 from tests.benchmarks.objects import object_errors, summary
-from tests.helpers.calibration_routine import GEOMETRY, LIT, camera, finished, options, wait_for
+from tests.helpers.calibration_routine import GEOMETRY, LIT, camera, finished, options, wait_for, whole
 
 UNTIL_UM = 40.0
-
-
-class Remembering(CameraWrapper):
-    """Remembers what it adopted last: so a sensor is set and lit again after it was unplugged."""
-
-    adopted: tuple[dict[str, float], list[list[int]]] | None = None
-
-    def adopt(self, controls: Mapping[str, float], colours: np.ndarray | None) -> None:
-        super().adopt(controls, colours)
-        self.adopted = dict(controls), colours.tolist()
-
-    def read(self) -> CameraFrame:
-        return self._camera.read()
-
-
-@pytest.fixture(scope="module")
-def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """A calibration by the virtual hand, with the light ring; installed bundles are listed."""
-    folder = tmp_path_factory.mktemp("calibrated")
-    tools = options(folder, pin_pitch_mm=2.0)
-    installed: list[str] = []
-    with Remembering(camera(LIT)) as sensor:
-        assert sensor.stage is not None
-        hand = VirtualHand(sensor.stage)
-        routine = Routine(
-            sensor, tools, folder / "state", hand=hand, install=lambda bundle: installed.append(bundle.source)
-        )
-        snapshot = finished(routine)
-    assert snapshot["step"] == "finished", snapshot["problem"]
-    return folder, {**snapshot, "installed": installed, "adopted": sensor.adopted}
 
 
 def test_the_routine_calibrates_the_simulated_sensor_by_itself(calibrated: tuple[Path, dict[str, Any]]) -> None:
@@ -71,7 +38,6 @@ def test_the_routine_calibrates_the_simulated_sensor_by_itself(calibrated: tuple
     assert figures["true_normal_deg"] < 0.4
     assert figures["depth_mm"] < 0.02
     assert all(step["state"] == "done" for step in snapshot["steps"])
-    json.dumps(snapshot)
 
 
 def test_it_measures_noise_and_pixel_and_finds_every_led_where_it_is(calibrated: tuple[Path, dict[str, Any]]) -> None:
@@ -122,7 +88,7 @@ def test_a_sensor_that_is_unplugged_later_comes_back_as_it_was_prepared(
     calibrated: tuple[Path, dict[str, Any]],
 ) -> None:
     prepared = calibrated[1]["figures"]["prepare"]
-    assert calibrated[1]["adopted"] == (prepared["camera"], prepared["led"])
+    assert calibrated[1]["adopted"] == [prepared["camera"], prepared["led"]]
 
 
 def test_the_colours_of_the_untouched_gel_are_balanced(calibrated: tuple[Path, dict[str, Any]]) -> None:
@@ -132,14 +98,16 @@ def test_the_colours_of_the_untouched_gel_are_balanced(calibrated: tuple[Path, d
     assert 150 < max(uniformity[colour]["brightest_grey"] for colour in ("red", "green", "blue")) < 230
 
 
-def test_the_bundle_knows_its_light_its_camera_and_its_report(calibrated: tuple[Path, dict[str, Any]]) -> None:
+def test_the_bundle_knows_its_light_its_camera_and_its_report(
+    calibrated: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
     folder, snapshot = calibrated
     bundle = load_bundle(folder / "bundle")
     assert read_force(bundle) is not None, "the simulated gel knows its own"
     assert snapshot["installed"] == [str(folder / "bundle")]
     assert len(bundle.manifest.led) == 12
     assert set(bundle.manifest.camera) == {"exposure_us", "gain", "white_balance_k"}
-    report = BundleStore(folder / "store").add(bundle).report().decode()
+    report = BundleStore(tmp_path).add(bundle).report().decode()
     assert "Section through the centre of the ball" in report
     assert report.count("<img") >= 10
     # Without the pictures: four letters come by chance in that many.
@@ -275,7 +243,7 @@ def test_a_resumed_calibration_that_does_not_pass_replaces_nothing(
     place.write_text(json.dumps({**state, "finished": False, "checks": []}))
     with camera(LIT) as sensor:
         assert sensor.stage is not None
-        strict = options(tmp_path, limits=Limits(depth_mm=1e-5), pin_pitch_mm=2.0)
+        strict = whole(tmp_path, limits=Limits(depth_mm=1e-5))
         hand = VirtualHand(sensor.stage)
         snapshot = finished(Routine(sensor, strict, tmp_path / "state", hand=hand, install=lambda bundle: 1 / 0))
     assert snapshot["step"] == "finished", snapshot["problem"]
@@ -297,7 +265,7 @@ def test_the_bundle_keeps_all_that_its_draft_holds(calibrated: tuple[Path, dict[
     draft = extend_bundle(draft, tmp_path / "state/draft", {"notes.json": b"{}"}, overwrite=True)
     with camera(LIT) as sensor:
         assert sensor.stage is not None
-        tools = options(tmp_path, pin_pitch_mm=2.0)
+        tools = whole(tmp_path)
         snapshot = finished(Routine(sensor, tools, tmp_path / "state", hand=VirtualHand(sensor.stage)))
     assert snapshot["step"] == "finished", snapshot["problem"]
     bundle = load_bundle(tmp_path / "bundle")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gellight.lab.boards.strip import TAIL_WIDTH_MM, strip_board
 from gellight.lab.housing.measures import CLEARANCE_MM, FLEX_MM, housing
-from gellight.lab.housing.parts import assembly, stand_ins
+from gellight.lab.housing.parts import assembly, housing_files, stand_ins
 from gellight.lab.housing.solids import Solid, box, stl_bytes, turned_solid
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions
 from tests.helpers.boards import rolled_up

@@ -63,6 +63,9 @@ def test_what_makes_no_map_is_refused() -> None:
     felt = frame()
     with pytest.raises(InputError, match=r"pixels of 0\.1 x 0\.12 mm are not square"):
         map_of_press(felt, (0.1, 0.12), 0.002)
+    assert map_of_press(felt, (0.1, 0.10045), 0.002).pixel_mm == 0.1
+    with pytest.raises(InputError, match="are not square"):
+        map_of_press(felt, (0.1, 0.10055), 0.002)
     with pytest.raises(InputError, match="the bundle does not know by how much its depth is off: say it"):
         map_of_press(felt, PIXEL)
     nothing = replace(felt, depth_mm=np.zeros((240, 320), np.float32))

@@ -12,9 +12,11 @@ from gellight.base.errors import InputError
 from gellight.lab.scanning import scan as scan_module
 from gellight.lab.scanning import scan_files
 from gellight.lab.scanning.contact_view import ContactView
-from gellight.lab.scanning.height_map import load_height_map
+from gellight.lab.scanning.fusion import Fused
+from gellight.lab.scanning.height_map import HeightMap, load_height_map
 from gellight.lab.scanning.pairs import Joint
-from gellight.lab.scanning.scan import MAP, Scan
+from gellight.lab.scanning.pose_graph import Solved
+from gellight.lab.scanning.scan import MAP, PressReport, Scan
 from gellight.tracking.rigid import pose_of
 from sim_reference.surface import press_object, sample
 from tests.benchmarks.scan import Part, errors_mm
@@ -174,6 +176,44 @@ def test_a_press_of_another_sensor_is_refused(tmp_path: Path, other: ContactView
     with pytest.raises(InputError, match=why):
         scan.add(other, "other.mcap")
     assert len(Scan(tmp_path).views) == 1
+
+
+@pytest.mark.parametrize(("reached", "harder"), [(0.049, True), (0.051, False)])
+def test_a_press_that_reached_little_is_to_be_harder(reached: float, harder: bool) -> None:
+    report = PressReport(number=0, joined_to=(), contradicted=(), reached=reached, missing=())
+    assert ("harder" in report.in_words()) is harder
+
+
+def test_a_press_is_looked_for_in_the_last_twelve_that_have_a_place_and_in_as_many_that_have_none(
+    tmp_path: Path,
+) -> None:
+    scan = Scan(tmp_path)
+    scan.views = dict.fromkeys(range(30), small())
+    scan.solved = Solved(dict.fromkeys(range(15), np.eye(4)), ())
+    assert scan._likely() == [*range(14, 2, -1), *range(29, 17, -1)]
+
+
+@pytest.mark.parametrize(("away_mm", "near"), [(4.79, True), (4.81, False)])
+def test_views_of_4_by_3_mm_overlap_up_to_their_diagonal(away_mm: float, near: bool, tmp_path: Path) -> None:
+    pose = pose_of(np.array([away_mm * 0.6, away_mm * 0.8, 0, 0, 0, 0]))
+    assert Scan(tmp_path)._near(pose, small()) is near
+
+
+@pytest.mark.parametrize(("seen", "missing"), [(0.69, ["right"]), (0.71, [])])
+def test_a_side_of_which_three_tenths_are_unseen_is_worth_a_press_there(
+    seen: float, missing: list[str], tmp_path: Path
+) -> None:
+    """A view of 10 mm; the next one to the right reaches from 1 to 11 mm of its middle."""
+    scan = Scan(tmp_path)
+    scan.views = {0: ContactView(np.zeros((100, 100), np.float32), (0.1, 0.1), "a")}
+    scan.solved = Solved({0: np.eye(4)}, ())
+    known = np.ones((300, 300), bool)
+    known[:, 160 + round(100 * seen) :] = False
+    heights = HeightMap(np.zeros((300, 300), np.float32), np.zeros((300, 300), np.float32), 0.1)
+    scan.fused = Fused(heights, known, 0.0, (-15.0, -15.0))
+    found = scan.missing(0)
+    assert list(found) == missing
+    assert all(middle.tolist() == [6.0, 0.0] for middle in found.values())
 
 
 @pytest.mark.parametrize("content", [b"", b"rubbish", b"PK\x03\x04rubbish"])
