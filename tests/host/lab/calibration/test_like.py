@@ -1,21 +1,25 @@
 """The guided routine that begins with the presses of a like unit."""
 
 import io
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, InputError
+from gellight.base.errors import BundleError, InputError, TrainingError
 from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.bundle.limits import Limits
+from gellight.lab.calibration import fitting
 from gellight.lab.calibration.choices import LEAST_PRESSES, LEAST_WITH_LIKE
 from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.calibration.state import LIKE_UNIT, discard, kept_like, unfinished
 from gellight.lab.simulator.virtual_hand import VirtualHand
+from gellight.lab.training.child import RefusedTableError
 from gellight.lab.training.training import LIKE
 from gellight.opening import open_camera
 from tests.helpers.begun_calibration import begun_in
@@ -50,11 +54,19 @@ def unlike(first: Bundle, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     return extend_bundle(first, tmp_path_factory.mktemp("unlike") / "bundle", {"presses.npz": packed.getvalue()})
 
 
-def test_two_presses_are_enough_with_those_of_a_like_unit(first: Bundle, tmp_path: Path) -> None:
+def test_two_presses_are_enough_with_those_of_a_like_unit_also_where_it_was_interrupted(
+    first: Bundle, tmp_path: Path
+) -> None:
     with pytest.raises(InputError, match=f"presses = 2: at least {LEAST_PRESSES} are needed"):
         options(tmp_path, presses=2)
-    routine = routine_of(tmp_path, OTHER, presses=LEAST_WITH_LIKE, like=first)
-    snapshot = finished(routine)
+    begun = routine_of(tmp_path, OTHER, presses=LEAST_WITH_LIKE, like=first)
+    begun.act("start")
+    wait_for(begun, lambda shown: shown["step"] == "reference")
+    begun.act("abort")
+    begun.join(60)
+    kept = kept_like(tmp_path / "state")
+    assert kept.identity == first.identity
+    snapshot = finished(routine_of(tmp_path, OTHER, presses=LEAST_WITH_LIKE, like=kept))
     assert snapshot["step"] == "finished", snapshot["problem"]
     made = load_bundle(tmp_path / "bundle")
     assert made.metrics[LIKE] == "one"
@@ -62,6 +74,26 @@ def test_two_presses_are_enough_with_those_of_a_like_unit(first: Bundle, tmp_pat
     assert 0 < snapshot["figures"]["fit"]["training"]["unlikeness"] < 0.5
     assert "Begun with the presses of one, which alone are off by" in made.files["report.html"].decode()
     assert unfinished(tmp_path / "state") is None
+
+
+@pytest.mark.parametrize(("presses", "enough"), [(7, False), (8, True)])
+def test_a_like_unit_that_is_none_is_dropped_and_eight_own_presses_are_enough(
+    presses: int, enough: bool, first: Bundle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refused = RefusedTableError("it is no like unit")
+    learn = Mock(side_effect=[refused, first])
+    monkeypatch.setattr(fitting, "fit_judged", learn)
+    for name in ("rehearse", "measure_lights", "ball_of"):
+        monkeypatch.setattr(fitting, name, Mock())
+    run = Mock(options=Mock(least_presses=2))
+    run.folder.presses.return_value = [Mock()] * presses
+    with nullcontext() if enough else pytest.raises(TrainingError, match=r"go on, and press at least 1 more times$"):
+        fitting.fit(run)
+    run.drop_like.assert_called_once_with()
+    assert (learn.call_count, run.folder.finish.called) == ((2, True) if enough else (1, False))
+    learn.side_effect, run.options.like = refused, None
+    with pytest.raises(RefusedTableError):
+        fitting.fit(run)
 
 
 @pytest.mark.nightly
@@ -73,6 +105,7 @@ def test_a_unit_that_is_unlike_is_dropped_and_its_own_presses_are_learnt_from(un
     assert not (tmp_path / "state" / LIKE_UNIT).exists()
 
 
+@pytest.mark.nightly
 def test_with_too_few_presses_an_unlike_unit_ends_it_and_going_on_presses_more(unlike: Bundle, tmp_path: Path) -> None:
     refused = finished(routine_of(tmp_path, presses=2, like=unlike))
     assert refused["step"] == "failed"
@@ -80,19 +113,6 @@ def test_with_too_few_presses_an_unlike_unit_ends_it_and_going_on_presses_more(u
     goes_on = routine_of(tmp_path, presses=LEAST_PRESSES)
     assert finished(goes_on)["step"] == "finished", goes_on.error
     assert len(np.unique(load_bundle(tmp_path / "bundle").presses()["image"])) == LEAST_PRESSES
-
-
-def test_an_interrupted_calibration_goes_on_with_the_unit_it_was_begun_with(first: Bundle, tmp_path: Path) -> None:
-    begun = routine_of(tmp_path, presses=2, like=first)
-    begun.act("start")
-    wait_for(begun, lambda shown: shown["step"] == "reference")
-    begun.act("abort")
-    begun.join(60)
-    kept = kept_like(tmp_path / "state")
-    assert kept.identity == first.identity
-    goes_on = routine_of(tmp_path, presses=2, like=kept)
-    assert finished(goes_on)["step"] == "finished", goes_on.error
-    assert load_bundle(tmp_path / "bundle").metrics[LIKE] == "one"
 
 
 def test_pictures_of_another_size_are_no_like_unit_and_nothing_is_begun(first: Bundle, tmp_path: Path) -> None:
