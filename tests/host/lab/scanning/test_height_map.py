@@ -44,29 +44,6 @@ def test_what_is_no_map_is_refused(height: tuple[int], error: tuple[int], pixel_
         HeightMap(np.zeros(height, np.float32), np.zeros(error, np.float32), pixel_mm)
 
 
-@pytest.mark.parametrize("content", [b"", b"rubbish", b"PK\x03\x04rubbish"])
-def test_a_file_that_is_no_map_is_named(tmp_path: Path, content: bytes) -> None:
-    """One sentence with the path, and what writes a map."""
-    path = tmp_path / "map.npz"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=r"map\.npz is no map of heights .*gellight scan"):
-        load_height_map(path)
-
-
-def test_a_map_whose_data_is_damaged_is_named(tmp_path: Path) -> None:
-    """What the archive packed cannot be unpacked, or is packed by a method that nobody knows."""
-    path = tmp_path / "map.npz"
-    HeightMap(np.ones((30, 40), np.float32), np.ones((30, 40), np.float32), 0.1).save(path)
-    sound = path.read_bytes()
-    for at, wrong in (
-        (sound.index(b"height_mm.npy") + 13 + 20, b"\xff" * 8),
-        (sound.index(b"PK\x01\x02") + 10, b"\x63\x00"),
-    ):
-        path.write_bytes(sound[:at] + wrong + sound[at + len(wrong) :])
-        with pytest.raises(InputError, match=r"map\.npz is no map of heights"):
-            load_height_map(path)
-
-
 def test_a_field_that_is_missing_is_named(tmp_path: Path) -> None:
     """An npz of something else is no map."""
     np.savez(tmp_path / "other.npz", height_mm=np.zeros((2, 2)))
@@ -75,8 +52,8 @@ def test_a_field_that_is_missing_is_named(tmp_path: Path) -> None:
 
 
 def test_a_device_is_no_map() -> None:
-    """It would be read for ever."""
-    with pytest.raises(InputError, match=r"/dev/zero is no map of heights .*no regular file"):
+    """It would be read for ever. Whatever else is no map, tests/fuzz reads."""
+    with pytest.raises(InputError, match=r"/dev/zero is no map of heights .*no regular file.*`gellight scan` writes"):
         load_height_map(Path("/dev/zero"))
 
 

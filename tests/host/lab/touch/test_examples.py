@@ -12,6 +12,7 @@ from tests.helpers.doc_examples import examples
 from tests.helpers.places import CHECKOUT
 from tests.helpers.pressed_unit import pressed_unit
 
+pytestmark = pytest.mark.nightly
 EXAMPLES = CHECKOUT / "docs/examples/simulators"
 DOCUMENT = "docs/simulators.md"
 PAGE = (CHECKOUT / DOCUMENT).read_text()
@@ -31,7 +32,6 @@ def test_a_calibrated_unit_draws_what_the_page_presses(tmp_path: Path) -> None:
     assert run([sys.executable, "-c", block + shown], check=True, cwd=tmp_path).stdout == "(60, 80, 3) True\n"
 
 
-@pytest.mark.nightly
 def test_the_gripper_lifts_and_is_filmed(tmp_path: Path) -> None:
     (command,) = re.findall(r"```sh\npython (\S+) (\S+)\n```", PAGE)
     said = run([sys.executable, CHECKOUT / command[0], tmp_path / command[1]], check=True, timeout_s=200).stdout
@@ -42,7 +42,6 @@ def test_the_gripper_lifts_and_is_filmed(tmp_path: Path) -> None:
     assert film.frames[0].shape[:2] == (240, 880)
 
 
-@pytest.mark.nightly
 def test_the_agent_learns_and_its_curve_is_drawn(tmp_path: Path) -> None:
     """Shortly: the page's figures take two minutes a seed."""
     (command,) = re.findall(r"```sh\n.*\npython (\S+learn.py) (\S+)\n```", PAGE)
