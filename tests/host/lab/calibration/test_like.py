@@ -14,7 +14,6 @@ from gellight.base.errors import BundleError, InputError, TrainingError
 from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.bundle.limits import Limits
 from gellight.lab.calibration import fitting
-from gellight.lab.calibration.choices import LEAST_PRESSES, LEAST_WITH_LIKE
 from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.calibration.state import LIKE_UNIT, discard, kept_like, unfinished
@@ -57,16 +56,16 @@ def unlike(first: Bundle, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
 def test_two_presses_are_enough_with_those_of_a_like_unit_also_where_it_was_interrupted(
     first: Bundle, tmp_path: Path
 ) -> None:
-    with pytest.raises(InputError, match=f"presses = 2: at least {LEAST_PRESSES} are needed"):
+    with pytest.raises(InputError, match="presses = 2: at least 8 are needed"):
         options(tmp_path, presses=2)
-    begun = routine_of(tmp_path, OTHER, presses=LEAST_WITH_LIKE, like=first)
+    begun = routine_of(tmp_path, OTHER, presses=2, like=first)
     begun.act("start")
     wait_for(begun, lambda shown: shown["step"] == "reference")
     begun.act("abort")
     begun.join(60)
     kept = kept_like(tmp_path / "state")
     assert kept.identity == first.identity
-    snapshot = finished(routine_of(tmp_path, OTHER, presses=LEAST_WITH_LIKE, like=kept))
+    snapshot = finished(routine_of(tmp_path, OTHER, presses=2, like=kept))
     assert snapshot["step"] == "finished", snapshot["problem"]
     made = load_bundle(tmp_path / "bundle")
     assert made.metrics[LIKE] == "one"
@@ -98,7 +97,7 @@ def test_a_like_unit_that_is_none_is_dropped_and_eight_own_presses_are_enough(
 
 @pytest.mark.nightly
 def test_a_unit_that_is_unlike_is_dropped_and_its_own_presses_are_learnt_from(unlike: Bundle, tmp_path: Path) -> None:
-    routine = routine_of(tmp_path, presses=LEAST_PRESSES, like=unlike)
+    routine = routine_of(tmp_path, presses=8, like=unlike)
     snapshot = finished(routine)
     assert snapshot["step"] == "finished", snapshot["problem"]
     assert LIKE not in load_bundle(tmp_path / "bundle").metrics
@@ -110,9 +109,9 @@ def test_with_too_few_presses_an_unlike_unit_ends_it_and_going_on_presses_more(u
     refused = finished(routine_of(tmp_path, presses=2, like=unlike))
     assert refused["step"] == "failed"
     assert "it is no like unit, so learn without it; go on, and press at least 6 more times" in refused["problem"]
-    goes_on = routine_of(tmp_path, presses=LEAST_PRESSES)
+    goes_on = routine_of(tmp_path, presses=8)
     assert finished(goes_on)["step"] == "finished", goes_on.error
-    assert len(np.unique(load_bundle(tmp_path / "bundle").presses()["image"])) == LEAST_PRESSES
+    assert len(np.unique(load_bundle(tmp_path / "bundle").presses()["image"])) == 8
 
 
 def test_pictures_of_another_size_are_no_like_unit_and_nothing_is_begun(first: Bundle, tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.lab.calibration.force.adding import measure_force
-from gellight.lab.calibration.force.fit import SHAPE_SHARE, chosen_layer, fit_force, left_out_share
+from gellight.lab.calibration.force.fit import chosen_layer, fit_force, left_out_share
 from gellight.lab.calibration.force.record import ForceReadings
-from gellight.lab.calibration.force.sideways import LEAST_SHARE, fit_side
+from gellight.lab.calibration.force.sideways import fit_side
 from gellight.lab.report.pictures import write_png
 from gellight.opening import open_camera
 from gellight.reconstruction.force import Layer
@@ -66,7 +66,7 @@ def test_a_missing_file_and_one_that_is_no_text_are_refused(tmp_path: Path) -> N
 def test_a_perfect_record_gives_its_modulus_and_the_error_of_other_shapes() -> None:
     fit = fit_force(0.2 * FELT, FELT, "record")
     assert fit.youngs_modulus_mpa == pytest.approx(0.2)
-    assert fit.error_share == pytest.approx(SHAPE_SHARE)
+    assert fit.error_share == pytest.approx(0.05)
     assert (fit.readings, fit.lightest_n, fit.heaviest_n) == (4, pytest.approx(0.2), pytest.approx(1.6))
 
 
@@ -135,7 +135,7 @@ def test_the_error_is_no_smaller_than_on_objects_left_out() -> None:
 def test_the_constant_and_its_error_are_those_of_the_readings() -> None:
     exact = fit_side(1.3 * FOUND, FOUND, "f.csv")
     assert exact.side_scale == pytest.approx(1.3)
-    assert exact.side_error_share == pytest.approx(LEAST_SHARE)
+    assert exact.side_error_share == pytest.approx(0.05)
     off = fit_side(1.3 * FOUND * np.array([[1.1], [0.9], [1.0], [1.0]]), FOUND, "f.csv")
     assert 0.08 < off.side_error_share < 0.12
 
