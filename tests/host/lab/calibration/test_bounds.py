@@ -11,7 +11,7 @@ import pytest
 
 from gellight.base.errors import BoardError, BundleError, CameraError, GellightError, InputError
 from gellight.frames.frames import CameraFrame
-from gellight.lab.calibration import cylinder, lights
+from gellight.lab.calibration import cylinder, lights, preparing
 from gellight.lab.calibration.ball_radius import is_another
 from gellight.lab.calibration.circle import corrected_circle
 from gellight.lab.calibration.coverage import advice, coverage
@@ -122,6 +122,41 @@ def test_light_that_never_becomes_steady_is_told(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("gellight.lab.calibration.untouched.LONGEST_WAIT_FRAMES", 30)
     with pytest.raises(CameraError, match="still drifts"):
         wait_steady(run_on([GREY + np.uint8(n) for n in range(40)]))
+
+
+@pytest.mark.parametrize(
+    ("seen_grey", "name", "value"),
+    [
+        (186.0, None, 0.0),
+        (214.0, None, 0.0),
+        (184.0, "gain", 200 / 184),
+        (216.0, "exposure_us", 7000.0),
+        (253.0, "exposure_us", 6000.0),
+        (255.0, "exposure_us", 4000.0),
+        (100.0, "exposure_us", 16_000.0),
+        (10.0, "exposure_us", 20_000.0),
+    ],
+    ids=["dim enough", "bright enough", "dim", "bright", "not clipped", "clipped", "half", "as long as it can be"],
+)
+def test_the_exposure_is_set_in_whole_pulses_and_then_the_gain(
+    seen_grey: float, name: str | None, value: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From 8 ms, 100 us to 20 ms being possible."""
+    monkeypatch.setattr(preparing, "_brightest", lambda run: seen_grey)
+    ranges, now = {"exposure_us": (100.0, 20_000.0, 1.0), "gain": (1.0, 8.0, 0.1)}, {"exposure_us": 8000.0, "gain": 1.0}
+    controls = Mock(names=lambda: list(now), range=ranges.get, read=now.get)
+    preparing._expose(Mock(), controls)
+    set_first = controls.set.call_args_list[0].args if controls.set.called else (None, 0.0)
+    assert set_first == (name, pytest.approx(value))
+
+
+@pytest.mark.parametrize(
+    ("brightest_grey", "words"), [(149.9, "the gel is dim"), (150.1, ""), (229.9, ""), (230.1, "the gel is bright")]
+)
+def test_the_brightest_colour_reaches_150_to_230(brightest_grey: float, words: str) -> None:
+    dark = SimpleNamespace(brightest_grey=20.0)
+    found: Any = SimpleNamespace(red=dark, green=SimpleNamespace(brightest_grey=brightest_grey), blue=dark)
+    assert preparing._advice(found)[: len(words) or None] == words
 
 
 def imprint(radius_x: float, radius_y: float, scatter: float = 0.1, x: float = 160.0) -> Imprint:

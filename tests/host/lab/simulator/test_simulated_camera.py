@@ -108,6 +108,15 @@ def test_an_impossible_press_is_refused_and_changes_nothing(press: tuple[str, fl
     assert stage.next_press() == Press("BALL", 0.5, 1.0, 1.0)
 
 
+def test_an_object_is_turned_by_a_third_of_a_radian_at_most() -> None:
+    stage = Stage(SensorGeometry(), programme=False)
+    stage.press("BALL", 0.5, 1.0, 1.0)
+    for turn_rad in (0.351, -0.351):
+        with pytest.raises(InputError, match="a turn of"):
+            stage.drag(0.0, 0.0, turn_rad)
+    stage.drag(0.0, 0.0, -0.349)
+
+
 def test_a_closed_camera_gives_no_frame() -> None:
     with open_quiet() as camera:
         pass
