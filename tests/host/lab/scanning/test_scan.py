@@ -21,6 +21,7 @@ from gellight.tracking.rigid import pose_of
 from sim_reference.surface import press_object, sample
 from tests.benchmarks.scan import Part, errors_mm
 from tests.helpers.children import GELLIGHT, gellight, started
+from tests.helpers.command_line import invoke
 from tests.helpers.reliefs import GEOMETRY, felt, picture, press, record, untouched
 from tests.helpers.waiting import eventually
 
@@ -86,28 +87,21 @@ def test_the_map_is_the_part_and_says_how_far(views: list[ContactView], tmp_path
     assert not kept.reached[~scan.fused.seen].any()
 
 
-def test_it_says_on_which_sides_nothing_is_scanned(views: list[ContactView], tmp_path: Path) -> None:
-    scan = Scan(tmp_path)
-    assert set(scan.add(views[0]).missing) == {"right", "left", "below", "above"}
+def test_it_says_on_which_sides_nothing_is_scanned_and_goes_on_where_it_was_ended(
+    views: list[ContactView], tmp_path: Path
+) -> None:
+    """Each press is its file alone, so whatever ends the program, the next one finds those before."""
+    first, scan = Scan(tmp_path).add(views[0]), Scan(tmp_path)
+    assert set(first.missing) == {"right", "left", "below", "above"}
     second = scan.add(views[1])  # it lies right of the first one
     assert "left" not in second.missing
     assert {"right", "below", "above"} <= set(second.missing)
     assert "Not scanned yet: right" in second.in_words()
-
-
-def test_it_goes_on_where_it_was_ended(views: list[ContactView], tmp_path: Path) -> None:
-    """Each press is its file alone, so whatever ends the program, the next one finds those before."""
-    whole = Scan(tmp_path / "whole")
-    for view in views[:2]:
-        whole.add(view)
-    parts = tmp_path / "parts"
-    for view in views[:2]:
-        Scan(parts).add(view)
-    again = Scan(parts)
+    again = Scan(tmp_path)
     assert again.placed == [0, 1]
-    np.testing.assert_allclose(again.solved.poses[1], whole.solved.poses[1], atol=1e-4)
-    (parts / "press-000.npz").unlink()
-    assert set(Scan(parts).views) == {1}
+    np.testing.assert_allclose(again.solved.poses[1], scan.solved.poses[1], atol=1e-4)
+    (tmp_path / "press-000.npz").unlink()
+    assert set(Scan(tmp_path).views) == {1}
 
 
 def test_what_is_interrupted_while_it_is_joined_is_there(
@@ -237,10 +231,9 @@ def test_a_recording_becomes_a_map(recording: Path, tmp_path: Path) -> None:
 
 def test_one_press_has_no_seams(recording: Path, tmp_path: Path) -> None:
     """JSON has no NaN, and a sentence needs none."""
-    done = gellight("scan", tmp_path / "part", "--recording", recording, "--presses", "1", "--json")
-    assert done.returncode == 0, done.stderr
+    done = invoke("scan", tmp_path / "part", "--recording", recording, "--presses", "1", "--json")
     assert json.loads(done.stdout, parse_constant=pytest.fail)["seam_um"] is None
-    again = gellight("scan", tmp_path / "again", "--recording", recording, "--presses", "1")
+    again = invoke("scan", tmp_path / "again", "--recording", recording, "--presses", "1")
     assert "the gel reached" in again.stdout
     assert "differ by" not in again.stdout
 
