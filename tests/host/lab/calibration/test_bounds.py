@@ -168,10 +168,10 @@ def imprint(radius_x: float, radius_y: float, scatter: float = 0.1, x: float = 1
     ("found", "refusal"),
     [
         ([imprint(36, 36 * 1.0058)] * 2, ""),
-        ([imprint(36, 36 * 1.0062)] * 2, "mm high"),
+        ([imprint(36, 36 * 1.0062)] * 2, r"0\.11111 mm wide and 0\.11043 mm high"),
         ([imprint(36 * 1.0062, 36)] * 2, "mm high"),
         ([imprint(36, 36), imprint(36.5, 36.5)], ""),
-        ([imprint(36, 36), imprint(36.52, 36.52)], "spread of"),
+        ([imprint(36, 36), imprint(36.52, 36.52)], "a spread of 0.7 px between its presses"),
     ],
     ids=["square", "high", "wide", "alike", "spread"],
 )

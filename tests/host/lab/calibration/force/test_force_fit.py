@@ -94,10 +94,7 @@ def test_one_weight_thrice_is_enough() -> None:
     ("force", "felt", "reason"),
     [
         ([0.1, 1.0, 2.0], [0.0, 0.0, 0.0], "nothing is felt in 2 of 3 readings, the largest of 2 N"),
-        ([0.5, 1.0, 2.0], [2.5, 5.0, 0.0], "nothing is felt in 1 of 3 readings, the largest of 2 N"),
-        ([0.0, 1.0, 2.0], [0.0, 5.0, 10.0], "2 readings in contact: give at least 3"),
         ([1.0, 2.0, 3.0, 4.0], [8.0, 6.0, 4.0, 2.0], r"do not rise together \(rank correlation -1.00"),
-        ([1.0, 1.1, 1.2, 1.3], [1.0, 9.0, 2.0, 8.0], "one modulus leaves"),
     ],
 )
 def test_a_record_that_one_modulus_cannot_explain_is_refused(
@@ -152,7 +149,6 @@ def test_what_a_load_cell_shows_of_presses_that_pull_nothing_is_no_pull() -> Non
     [
         (-FOUND, "y down"),
         (FOUND[:, ::-1], "one constant leaves"),
-        (FOUND * np.array([[1.0], [0], [0], [0]]), "1 readings pull"),
     ],
 )
 def test_what_one_constant_cannot_explain_is_refused(side_n: np.ndarray, reason: str) -> None:
