@@ -8,10 +8,9 @@ import zipfile
 from dataclasses import replace
 from math import cos, pi, sin
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from gerbonara.graphic_objects import Arc, Flash, Line
-from gerbonara.rs274x import GerberFile
 from numpy.typing import NDArray
 
 from gellight.lab.boards.carrier import carrier_board
@@ -76,7 +75,10 @@ def axes_at(flat: Array, geometry: SensorGeometry) -> Array:
     return unit
 
 
-def objects(path: Path) -> list[Flash | Line | Arc]:
+def objects(path: Path) -> list[Any]:
+    """Return the flashes, lines and arcs of a Gerber, as another library reads them."""
+    from gerbonara.rs274x import GerberFile
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return list(GerberFile.open(path).objects)

@@ -128,6 +128,7 @@ def circuit_of(board: Board) -> Circuit:
     return circuit
 
 
+@pytest.mark.nightly
 def test_the_electrical_rules_hold(tmp_path: Path) -> None:
     circuits = [circuit_of(carrier_of(name)) for name in MODULES]
     for circuit in circuits:
@@ -137,6 +138,7 @@ def test_the_electrical_rules_hold(tmp_path: Path) -> None:
     assert complaints(circuits, tmp_path) == [[]] * len(MODULES)
 
 
+@pytest.mark.nightly
 def test_faults_of_the_circuit_are_found(tmp_path: Path) -> None:
     """Two outputs on a net, a supply that nothing feeds, a switch short to ground, pins that hang in the air."""
     faults = [("U3", "6", "SHIFTED"), ("U3", "14", "A"), ("U2", "6", "GND"), ("R3", "2", "A"), ("U2", "3", "A")]

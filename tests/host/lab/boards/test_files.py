@@ -3,14 +3,12 @@
 import csv
 import io
 from collections import Counter
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from gerbonara.cad.kicad.sexp import parse_sexp
-from gerbonara.excellon import ExcellonFile
-from gerbonara.graphic_objects import Flash
 
 from gellight.lab.boards.files import bill_of_materials, placement, shopping_list
 from gellight.lab.boards.gerbers import gerber_archive
@@ -19,9 +17,13 @@ from sim_reference.geometry import SensorGeometry
 from tests.helpers.boards import carrier_of, objects, ring_of, rolled_up, spot, table
 
 ROOT = Path(__file__).parents[4]
+JUDGED = Path(__file__).with_name("judged.txt")
 
 
+@pytest.mark.nightly
 def test_the_gerbers_have_the_leds_where_the_table_has_them(made: Path) -> None:
+    from gerbonara.graphic_objects import Flash
+
     geometry = SensorGeometry()
     flashes = [one for one in objects(made / "gellight-strip-F_Paste.gbr") if isinstance(one, Flash)]
     wide = np.array([[one.x, one.y] for one in flashes[: 4 * len(table(geometry)[0])]])
@@ -29,7 +31,10 @@ def test_the_gerbers_have_the_leds_where_the_table_has_them(made: Path) -> None:
     assert np.linalg.norm(rolled_up(flat, geometry) - table(geometry)[0], axis=1).max() < 0.05
 
 
+@pytest.mark.nightly
 def test_the_holes_are_those_of_vias_and_pads(made: Path) -> None:
+    from gerbonara.excellon import ExcellonFile
+
     for board in (strip_board(SensorGeometry()), carrier_of("pico")):
         drilled = ExcellonFile.open(made / f"{board.name}-PTH.drl")
         wanted = [(via.at, via.drill_mm) for via in board.vias]
@@ -38,6 +43,7 @@ def test_the_holes_are_those_of_vias_and_pads(made: Path) -> None:
         assert read == Counter((spot(*at), round(size, 3)) for at, size in wanted)
 
 
+@pytest.mark.nightly
 def test_the_outline_is_closed(made: Path) -> None:
     for name in ("gellight-strip", "gellight-carrier-pico"):
         ends = Counter(
@@ -77,6 +83,13 @@ def test_the_shopping_list_has_all_parts_of_both_boards_for_one_and_for_ten() ->
     assert rows["XP-565"]["For ten"] == "150"
 
 
+def test_the_files_are_those_that_other_programs_have_judged(made: Path) -> None:
+    """KiCad, gerbonara and SKiDL judge at night. After a wanted change let them judge, and write judged.txt anew."""
+    judged = dict(line.split() for line in JUDGED.read_text().splitlines())
+    found = {path.name: sha256(path.read_bytes()).hexdigest()[:16] for path in made.iterdir() if path.name in judged}
+    assert found == judged
+
+
 def within(node: Any, name: str) -> list[Any]:
     return [one for one in node if isinstance(one, list) and str(one[0]) == name]
 
@@ -86,7 +99,10 @@ def place(node: Any) -> tuple[float, float]:
     return round(float(x), 2), round(float(y), 2)
 
 
+@pytest.mark.nightly
 def test_the_schematic_has_the_same_nets(made: Path) -> None:
+    from gerbonara.cad.kicad.sexp import parse_sexp
+
     for board in (strip_board(SensorGeometry()), carrier_of("pico")):
         sheet = parse_sexp((made / f"{board.name}.kicad_sch").read_text())
         shapes_of = {str(one[1]): one for one in within(within(sheet, "lib_symbols")[0], "symbol")}

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gerbonara.graphic_objects import Flash, Region
 
 from gellight.lab.boards.modules import MODULES
 from gellight.lab.boards.strip import strip_board
@@ -15,12 +14,14 @@ from sim_reference.geometry import SensorGeometry
 from tests.helpers.boards import carrier_of, objects, ring_of, rolled_up, spot, table, write_project
 from tests.helpers.kicad import Verdict, judge
 
-pytestmark = pytest.mark.kicad
+pytestmark = [pytest.mark.kicad, pytest.mark.nightly]
 DANGLING = "track_dangling: Track has unconnected end"
 
 
 def shapes(path: Path) -> Counter[tuple[str, ...]]:
     """Count what a Gerber draws: kind, places in 0.01 mm, width; a line counts from either end."""
+    from gerbonara.graphic_objects import Flash, Region
+
     found: Counter[tuple[str, ...]] = Counter()
     for one in objects(path):
         if isinstance(one, Flash):

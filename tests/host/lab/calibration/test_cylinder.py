@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from gellight.base.errors import BundleError, InputError
+from gellight.base.errors import InputError
 from gellight.lab.calibration.cylinder import EdgeFit, edge_profile, find_cylinder
 from gellight.lab.calibration.probing import pixel_size
 from gellight.lab.simulator.scene import Press, Scene
@@ -80,20 +80,3 @@ def test_what_changes_by_less_than_three_times_the_noise_is_no_imprint(noises: f
     else:
         with pytest.raises(InputError, match="nothing is pressed"):
             find_cylinder(pressed, strongest_grey / noises)
-
-
-def test_an_imprint_that_leaves_the_picture_is_refused() -> None:
-    with pytest.raises(InputError, match="picture"):
-        find_cylinder(imprint((10.0, 60.0), (36.0, 36.0)), 0.5)
-
-
-def test_a_squeezed_picture_is_told_with_both_sizes() -> None:
-    found = [find_cylinder(imprint((79.0 + i, 60.0), (36.2, 34.9)), 0.5) for i in range(2)]
-    with pytest.raises(BundleError, match=r"0\.11\d+ mm wide and 0\.11\d+ mm high"):
-        pixel_size(found, 8.0)
-
-
-def test_presses_that_disagree_are_told_with_their_spread() -> None:
-    found = [find_cylinder(imprint((79.0, 60.0), (r, r)), 0.5) for r in (33.0, 36.0)]
-    with pytest.raises(BundleError, match="spread of"):
-        pixel_size(found, 8.0)

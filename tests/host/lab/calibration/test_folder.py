@@ -103,13 +103,6 @@ def test_a_damaged_or_foreign_state_is_named_and_left_alone(
     assert (tmp_path / "state.json").read_bytes() == before
 
 
-@pytest.mark.parametrize("text", ["{", "[" * 200_000])
-def test_a_state_that_is_no_json_is_named(text: str, tmp_path: Path) -> None:
-    (tmp_path / "state.json").write_text(text)
-    with pytest.raises(BundleError, match=r"state\.json cannot be read .*: move .* away and begin again"):
-        begun_in(tmp_path)
-
-
 def test_a_folder_with_pictures_of_somebody_else_is_refused_and_nothing_is_changed(tmp_path: Path) -> None:
     mine = tmp_path / "presses/press-001.png"
     mine.parent.mkdir()

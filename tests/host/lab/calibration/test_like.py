@@ -1,32 +1,35 @@
 """The guided routine that begins with the presses of a like unit."""
 
 import io
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, InputError
+from gellight.base.errors import BundleError, InputError, TrainingError
 from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.bundle.limits import Limits
-from gellight.lab.calibration.choices import LEAST_PRESSES, LEAST_WITH_LIKE
+from gellight.lab.calibration import fitting
 from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.calibration.state import LIKE_UNIT, discard, kept_like, unfinished
 from gellight.lab.simulator.virtual_hand import VirtualHand
+from gellight.lab.training.child import RefusedTableError
 from gellight.lab.training.training import LIKE
 from gellight.opening import open_camera
 from tests.helpers.begun_calibration import begun_in
-from tests.helpers.calibration_routine import URL, camera, finished, options, wait_for
+from tests.helpers.calibration_routine import LIT, camera, finished, options, wait_for
 
-OTHER = f"{URL}&seed=7"
+OTHER = f"{LIT}&seed=7"
 ANY = Limits(depth_mm=10.0, normal_deg=90.0)
 """which every calibration keeps: what is judged here is what it was made of"""
 
 
-def routine_of(folder: Path, url: str = URL, **changes: Any) -> Routine:
+def routine_of(folder: Path, url: str = LIT, **changes: Any) -> Routine:
     """Return a routine whose hand presses, and which closes its camera with the test's process."""
     sensor = camera(url)
     assert sensor.stage is not None
@@ -35,12 +38,9 @@ def routine_of(folder: Path, url: str = URL, **changes: Any) -> Routine:
 
 
 @pytest.fixture(scope="module")
-def first(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+def first(calibrated: tuple[Path, dict[str, Any]]) -> Bundle:
     """The calibration of the first unit, called "one"."""
-    folder = tmp_path_factory.mktemp("first")
-    routine = routine_of(folder)
-    assert finished(routine)["step"] == "finished", routine.error
-    return load_bundle(folder / "bundle")
+    return load_bundle(calibrated[0] / "bundle")
 
 
 @pytest.fixture(scope="module")
@@ -53,11 +53,19 @@ def unlike(first: Bundle, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
     return extend_bundle(first, tmp_path_factory.mktemp("unlike") / "bundle", {"presses.npz": packed.getvalue()})
 
 
-def test_two_presses_are_enough_with_those_of_a_like_unit(first: Bundle, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=f"presses = 2: at least {LEAST_PRESSES} are needed"):
+def test_two_presses_are_enough_with_those_of_a_like_unit_also_where_it_was_interrupted(
+    first: Bundle, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match="presses = 2: at least 8 are needed"):
         options(tmp_path, presses=2)
-    routine = routine_of(tmp_path, OTHER, presses=LEAST_WITH_LIKE, like=first)
-    snapshot = finished(routine)
+    begun = routine_of(tmp_path, OTHER, presses=2, like=first)
+    begun.act("start")
+    wait_for(begun, lambda shown: shown["step"] == "reference")
+    begun.act("abort")
+    begun.join(60)
+    kept = kept_like(tmp_path / "state")
+    assert kept.identity == first.identity
+    snapshot = finished(routine_of(tmp_path, OTHER, presses=2, like=kept))
     assert snapshot["step"] == "finished", snapshot["problem"]
     made = load_bundle(tmp_path / "bundle")
     assert made.metrics[LIKE] == "one"
@@ -67,34 +75,43 @@ def test_two_presses_are_enough_with_those_of_a_like_unit(first: Bundle, tmp_pat
     assert unfinished(tmp_path / "state") is None
 
 
+@pytest.mark.parametrize(("presses", "enough"), [(7, False), (8, True)])
+def test_a_like_unit_that_is_none_is_dropped_and_eight_own_presses_are_enough(
+    presses: int, enough: bool, first: Bundle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refused = RefusedTableError("it is no like unit")
+    learn = Mock(side_effect=[refused, first])
+    monkeypatch.setattr(fitting, "fit_judged", learn)
+    for name in ("rehearse", "measure_lights", "ball_of"):
+        monkeypatch.setattr(fitting, name, Mock())
+    run = Mock(options=Mock(least_presses=2))
+    run.folder.presses.return_value = [Mock()] * presses
+    with nullcontext() if enough else pytest.raises(TrainingError, match=r"go on, and press at least 1 more times$"):
+        fitting.fit(run)
+    run.drop_like.assert_called_once_with()
+    assert (learn.call_count, run.folder.finish.called) == ((2, True) if enough else (1, False))
+    learn.side_effect, run.options.like = refused, None
+    with pytest.raises(RefusedTableError):
+        fitting.fit(run)
+
+
+@pytest.mark.nightly
 def test_a_unit_that_is_unlike_is_dropped_and_its_own_presses_are_learnt_from(unlike: Bundle, tmp_path: Path) -> None:
-    routine = routine_of(tmp_path, presses=LEAST_PRESSES, like=unlike)
+    routine = routine_of(tmp_path, presses=8, like=unlike)
     snapshot = finished(routine)
     assert snapshot["step"] == "finished", snapshot["problem"]
     assert LIKE not in load_bundle(tmp_path / "bundle").metrics
     assert not (tmp_path / "state" / LIKE_UNIT).exists()
 
 
+@pytest.mark.nightly
 def test_with_too_few_presses_an_unlike_unit_ends_it_and_going_on_presses_more(unlike: Bundle, tmp_path: Path) -> None:
     refused = finished(routine_of(tmp_path, presses=2, like=unlike))
     assert refused["step"] == "failed"
     assert "it is no like unit, so learn without it; go on, and press at least 6 more times" in refused["problem"]
-    goes_on = routine_of(tmp_path, presses=LEAST_PRESSES)
+    goes_on = routine_of(tmp_path, presses=8)
     assert finished(goes_on)["step"] == "finished", goes_on.error
-    assert len(np.unique(load_bundle(tmp_path / "bundle").presses()["image"])) == LEAST_PRESSES
-
-
-def test_an_interrupted_calibration_goes_on_with_the_unit_it_was_begun_with(first: Bundle, tmp_path: Path) -> None:
-    begun = routine_of(tmp_path, presses=2, like=first)
-    begun.act("start")
-    wait_for(begun, lambda shown: shown["step"] == "reference")
-    begun.act("abort")
-    begun.join(60)
-    kept = kept_like(tmp_path / "state")
-    assert kept.identity == first.identity
-    goes_on = routine_of(tmp_path, presses=2, like=kept)
-    assert finished(goes_on)["step"] == "finished", goes_on.error
-    assert load_bundle(tmp_path / "bundle").metrics[LIKE] == "one"
+    assert len(np.unique(load_bundle(tmp_path / "bundle").presses()["image"])) == 8
 
 
 def test_pictures_of_another_size_are_no_like_unit_and_nothing_is_begun(first: Bundle, tmp_path: Path) -> None:

@@ -232,6 +232,7 @@ def test_the_dark_is_no_press() -> None:
     untouched = np.full((*SHAPE, 3), 100, np.float32)
     capture = wait_press(run, TouchDetector(untouched, 1.0), lambda: False)  # type: ignore[arg-type]
     assert capture.image.min() == 60
+    assert run.taken == 20 + 1 + 3 + 4, "dark; it moved; three still ones, and four whose mean is taken"
 
 
 @pytest.mark.parametrize("limit", [float("nan"), -0.01, 0.0])

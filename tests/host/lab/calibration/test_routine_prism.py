@@ -13,23 +13,7 @@ from gellight.lab.calibration.records import PrismErrors, ShownEdge
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.simulator.stage import Stage
 from gellight.lab.simulator.virtual_hand import PRISM_DEPTHS_MM, VirtualHand, prism_of
-from tests.helpers.calibration_routine import camera, finished, options, wait_for
-
-
-def with_prism(folder: Path, **changes: Any) -> Any:
-    return options(folder, **{"prism_angle_deg": 15.0, "prism_presses": 2, **changes})
-
-
-@pytest.fixture(scope="module")
-def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    folder = tmp_path_factory.mktemp("prism")
-    with camera() as sensor:
-        assert sensor.stage is not None
-        snapshot = finished(
-            Routine(sensor, with_prism(folder), folder / "state", hand=VirtualHand(sensor.stage)), timeout_s=400
-        )
-    assert snapshot["step"] == "finished", snapshot["problem"]
-    return folder, snapshot
+from tests.helpers.calibration_routine import LIT, camera, finished, wait_for, whole
 
 
 def before_the_prism(calibrated: tuple[Path, dict[str, Any]], folder: Path, angle_deg: float = 15.0) -> Path:
@@ -77,9 +61,9 @@ class Mistaken(VirtualHand):
 
 def test_a_prism_of_another_angle_does_not_pass(calibrated: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     state = before_the_prism(calibrated, tmp_path, angle_deg=30.0)
-    with camera() as sensor:
+    with camera(LIT) as sensor:
         assert sensor.stage is not None
-        named = with_prism(tmp_path, prism_angle_deg=30.0)
+        named = whole(tmp_path, prism_angle_deg=30.0)
         snapshot = finished(Routine(sensor, named, state, hand=Mistaken(sensor.stage)))
     assert snapshot["step"] == "finished", snapshot["problem"]
     assert not snapshot["verdict"]["passed"]
@@ -93,8 +77,8 @@ def test_a_user_who_presses_no_prism_is_told_and_can_go_on_without(
     calibrated: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
     state = before_the_prism(calibrated, tmp_path)
-    with camera() as sensor:
-        routine = Routine(sensor, with_prism(tmp_path), state)
+    with camera(LIT) as sensor:
+        routine = Routine(sensor, whole(tmp_path), state)
         routine.act("start")
         asked = wait_for(routine, lambda s: s["step"] == "verify" and s["awaiting"] == "press")
         assert "Press the prism, whose faces are at 15 degrees to the gel" in asked["instruction"]
@@ -120,8 +104,8 @@ def test_without_any_press_of_the_prism_the_balls_alone_judge(
     calibrated: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
     state = before_the_prism(calibrated, tmp_path)
-    with camera() as sensor:
-        routine = Routine(sensor, with_prism(tmp_path), state)
+    with camera(LIT) as sensor:
+        routine = Routine(sensor, whole(tmp_path), state)
         routine.act("start")
         wait_for(routine, lambda s: s["step"] == "verify" and s["awaiting"] == "press")
         routine.act("next")
@@ -135,16 +119,14 @@ def test_without_any_press_of_the_prism_the_balls_alone_judge(
 def test_what_no_prism_can_be_is_refused_before_anything_is_done(tmp_path: Path) -> None:
     for angle in (0.5, 80.0, float("nan")):
         with pytest.raises(InputError, match="the angle of the prism is"):
-            with_prism(tmp_path, prism_angle_deg=angle)
+            whole(tmp_path, prism_angle_deg=angle)
     with pytest.raises(InputError, match="prism_presses = 0: at least 1"):
-        with_prism(tmp_path, prism_presses=0)
-    with camera() as sensor:
+        whole(tmp_path, prism_presses=0)
+    with camera(LIT) as sensor:
         assert isinstance(sensor.stage, Stage)
         assert {prism_of(angle) for angle in PRISM_DEPTHS_MM} <= set(sensor.stage.probes)
         with pytest.raises(InputError, match="the virtual hand has no prism of 20 degrees: choose one of 15, 30, 45"):
-            Routine(
-                sensor, with_prism(tmp_path, prism_angle_deg=20.0), tmp_path / "state", hand=VirtualHand(sensor.stage)
-            )
+            Routine(sensor, whole(tmp_path, prism_angle_deg=20.0), tmp_path / "state", hand=VirtualHand(sensor.stage))
     assert not (tmp_path / "state").exists()
 
 
@@ -152,5 +134,5 @@ def test_a_calibration_goes_on_with_the_prism_it_was_begun_with(
     calibrated: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
     state = before_the_prism(calibrated, tmp_path)
-    with camera() as sensor, pytest.raises(InputError, match=r"begun with prism_angle_deg 15\.0, not None"):
-        Routine(sensor, options(tmp_path), state)
+    with camera(LIT) as sensor, pytest.raises(InputError, match=r"begun with prism_angle_deg 15\.0, not None"):
+        Routine(sensor, whole(tmp_path, prism_angle_deg=None), state)

@@ -58,10 +58,21 @@ def test_what_hangs_at_a_hub_without_a_supply_is_added_up(usb: UsbTree) -> None:
     assert "through one port, which gives 500" in finding.text
 
 
-def test_a_hub_of_usb_3_gives_more(usb: UsbTree) -> None:
-    usb.hub("2-1", own_supply=False, speed="5000")
-    usb.plug("2-1.1", rings=1, needs_ma=150)
-    assert [finding.level for finding in check_power(usb.sysfs, ())] == [Level.OK]
+@pytest.mark.parametrize(
+    ("speed", "own_supply", "needs_ma", "level"),
+    [
+        ("5000", False, 150, Level.OK),
+        ("5000", False, 152, Level.PROBLEM),
+        ("480", False, 100, Level.OK),
+        ("480", False, 102, Level.PROBLEM),
+        ("480", True, 500, Level.OK),
+        ("480", True, 502, Level.PROBLEM),
+    ],
+)
+def test_a_hub_of_usb_3_gives_more(speed: str, own_supply: bool, needs_ma: int, level: Level, usb: UsbTree) -> None:
+    usb.hub("2-1", own_supply=own_supply, speed=speed)
+    usb.plug("2-1.1", rings=1, needs_ma=needs_ma)
+    assert [finding.level for finding in check_power(usb.sysfs, ())] == [level]
 
 
 def test_a_port_of_the_computer_gives_a_ring_enough(usb: UsbTree) -> None:

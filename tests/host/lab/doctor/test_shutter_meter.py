@@ -1,5 +1,7 @@
 """The shutter measured by its own pictures: exposure, readout and the meaning of the stamp, against the truth."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
@@ -24,7 +26,10 @@ def seen(share: np.ndarray, old: int = 0, new: int = 1) -> np.ndarray:
     return amounts
 
 
-@pytest.mark.parametrize("late_s", [0.0, 0.021], ids=["stamps are starts", "stamps are ends"])
+@pytest.mark.parametrize(
+    "late_s",
+    [pytest.param(0.0, marks=pytest.mark.nightly, id="stamps are starts"), pytest.param(0.021, id="stamps are ends")],
+)
 def test_it_measures_the_shutter_on_the_emulated_board(monkeypatch: pytest.MonkeyPatch, late_s: float) -> None:
     camera = virtual_sensor(monkeypatch, late_s=late_s, jitter_s=2e-4)
     found = measure_shutter(camera, PAIR, timing=CameraTiming(pulse_period_s=0.0005))
@@ -111,3 +116,29 @@ def test_a_change_is_seen_from_three_bands_on(told: int, bands: int) -> None:
     amounts = seen(np.linspace(0.3, 0.7, BANDS))
     amounts[told:] = np.nan
     assert ShutterMeter().add(amounts, 0, 1, 0.01) == bands
+
+
+@pytest.mark.parametrize(("share", "bands"), [(0.079, 0), (0.081, 16), (0.919, 16), (0.921, 0)])
+def test_a_band_says_something_where_both_lights_are_in_it(share: float, bands: int) -> None:
+    assert ShutterMeter().add(seen(np.full(BANDS, share)), 0, 1, 0.01) == bands
+
+
+@pytest.mark.parametrize(("slope", "bands"), [(-0.0019, 16), (-0.0021, 0)])
+def test_rows_may_see_earlier_light_by_what_a_global_shutter_scatters(slope: float, bands: int) -> None:
+    assert ShutterMeter().add(seen(0.5 + slope * np.arange(BANDS)), 0, 1, 0.01) == bands
+
+
+@pytest.mark.parametrize(("bands", "enough"), [(59, False), (60, True)])
+def test_sixty_bands_are_needed(bands: int, enough: bool) -> None:
+    meter = ShutterMeter()
+    share = np.random.default_rng(0).uniform(0.1, 0.9, bands)
+    meter._samples = [(n % 16 / 16, 0.012 * (n % 16) / 16 + 0.008 * (1 - at), at) for n, at in enumerate(share)]
+    with nullcontext() if enough else pytest.raises(CameraError, match="only 59 row bands"):
+        assert meter.estimate().readout_s == pytest.approx(0.012)
+
+
+@pytest.mark.parametrize(("grey", "dark"), [(1.02, False), (0.98, True)])
+def test_a_light_is_dark_that_gives_less_than_a_grey_level(grey: float, dark: bool) -> None:
+    picture = np.random.default_rng(0).uniform(20, 200, (64, 128, 3)).astype(np.float32)
+    with pytest.raises(InputError, match="is dark") if dark else nullcontext():
+        TwoLights((picture, np.full_like(picture, grey)))

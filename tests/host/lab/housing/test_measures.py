@@ -1,5 +1,6 @@
 """The measures of the housing: it holds what the geometry says, and its joints have the play that is said."""
 
+import sys
 from dataclasses import replace
 from itertools import pairwise
 from math import pi, radians, tan
@@ -9,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.lab.housing.measures import CLEARANCE_MM, SPIGOT_MM, Profile, housing, profiles
+from gellight.lab.housing.measures import Profile, housing, profiles
+from gellight.lab.housing.parts import housing_files
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions
 
 GEOMETRIES = [
@@ -52,17 +54,17 @@ def test_profiles_are_solid_and_the_joints_have_their_play(geometry: SensorGeome
     parts = profiles(at)
     assert all(twice_area(profile) > 0 for profile in parts.values()), "anticlockwise, so solid and not a hole"
     for lower, upper, foot in (("gel", "ring", at.ring_foot_mm), ("ring", "camera", at.camera_foot_mm)):
-        for height in np.linspace(foot - SPIGOT_MM + 0.1, foot - 0.01, 7):
+        for height in np.linspace(foot - 3.0 + 0.1, foot - 0.01, 7):
             spigot, socket = crosses(parts[lower], height)[-1], crosses(parts[upper], height)[0]
-            assert socket - spigot == pytest.approx(CLEARANCE_MM)
+            assert socket - spigot == pytest.approx(0.15)
     rim = crosses(parts["lid"], at.lid_mm - 1)[-1]
-    assert crosses(parts["camera"], at.lid_mm - 1)[0] - rim == pytest.approx(CLEARANCE_MM)
+    assert crosses(parts["camera"], at.lid_mm - 1)[0] - rim == pytest.approx(0.15)
 
 
 def test_the_mould_holds_the_acrylic_and_the_gel_up_to_its_rim_and_lets_it_go() -> None:
     geometry = SensorGeometry()
     mould = profiles(housing(geometry))["mould"]
-    assert crosses(mould, 2.9)[0] == pytest.approx(25.0 + CLEARANCE_MM)
+    assert crosses(mould, 2.9)[0] == pytest.approx(25.0 + 0.15)
     assert crosses(mould, 8.0 - 1e-9)[0] - crosses(mould, 3.0 + 1e-9)[0] == pytest.approx(5 * tan(radians(2)), abs=1e-6)
     assert max(z for _, z in mould) == pytest.approx(3.0 + geometry.gel_thickness_mm)
     heights = np.linspace(3, 8, 501)[:-1] + 0.005
@@ -78,3 +80,9 @@ def test_what_cannot_be_built_is_refused_with_the_nearest_that_works() -> None:
     with pytest.raises(InputError, match=r"gel_diameter_mm at least 45\.3"):
         housing(SensorGeometry(gel_diameter_mm=44.0, ring_radius_mm=18.0))
     housing(SensorGeometry(gel_diameter_mm=45.3, ring_radius_mm=18.0))
+
+
+def test_without_the_kernel_the_housing_is_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "OCP.gp", None)
+    with pytest.raises(InputError, match="pip install"):
+        housing_files(SensorGeometry())

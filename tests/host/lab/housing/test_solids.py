@@ -1,7 +1,6 @@
 """The housing as solids, judged on the STL files that another library reads, and by the kernel's own volumes."""
 
 import io
-import sys
 from itertools import combinations
 from math import cos, pi, radians, sin
 from pathlib import Path
@@ -9,10 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 from numpy.typing import NDArray
 
-from gellight.base.errors import InputError
 from gellight.lab.boards.strip import TAIL_WIDTH_MM, strip_board
 from gellight.lab.housing.measures import CLEARANCE_MM, FLEX_MM, housing
 from gellight.lab.housing.parts import assembly, housing_files, stand_ins
@@ -21,6 +18,7 @@ from sim_reference.geometry import SensorGeometry, led_axes, led_positions
 from tests.helpers.boards import rolled_up
 from tests.helpers.children import gellight
 
+pytestmark = pytest.mark.nightly
 Array = NDArray[np.float64]
 GEOMETRIES = {
     "default": (SensorGeometry(), "5050"),
@@ -41,7 +39,9 @@ def sensor(request: pytest.FixtureRequest) -> tuple[SensorGeometry, str, dict[st
     return geometry, package, assembly(geometry, package)
 
 
-def mesh(data: bytes) -> trimesh.Trimesh:
+def mesh(data: bytes) -> Any:
+    import trimesh
+
     read = trimesh.load(io.BytesIO(data), file_type="stl")
     assert isinstance(read, trimesh.Trimesh)
     return read
@@ -130,7 +130,7 @@ def test_a_collision_would_be_found(sensor: tuple[SensorGeometry, str, dict[str,
     assert shared_mm3(parts["ring"], box((25.0, 0, 15.0), (10, 10, 10))) > 1
 
 
-def hits(part: trimesh.Trimesh, starts: Array, ends: Array) -> NDArray[np.bool_]:
+def hits(part: Any, starts: Array, ends: Array) -> NDArray[np.bool_]:
     """Which of the ways from starts to ends, (N, 3) each, a part stands in (Moeller and Trumbore, 1997)."""
     corner, right, up = part.triangles[:, 0], *np.diff(part.triangles, axis=1).transpose(1, 0, 2)
     up = right + up
@@ -211,12 +211,6 @@ def test_the_plug_has_its_play(sensor: tuple[SensorGeometry, str, dict[str, Any]
         corners = part.vertices[(part.vertices[:, 1] > at.bore_mm / 2) & (part.vertices[:, 1] < at.outer_mm - 0.2)]
         from_axis = np.hypot(corners[:, 0], corners[:, 2] - at.focus_mm)
         assert from_axis[from_axis < 8].max() == pytest.approx(radius, abs=0.02)
-
-
-def test_without_the_kernel_the_housing_is_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "OCP.gp", None)
-    with pytest.raises(InputError, match="pip install"):
-        housing_files(SensorGeometry())
 
 
 def test_the_verb_writes_every_part_and_nothing_of_one_that_cannot_be(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """A bead that is rolled in the gel: its touches find their places, whatever the tracker says, and stay whole."""
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -10,17 +10,17 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.lab.scanning import body_scan
-from gellight.lab.scanning.body_scan import BodyScan
+from gellight.lab.scanning.body_scan import BodyScan, TouchReport
 from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.scanning.scan import Scan
 from gellight.lab.scanning.scan_files import alone, path_of, write_press
 from gellight.lab.scanning.touches import Touch, touches_in
+from gellight.tracking.information import Agreement
 from gellight.tracking.rigid import carried, inverse, pose_of, twist_of
 from sim_reference.bodies import BEADS, bead_radius_mm
 from tests.benchmarks.scan_bodies import fitted, frames
 from tests.benchmarks.tracking.sequences import Moving, press
-from tests.helpers.children import gellight
-from tests.helpers.command_line import invoke
+from tests.helpers.command_line import invoke, refused
 from tests.helpers.reliefs import record_rolled
 
 RADIUS_MM, TURN_RAD = 4.0, np.radians(40)
@@ -60,14 +60,16 @@ def other(tmp_path_factory: pytest.TempPathFactory) -> Touch:
     return replace(touch, number=77)
 
 
-def worst(scan: BodyScan, touches: list[Touch], true: dict[int, np.ndarray]) -> tuple[float, float]:
-    """Return by how much places are off at most, mm and rad, at the middle of the contact."""
+def assert_in_place(
+    scan: BodyScan, touches: list[Touch], true: dict[int, np.ndarray], most_mm: float = 0.015, most_deg: float = 0.4
+) -> None:
+    """Places are off by so much at most, at the middle of the contact."""
     first = true[touches[scan.first].sequence]
-    twists = [
-        twist_of(inverse(scan.solved.poses[n]) @ first @ inverse(true[touches[n].sequence]), touches[n].view.centre_mm)
-        for n in scan.placed
-    ]
-    return max(np.linalg.norm(one[:3]) for one in twists), max(np.linalg.norm(one[3:]) for one in twists)
+    for n in scan.placed:
+        off = inverse(scan.solved.poses[n]) @ first @ inverse(true[touches[n].sequence])
+        twist = twist_of(off, touches[n].view.centre_mm)
+        assert np.linalg.norm(twist[:3]) < most_mm
+        assert np.degrees(np.linalg.norm(twist[3:])) < most_deg
 
 
 def test_touches_come_as_it_rolls_on_and_none_where_it_rests(pressed: Path, rolled: tuple) -> None:
@@ -84,9 +86,7 @@ def test_the_mesh_is_the_bead(rolled: tuple, tmp_path: Path) -> None:
     reports = [scan.add(touch) for touch in touches]
     assert scan.placed == list(range(len(touches)))
     assert all(report.placed and report.joined_to for report in reports[1:])
-    mm, rad = worst(scan, touches, true)
-    assert mm < 0.015
-    assert rad < np.radians(0.4)
+    assert_in_place(scan, touches, true)
     mesh = scan.mesh()
     points = carried(inverse(true[touches[0].sequence]), mesh.points_mm)
     off = fitted(points, bead_radius_mm(*BEADS["FINEBEAD"]))
@@ -103,9 +103,8 @@ def test_where_the_tracker_drifts_the_overlaps_say_where_it_lies(rolled: tuple, 
         scan.add(replace(touch, motion=wrong @ touch.motion))
         wrong = drift @ wrong
     assert np.linalg.norm(wrong[:3, 3]) > 0.8
-    mm, rad = worst(scan, touches, true)
     assert len(scan.placed) == len(touches)
-    assert (mm, rad) < (0.015, np.radians(0.4))
+    assert_in_place(scan, touches, true)
 
 
 def test_what_touches_after_a_loss_and_in_a_scan_that_goes_on_is_found(rolled: tuple, tmp_path: Path) -> None:
@@ -118,8 +117,7 @@ def test_what_touches_after_a_loss_and_in_a_scan_that_goes_on_is_found(rolled: t
     for number, touch in enumerate(touches[5:]):
         scan.add(replace(touch, number=100 + number, motion=np.eye(4)))
     assert len(scan.placed) == len(touches)
-    mm, rad = worst(scan, touches, true)
-    assert (mm, rad) < (0.015, np.radians(0.4))
+    assert_in_place(scan, touches, true)
 
 
 def test_another_body_is_joined_to_nothing_and_in_no_mesh(rolled: tuple, other: Touch, tmp_path: Path) -> None:
@@ -147,7 +145,7 @@ def test_two_rolls_that_nothing_connects_are_one_when_a_touch_does(rolled: tuple
     for touch in between:
         scan.add(touch)
     assert len(scan.placed) == len(touches)
-    assert worst(scan, [touches[0], *apart, *between], true) < (0.02, np.radians(0.5))
+    assert_in_place(scan, [touches[0], *apart, *between], true, most_mm=0.02, most_deg=0.5)
 
 
 @pytest.mark.parametrize(("part", "value"), [("pose", np.nan), ("covariance", np.nan), ("covariance", 0.0)])
@@ -194,7 +192,7 @@ def test_with_many_touches_places_are_found_anew_from_time_to_time(
     assert len(scan.solved.weights) == len(scan.joints)
     scan.mesh()
     assert body_scan.solve.call_count == 3
-    assert worst(scan, touches, true) < (0.015, np.radians(0.4))
+    assert_in_place(scan, touches, true)
 
 
 def test_what_is_there_already_takes_no_room_from_the_rest_of_a_recording(
@@ -208,19 +206,70 @@ def test_what_is_there_already_takes_no_room_from_the_rest_of_a_recording(
         assert f"{most} touches are all that a scan holds" in done.stderr
 
 
-def test_the_verb_makes_a_mesh_of_a_recording_and_goes_on_with_it(pressed: Path, tmp_path: Path) -> None:
+def test_the_verb_makes_a_mesh_of_a_recording_and_goes_on_with_it(
+    pressed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     record_rolled(tmp_path / "roll.mcap", pressed)
     scan = ("scan", "bead", "--body", "--recording", "roll.mcap")
     for _ in range(2):
-        done = gellight(*scan, "--json", cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
+        done = invoke(*scan, "--json")
+        assert done.exit_code == 0, done.output
         told = json.loads(done.stdout)
         assert told["touches"] >= FEWEST, "the second time they are there already"
         assert told["not_joined"] == []
         assert told["seam_um"] < 4
     names = {path.name for path in (tmp_path / "bead").iterdir()}
     assert {"body.ply", "body.stl", "body.png", "touch-000.npz"} <= names
-    for wrong, why in (((*scan, "--curved"), "--curved is of flat parts"), (scan[:2] + scan[3:], "scan of a body")):
-        done = gellight(*wrong, cwd=tmp_path)
-        assert done.returncode == 2
-        assert why in done.stderr
+    for wrong in ((*scan, "--curved"), scan[:2] + scan[3:]):
+        assert refused(invoke(*wrong))
+
+
+def agreed(**changes: float) -> Agreement:
+    """What two views of one place agree in, with `changes`."""
+    best = {field.name: 1.0 for field in fields(Agreement)} | {"unlike": 0.0}
+    return Agreement(**{**best, **changes})
+
+
+@pytest.mark.parametrize(
+    ("changes", "again", "like"),
+    [
+        ({}, True, True),
+        ({"unlike": 0.049}, True, True),
+        ({"unlike": 0.051}, True, False),
+        ({"unlike": 0.249}, True, False),
+        ({"unlike": 0.251}, False, False),
+        ({"overlap": 0.71}, True, True),
+        ({"overlap": 0.69}, True, False),
+        ({"curvature": 0.81}, True, True),
+        ({"curvature": 0.79}, True, False),
+    ],
+)
+def test_a_touch_that_nothing_led_to_is_found_where_it_is_like_enough(
+    changes: dict[str, float], again: bool, like: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(body_scan, "right", lambda agreement: True)
+    assert (body_scan.found_again(agreed(**changes)), body_scan.alike(agreed(**changes))) == (again, like)
+    monkeypatch.setattr(body_scan, "right", lambda agreement: False)
+    assert not body_scan.found_again(agreed(**changes))
+    assert not body_scan.alike(agreed(**changes))
+
+
+@pytest.mark.parametrize(
+    ("number", "placed", "said"),
+    [(8, True, False), (9, True, True), (10, True, False), (19, True, True), (3, False, True)],
+)
+def test_every_tenth_touch_that_went_well_is_worth_a_word(number: int, placed: bool, said: bool) -> None:
+    assert TouchReport(number=number, joined_to=1, placed=placed).worth_saying is said
+
+
+@pytest.mark.parametrize(("covers", "turned_deg", "asked"), [(0.31, 0, 1), (0.29, 0, 0), (0.31, 34, 1), (0.31, 36, 0)])
+def test_touches_that_overlap_by_three_tenths_and_lie_within_35_degrees_are_asked(
+    covers: float, turned_deg: float, asked: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(body_scan, "covered", lambda *views: covers)
+    scan = BodyScan(tmp_path)
+    monkeypatch.setattr(scan, "_key", Mock())
+    monkeypatch.setattr(scan, "_joined", Mock(return_value=object()))
+    pose = pose_of(np.array([0, 0, 0, np.radians(turned_deg), 0, 0]))
+    assert len(list(scan._where(1, Mock(), {0: pose}))) == asked

@@ -5,10 +5,13 @@ import shlex
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.helpers.children import gellight, run
 from tests.helpers.doc_examples import examples
 from tests.helpers.places import CHECKOUT
 
+pytestmark = pytest.mark.nightly
 DOCUMENT = "docs/scanning.md"
 TEXT = (CHECKOUT / DOCUMENT).read_text()
 

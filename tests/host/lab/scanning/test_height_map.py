@@ -1,13 +1,21 @@
-"""A map of heights and its file; the Gaussian filter against its formula and another program; form; missing heights."""
+"""A map of heights, its file, and one press as a map; the Gaussian filter against its formula; form."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.frames.measures import ErrorBounds
 from gellight.lab.scanning.filtering import beyond_run_in, finest_mm, transmission, waviness, without_form
-from gellight.lab.scanning.height_map import HeightMap, load_height_map
+from gellight.lab.scanning.height_map import HeightMap, load_height_map, map_of_press
+from sim_reference import gel
+from sim_reference.deformation import grid
+from sim_reference.geometry import SensorGeometry, pixel_grid
+from sim_reference.reliefs import FLAT_MM, sine_plate
+from sim_reference.surface import Surface, sample
 
 
 def a_map() -> HeightMap:
@@ -44,29 +52,6 @@ def test_what_is_no_map_is_refused(height: tuple[int], error: tuple[int], pixel_
         HeightMap(np.zeros(height, np.float32), np.zeros(error, np.float32), pixel_mm)
 
 
-@pytest.mark.parametrize("content", [b"", b"rubbish", b"PK\x03\x04rubbish"])
-def test_a_file_that_is_no_map_is_named(tmp_path: Path, content: bytes) -> None:
-    """One sentence with the path, and what writes a map."""
-    path = tmp_path / "map.npz"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=r"map\.npz is no map of heights .*gellight scan"):
-        load_height_map(path)
-
-
-def test_a_map_whose_data_is_damaged_is_named(tmp_path: Path) -> None:
-    """What the archive packed cannot be unpacked, or is packed by a method that nobody knows."""
-    path = tmp_path / "map.npz"
-    HeightMap(np.ones((30, 40), np.float32), np.ones((30, 40), np.float32), 0.1).save(path)
-    sound = path.read_bytes()
-    for at, wrong in (
-        (sound.index(b"height_mm.npy") + 13 + 20, b"\xff" * 8),
-        (sound.index(b"PK\x01\x02") + 10, b"\x63\x00"),
-    ):
-        path.write_bytes(sound[:at] + wrong + sound[at + len(wrong) :])
-        with pytest.raises(InputError, match=r"map\.npz is no map of heights"):
-            load_height_map(path)
-
-
 def test_a_field_that_is_missing_is_named(tmp_path: Path) -> None:
     """An npz of something else is no map."""
     np.savez(tmp_path / "other.npz", height_mm=np.zeros((2, 2)))
@@ -75,8 +60,8 @@ def test_a_field_that_is_missing_is_named(tmp_path: Path) -> None:
 
 
 def test_a_device_is_no_map() -> None:
-    """It would be read for ever."""
-    with pytest.raises(InputError, match=r"/dev/zero is no map of heights .*no regular file"):
+    """It would be read for ever. Whatever else is no map, tests/fuzz reads."""
+    with pytest.raises(InputError, match=r"/dev/zero is no map of heights .*no regular file.*`gellight scan` writes"):
         load_height_map(Path("/dev/zero"))
 
 
@@ -88,6 +73,7 @@ def test_a_wave_passes_as_the_standard_has_it(wavelength_mm: float) -> None:
     assert np.abs(let_through).max() == pytest.approx(0.5 ** ((2.5 / wavelength_mm) ** 2), abs=5e-4)
 
 
+@pytest.mark.nightly
 def test_areas_are_filtered_as_another_program_does() -> None:
     filtering = pytest.importorskip("surfalize.filter", reason="the judge from outside is not installed")
     surfalize = pytest.importorskip("surfalize")
@@ -140,3 +126,61 @@ def test_what_a_blur_takes() -> None:
     kernel = np.exp(-((np.arange(-60, 61) * 0.01 / 0.1) ** 2) / 2)
     blurred = np.convolve(np.cos(2 * np.pi * x), kernel / kernel.sum(), "valid")
     assert np.abs(blurred).max() == pytest.approx(transmission(1.0, 0.1), abs=1e-3)
+
+
+GEOMETRY = SensorGeometry(image_width_px=320, image_height_px=240, pixel_size_mm=0.1176)
+PIXEL = (GEOMETRY.pixel_size_mm,) * 2
+NEAR = np.hypot(*pixel_grid(GEOMETRY)) < FLAT_MM - 1
+
+
+def pressed(wavelength_mm: float, steepness: float, depth_mm: float) -> Surface:
+    at = grid(256, 0.2)
+    plate = sine_plate(at[None, :], at[:, None], wavelength_mm, steepness * wavelength_mm)
+    return sample(gel.press(plate, 0.2, depth_mm, GEOMETRY), GEOMETRY, 0.0, 0.0)
+
+
+def frame(bounds: ErrorBounds | None = None) -> TactileFrame:
+    true = pressed(2.0, 0.02, 0.5)
+    contact = Contact(mask=true.contact, area_mm2=1.0, indentation_mm=0.5, centroid_mm=(0.0, 0.0))
+    taken = CameraFrame(image=np.zeros((240, 320, 3), np.uint8), time_s=0.0, sequence=0)
+    felt = TactileFrame(
+        camera_frame=taken,
+        difference=np.zeros((240, 320, 3), np.float32),
+        gradient_map=true.gradient_map.astype(np.float32),
+        depth_mm=true.depth_mm.astype(np.float32),
+        contact=contact,
+    )
+    felt.__dict__["error_bounds"] = bounds
+    return felt
+
+
+def test_a_press_is_a_map_of_what_was_reached_with_the_errors_that_are_told() -> None:
+    felt = frame()
+    found = map_of_press(felt, PIXEL, 0.002)
+    assert np.array_equal(found.height_mm[found.reached], felt.depth_mm[found.reached])
+    assert np.array_equal(np.isfinite(found.error_mm), found.reached)
+    assert found.error_mm[found.reached].max() == np.float32(0.002)
+    assert found.reached[NEAR].all()
+    assert found.pixel_mm == PIXEL[0]
+
+
+def test_the_errors_of_the_bundle_are_taken_where_it_knows_them() -> None:
+    bound = np.full((240, 320), 1.645e-3, np.float32)
+    bound[:, 150:] = np.inf
+    found = map_of_press(frame(ErrorBounds(normal_deg=bound, shape_mm=bound)), PIXEL)
+    assert not found.reached[:, 150:].any()
+    assert found.error_mm[found.reached] == pytest.approx(1e-3)
+
+
+def test_what_makes_no_map_is_refused() -> None:
+    felt = frame()
+    with pytest.raises(InputError, match=r"pixels of 0\.1 x 0\.12 mm are not square"):
+        map_of_press(felt, (0.1, 0.12), 0.002)
+    assert map_of_press(felt, (0.1, 0.10045), 0.002).pixel_mm == 0.1
+    with pytest.raises(InputError, match="are not square"):
+        map_of_press(felt, (0.1, 0.10055), 0.002)
+    with pytest.raises(InputError, match="the bundle does not know by how much its depth is off: say it"):
+        map_of_press(felt, PIXEL)
+    nothing = replace(felt, depth_mm=np.zeros((240, 320), np.float32))
+    with pytest.raises(InputError, match="nothing touches the gel in this frame"):
+        map_of_press(nothing, PIXEL, 0.002)

@@ -1,14 +1,17 @@
 """How presses of one surface lie: two found on each other without a guess, all from the joints, wrong ones left out."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from gellight.lab.scanning import pairs
 from gellight.lab.scanning.contact_view import ContactView
-from gellight.lab.scanning.pairs import Joint, joined
-from gellight.lab.scanning.pose_graph import LEFT_OUT, connected, solve
+from gellight.lab.scanning.levelling import Laid, levelled
+from gellight.lab.scanning.pairs import Fit, Joint, joined
+from gellight.lab.scanning.pose_graph import connected, solve
 from gellight.tracking.rigid import inverse, pose_of, twist_of
 from tests.helpers.reliefs import Plate
 
@@ -131,7 +134,7 @@ def test_one_wrong_joint_is_left_out(which: int, by_mm: float) -> None:
     spoilt = [*joints]
     spoilt[which] = replace(joints[which], pose=wrong, common_mm2=1000.0)
     solved = solve(spoilt, 0)
-    assert [number for number, weight in enumerate(solved.weights) if weight < LEFT_OUT] == [which]
+    assert [number for number, weight in enumerate(solved.weights) if weight < 0.5] == [which]
     without = solve(joints[:which] + joints[which + 1 :], 0)
     for number in range(8):
         np.testing.assert_allclose(solved.poses[number], without.poses[number], atol=0.004)
@@ -143,3 +146,60 @@ def test_what_hangs_on_nothing_has_no_place() -> None:
     assert set(solve(joints, 0).poses) == {0, 1, 2}
     assert set(connected(joints, 4)) == {4, 5}
     assert solve([], 3).poses.keys() == {3}
+
+
+@pytest.mark.parametrize(("apart_mm", "weights"), [(0.0945, True), (0.0951, False)])
+def test_joints_that_contradict_each_other_by_more_than_chance_lose_weight(apart_mm: float, weights: bool) -> None:
+    """The pose lies between two of 0.01 mm: each is off by half; one in a thousand is by 22.46 = 4.74^2 sigma^2."""
+    one = joint(0, 1)
+    other = replace(one, pose=pose_of(np.array([apart_mm, 0, 0, 0, 0, 0])) @ one.pose)
+    assert (solve([one, other], 0).weights == (1.0, 1.0)) is weights
+
+
+@pytest.mark.parametrize(
+    ("slope", "common_mm2", "tilt_deg", "right"),
+    [(0.81, 5.1, 4.9, True), (0.79, 5.1, 4.9, False), (0.81, 4.9, 4.9, False), (0.81, 5.1, 5.1, False)],
+)
+def test_a_fit_is_believed_where_slopes_agree_over_enough_gel_of_two_level_presses(
+    slope: float, common_mm2: float, tilt_deg: float, right: bool
+) -> None:
+    found, agreement = SimpleNamespace(pose=beside(0, 0, 0, tilt_deg)), SimpleNamespace(slope=slope)
+    assert bool(Fit(None, found, agreement, common_mm2).right) is right  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("slope", "common_mm2", "beside_mm", "told"),
+    [
+        (0.889, 31.0, 0.51, True),
+        (0.891, 31.0, 0.51, False),
+        (0.891, 29.0, 0.51, True),
+        (0.891, 31.0, 0.49, True),
+    ],
+    ids=["fits worse", "fits as well", "smaller", "same place"],
+)
+def test_another_place_that_is_nearly_as_good_leaves_it_open(
+    slope: float, common_mm2: float, beside_mm: float, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The best leaves 0.03 and is common over 100 mm2: three times that and 0.02 make 0.11."""
+    key = SimpleNamespace(centre_mm=np.zeros(3))
+    fits = [
+        Fit(key, SimpleNamespace(pose=beside(x, 0)), SimpleNamespace(slope=agreed), area)  # type: ignore[arg-type]
+        for x, agreed, area in ((beside_mm, slope, common_mm2), (0.0, 0.97, 100.0))
+    ]
+    monkeypatch.setattr(pairs, "starts", lambda *views: [0, 1])
+    monkeypatch.setattr(pairs, "fit", lambda one, other, start, *points, **steps: fits[start])
+    assert (pairs._searched(None, None) is fits[1]) is told  # type: ignore[arg-type]
+
+
+def laid(row: int, height_mm: float, unknown: int) -> Laid:
+    """A press of 10 x 30 pixels on a grid, ten columns beside the last one; some pixels of its left are unknown."""
+    height = np.full((10, 30), height_mm)
+    height[0, :unknown] = np.nan
+    return Laid(slice(0, 10), slice(10 * row, 10 * row + 30), height, np.full((10, 30), 0.001), np.ones((10, 30)),
+                np.zeros((10, 30, 2)))  # fmt: skip
+
+
+@pytest.mark.parametrize(("unknown", "step_mm"), [(0, 0.0), (1, 0.05)])
+def test_presses_are_levelled_by_200_pixels_in_common(unknown: int, step_mm: float) -> None:
+    one, other = levelled(np.arange(40) * 0.1, np.arange(10) * 0.1, [laid(0, 0.1, 0), laid(1, 0.15, unknown)])
+    assert np.nanmean(other.height_mm[:, :20] - one.height_mm[:, 10:]) == pytest.approx(step_mm, abs=1e-6)

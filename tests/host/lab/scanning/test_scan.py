@@ -12,13 +12,16 @@ from gellight.base.errors import InputError
 from gellight.lab.scanning import scan as scan_module
 from gellight.lab.scanning import scan_files
 from gellight.lab.scanning.contact_view import ContactView
-from gellight.lab.scanning.height_map import load_height_map
+from gellight.lab.scanning.fusion import Fused
+from gellight.lab.scanning.height_map import HeightMap, load_height_map
 from gellight.lab.scanning.pairs import Joint
-from gellight.lab.scanning.scan import MAP, Scan
+from gellight.lab.scanning.pose_graph import Solved
+from gellight.lab.scanning.scan import MAP, PressReport, Scan
 from gellight.tracking.rigid import pose_of
 from sim_reference.surface import press_object, sample
 from tests.benchmarks.scan import Part, errors_mm
 from tests.helpers.children import GELLIGHT, gellight, started
+from tests.helpers.command_line import invoke
 from tests.helpers.reliefs import GEOMETRY, felt, picture, press, record, untouched
 from tests.helpers.waiting import eventually
 
@@ -84,28 +87,21 @@ def test_the_map_is_the_part_and_says_how_far(views: list[ContactView], tmp_path
     assert not kept.reached[~scan.fused.seen].any()
 
 
-def test_it_says_on_which_sides_nothing_is_scanned(views: list[ContactView], tmp_path: Path) -> None:
-    scan = Scan(tmp_path)
-    assert set(scan.add(views[0]).missing) == {"right", "left", "below", "above"}
+def test_it_says_on_which_sides_nothing_is_scanned_and_goes_on_where_it_was_ended(
+    views: list[ContactView], tmp_path: Path
+) -> None:
+    """Each press is its file alone, so whatever ends the program, the next one finds those before."""
+    first, scan = Scan(tmp_path).add(views[0]), Scan(tmp_path)
+    assert set(first.missing) == {"right", "left", "below", "above"}
     second = scan.add(views[1])  # it lies right of the first one
     assert "left" not in second.missing
     assert {"right", "below", "above"} <= set(second.missing)
     assert "Not scanned yet: right" in second.in_words()
-
-
-def test_it_goes_on_where_it_was_ended(views: list[ContactView], tmp_path: Path) -> None:
-    """Each press is its file alone, so whatever ends the program, the next one finds those before."""
-    whole = Scan(tmp_path / "whole")
-    for view in views[:2]:
-        whole.add(view)
-    parts = tmp_path / "parts"
-    for view in views[:2]:
-        Scan(parts).add(view)
-    again = Scan(parts)
+    again = Scan(tmp_path)
     assert again.placed == [0, 1]
-    np.testing.assert_allclose(again.solved.poses[1], whole.solved.poses[1], atol=1e-4)
-    (parts / "press-000.npz").unlink()
-    assert set(Scan(parts).views) == {1}
+    np.testing.assert_allclose(again.solved.poses[1], scan.solved.poses[1], atol=1e-4)
+    (tmp_path / "press-000.npz").unlink()
+    assert set(Scan(tmp_path).views) == {1}
 
 
 def test_what_is_interrupted_while_it_is_joined_is_there(
@@ -176,6 +172,44 @@ def test_a_press_of_another_sensor_is_refused(tmp_path: Path, other: ContactView
     assert len(Scan(tmp_path).views) == 1
 
 
+@pytest.mark.parametrize(("reached", "harder"), [(0.049, True), (0.051, False)])
+def test_a_press_that_reached_little_is_to_be_harder(reached: float, harder: bool) -> None:
+    report = PressReport(number=0, joined_to=(), contradicted=(), reached=reached, missing=())
+    assert ("harder" in report.in_words()) is harder
+
+
+def test_a_press_is_looked_for_in_the_last_twelve_that_have_a_place_and_in_as_many_that_have_none(
+    tmp_path: Path,
+) -> None:
+    scan = Scan(tmp_path)
+    scan.views = dict.fromkeys(range(30), small())
+    scan.solved = Solved(dict.fromkeys(range(15), np.eye(4)), ())
+    assert scan._likely() == [*range(14, 2, -1), *range(29, 17, -1)]
+
+
+@pytest.mark.parametrize(("away_mm", "near"), [(4.79, True), (4.81, False)])
+def test_views_of_4_by_3_mm_overlap_up_to_their_diagonal(away_mm: float, near: bool, tmp_path: Path) -> None:
+    pose = pose_of(np.array([away_mm * 0.6, away_mm * 0.8, 0, 0, 0, 0]))
+    assert Scan(tmp_path)._near(pose, small()) is near
+
+
+@pytest.mark.parametrize(("seen", "missing"), [(0.69, ["right"]), (0.71, [])])
+def test_a_side_of_which_three_tenths_are_unseen_is_worth_a_press_there(
+    seen: float, missing: list[str], tmp_path: Path
+) -> None:
+    """A view of 10 mm; the next one to the right reaches from 1 to 11 mm of its middle."""
+    scan = Scan(tmp_path)
+    scan.views = {0: ContactView(np.zeros((100, 100), np.float32), (0.1, 0.1), "a")}
+    scan.solved = Solved({0: np.eye(4)}, ())
+    known = np.ones((300, 300), bool)
+    known[:, 160 + round(100 * seen) :] = False
+    heights = HeightMap(np.zeros((300, 300), np.float32), np.zeros((300, 300), np.float32), 0.1)
+    scan.fused = Fused(heights, known, 0.0, (-15.0, -15.0))
+    found = scan.missing(0)
+    assert list(found) == missing
+    assert all(middle.tolist() == [6.0, 0.0] for middle in found.values())
+
+
 @pytest.mark.parametrize("content", [b"", b"rubbish", b"PK\x03\x04rubbish"])
 def test_a_damaged_press_is_named(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "press-000.npz").write_bytes(content)
@@ -197,10 +231,9 @@ def test_a_recording_becomes_a_map(recording: Path, tmp_path: Path) -> None:
 
 def test_one_press_has_no_seams(recording: Path, tmp_path: Path) -> None:
     """JSON has no NaN, and a sentence needs none."""
-    done = gellight("scan", tmp_path / "part", "--recording", recording, "--presses", "1", "--json")
-    assert done.returncode == 0, done.stderr
+    done = invoke("scan", tmp_path / "part", "--recording", recording, "--presses", "1", "--json")
     assert json.loads(done.stdout, parse_constant=pytest.fail)["seam_um"] is None
-    again = gellight("scan", tmp_path / "again", "--recording", recording, "--presses", "1")
+    again = invoke("scan", tmp_path / "again", "--recording", recording, "--presses", "1")
     assert "the gel reached" in again.stdout
     assert "differ by" not in again.stdout
 

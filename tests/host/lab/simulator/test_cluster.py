@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from distributed import LocalCluster
 
 from gellight.base.errors import InputError
 from gellight.lab.design import studies
@@ -21,11 +21,14 @@ from tests.helpers.children import run as run_program
 from tests.helpers.command_line import invoke
 from tests.helpers.places import CHECKOUT
 
+pytestmark = pytest.mark.nightly
 GROUPS = LightGroups(numbers=(3, 12), angles_rad=tuple(np.radians([21.0, 29.0, 37.0])))
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[LocalCluster]:
+def cluster() -> Iterator[Any]:
+    from distributed import LocalCluster
+
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as started:
         yield started
 
@@ -34,7 +37,7 @@ def setup() -> studies.StudySetup:
     return replace(studies.study_setup(SensorGeometry(), 0.9, 1.0, 48), names=("TSTEP", "WAVE"))
 
 
-def test_a_cluster_gives_the_results_of_this_machine(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_a_cluster_gives_the_results_of_this_machine(cluster: Any, tmp_path: Path) -> None:
     far = SweepOptions(store=ResultStore(tmp_path / "far"), scheduler=cluster.scheduler_address)
     near = SweepOptions(store=ResultStore(tmp_path / "near"))
     on_cluster = run_study(studies.coarse_study(setup(), GROUPS), far)
@@ -42,7 +45,7 @@ def test_a_cluster_gives_the_results_of_this_machine(cluster: LocalCluster, tmp_
     np.testing.assert_array_equal(on_cluster.errors_rad, here.errors_rad)
 
 
-def test_what_a_cluster_computed_is_kept(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_what_a_cluster_computed_is_kept(cluster: Any, tmp_path: Path) -> None:
     store = ResultStore(tmp_path)
     first = run_study(
         studies.coarse_study(setup(), GROUPS), SweepOptions(store=store, scheduler=cluster.scheduler_address)
@@ -51,7 +54,7 @@ def test_what_a_cluster_computed_is_kept(cluster: LocalCluster, tmp_path: Path) 
     np.testing.assert_array_equal(again.errors_rad, first.errors_rad, "nothing was missing, so no cluster was asked")
 
 
-def test_episodes_of_the_page_have_the_same_bytes_from_a_cluster(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_episodes_of_the_page_have_the_same_bytes_from_a_cluster(cluster: Any, tmp_path: Path) -> None:
     program = CHECKOUT / "docs/examples/simulators/episodes.py"
 
     def make(folder: str, *asked: str) -> list[str]:
@@ -80,13 +83,15 @@ class Foreign:
         return import_module, ("gellight_of_tomorrow",)
 
 
-def test_a_cluster_with_another_gellight_is_told(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_a_cluster_with_another_gellight_is_told(cluster: Any, tmp_path: Path) -> None:
     options = SweepOptions(store=ResultStore(tmp_path), scheduler=cluster.scheduler_address)
     with pytest.raises(InputError, match="need the GelLight that this program has"):
         run([Task("0", repr, (Foreign(),))], options)
 
 
 def test_a_cluster_that_goes_away_loses_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    from distributed import LocalCluster
+
     with LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address=None) as leaving:
 
         def tell(done: int, of: int, label: str) -> None:

@@ -148,6 +148,7 @@ def test_the_verb_says_what_it_wrote(tmp_path: Path) -> None:
     assert json.loads((out / "dataset.json").read_text())["request"]["objects"] == ["BALL"]
 
 
+@pytest.mark.nightly
 def test_presses_computed_in_batches_by_torch_are_the_same(tmp_path: Path) -> None:
     many = replace(REQUEST, presses=4, noise_grey=2.0)
     make(tmp_path / "numpy", many)
@@ -163,6 +164,7 @@ def test_presses_computed_in_batches_by_torch_are_the_same(tmp_path: Path) -> No
         make(tmp_path / "torch", many)
 
 
+@pytest.mark.nightly
 def test_a_data_set_in_batches_has_one_child_which_ends_with_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -183,15 +185,20 @@ def test_a_data_set_in_batches_has_one_child_which_ends_with_it(
     assert child.poll() is not None
 
 
-def test_what_cannot_compute_begins_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_finite_elements_are_computed_by_numpy_alone() -> None:
     with pytest.raises(InputError, match="finite elements are computed by numpy alone"):
         replace(REQUEST, computed_by="torch", gel="fem")
+
+
+@pytest.mark.nightly
+def test_what_cannot_compute_begins_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
     with pytest.raises(InputError, match="finds no GPU"):
         make(tmp_path / "cuda", replace(REQUEST, computed_by="cuda"))
     assert not (tmp_path / "cuda").exists()
 
 
+@pytest.mark.nightly
 def test_a_child_that_dies_is_told() -> None:
     """One that is killed, by the system for want of memory say."""
     computer = BatchComputer("torch", SMALL, np.ones((1, 12, 3)))

@@ -13,6 +13,7 @@ from sim_reference.fem.gel import FemGel
 from sim_reference.objects import OBJECT_NAMES
 from tests.helpers.command_line import invoke
 
+pytestmark = pytest.mark.nightly
 COMMAND = ["simulate", "demo", "--resolution-mm", "2", "--workers", "1", "--json"]
 
 

@@ -15,7 +15,7 @@ from gellight.frames.picture import PictureSteps, PreparedCamera
 from gellight.frames.view import View
 from gellight.lab.simulator import memory, stage
 from gellight.lab.simulator.gel_models import KeptPresses
-from gellight.lab.simulator.known_force import ERROR_SHARE, known_force
+from gellight.lab.simulator.known_force import known_force
 from gellight.lab.simulator.memory import check_memory, free_memory
 from gellight.lab.simulator.scene import Press
 from gellight.lab.simulator.simulated_camera import open_simulated
@@ -154,7 +154,8 @@ def test_the_force_is_of_the_gel_whatever_the_size_of_its_pictures(view: View | 
     with open_simulated("sim://?board=0", geometry) as camera:
         seen = PreparedCamera(camera, PictureSteps.with_view(view)) if view else camera
         record = read_force(with_files(ordinary(), "other", force__json=seen.bundle_files[FILE_NAME]))
-    assert (record.gel_thickness_mm, record.error_share) == (4, ERROR_SHARE)
+    assert (record.gel_thickness_mm, record.error_share, record.side_error_share) == (4, 0.05, 0.05)
+    assert (record.error_floor_n, record.lightest_n, record.heaviest_n, record.readings) == (0.005, 0.151, 11.757, 13)
     assert seen.bundle_files.keys() == ({FILE_NAME, "picture.json"} if view else {FILE_NAME})
 
 

@@ -11,8 +11,8 @@ from gellight.base.errors import BoardError, CameraError, InputError
 from gellight.frames.camera import Camera, ReconnectingError
 from gellight.lab.simulator import simulated_camera
 from gellight.lab.simulator.scene import Press
-from gellight.lab.simulator.simulated_camera import BUFFERS, SimulatedCamera, open_simulated
-from gellight.lab.simulator.stage import PROGRAMME, RETURN_FRAMES, Stage, programme_of_presses
+from gellight.lab.simulator.simulated_camera import SimulatedCamera, open_simulated
+from gellight.lab.simulator.stage import PROGRAMME, Stage, programme_of_presses
 from gellight.opening import open_camera
 from sim_reference.geometry import SensorGeometry
 
@@ -108,6 +108,15 @@ def test_an_impossible_press_is_refused_and_changes_nothing(press: tuple[str, fl
     assert stage.next_press() == Press("BALL", 0.5, 1.0, 1.0)
 
 
+def test_an_object_is_turned_by_a_third_of_a_radian_at_most() -> None:
+    stage = Stage(SensorGeometry(), programme=False)
+    stage.press("BALL", 0.5, 1.0, 1.0)
+    for turn_rad in (0.351, -0.351):
+        with pytest.raises(InputError, match="a turn of"):
+            stage.drag(0.0, 0.0, turn_rad)
+    stage.drag(0.0, 0.0, -0.349)
+
+
 def test_a_closed_camera_gives_no_frame() -> None:
     with open_quiet() as camera:
         pass
@@ -125,10 +134,10 @@ def test_the_programme_presses_everything_on_its_list_and_lets_go_in_between() -
 def test_a_visitor_stops_the_programme_and_it_returns_when_the_visitor_is_gone() -> None:
     stage = Stage(SensorGeometry())
     stage.press("TSTEP", 0.6, 0.0, 0.0)
-    assert {stage.next_press() for _ in range(3 * RETURN_FRAMES)} == {Press("TSTEP", 0.6)}
+    assert {stage.next_press() for _ in range(900)} == {Press("TSTEP", 0.6)}
     assert stage.status()["visitor"]
     stage.release()
-    assert {stage.next_press() for _ in range(RETURN_FRAMES)} == {None}
+    assert {stage.next_press() for _ in range(300)} == {None}
     assert not stage.status()["visitor"]
     assert stage.next_press() is not None
 
@@ -136,9 +145,9 @@ def test_a_visitor_stops_the_programme_and_it_returns_when_the_visitor_is_gone()
 def test_no_programme_plays_after_a_press_that_is_held() -> None:
     stage = Stage(SensorGeometry())
     stage.hold("TSTEP", 0.6, 0.0, 0.0)
-    assert {stage.next_press() for _ in range(2 * RETURN_FRAMES)} == {Press("TSTEP", 0.6)}
+    assert {stage.next_press() for _ in range(600)} == {Press("TSTEP", 0.6)}
     stage.release()
-    assert {stage.next_press() for _ in range(2 * RETURN_FRAMES)} == {None}
+    assert {stage.next_press() for _ in range(600)} == {None}
 
 
 def test_the_picture_is_lit_by_what_the_pin_of_the_board_says() -> None:
@@ -270,12 +279,12 @@ def test_the_schedule_stays_where_frames_are_read_late(monkeypatch: pytest.Monke
         first_s = camera.read().time_s
         clock.sleep(0.25)
         begun_s = clock.now_s
-        late_s = [camera.read().time_s for _ in range(BUFFERS)]
-        assert begun_s - late_s[0] > BUFFERS * 0.02
+        late_s = [camera.read().time_s for _ in range(3)]
+        assert begun_s - late_s[0] > 3 * 0.02
         assert clock.now_s == begun_s, "none is waited for"
         steps = np.diff([first_s, *late_s, camera.read().time_s]) / 0.02
     assert steps == pytest.approx(np.round(steps), abs=1e-6)
-    assert steps[1:].tolist() == pytest.approx([1] * BUFFERS, abs=1e-6)
+    assert steps[1:].tolist() == pytest.approx([1] * 3, abs=1e-6)
 
 
 def test_a_board_that_stays_dark_for_long_ends_no_stream(monkeypatch: pytest.MonkeyPatch) -> None:

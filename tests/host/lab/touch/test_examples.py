@@ -5,12 +5,14 @@ import sys
 from pathlib import Path
 
 import cv2
+import pytest
 
 from tests.helpers.children import run
 from tests.helpers.doc_examples import examples
 from tests.helpers.places import CHECKOUT
 from tests.helpers.pressed_unit import pressed_unit
 
+pytestmark = pytest.mark.nightly
 EXAMPLES = CHECKOUT / "docs/examples/simulators"
 DOCUMENT = "docs/simulators.md"
 PAGE = (CHECKOUT / DOCUMENT).read_text()

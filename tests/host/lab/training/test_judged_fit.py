@@ -12,7 +12,7 @@ from scipy.stats import spearmanr
 
 from gellight.bundle.bundle import Bundle
 from gellight.lab.training import judged_fit
-from gellight.lab.training.judged_fit import FOLDS, Samples, fit_errors, fit_judged, in_parts
+from gellight.lab.training.judged_fit import Samples, fit_errors, fit_judged, in_parts
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
 from gellight.lab.training.training import Learning, Reference, TrainingOptions, fit
 from gellight.reconstruction.error_bounds import DEG_FLOOR, MM_FLOOR, ErrorRecord, quadratic, read_errors
@@ -67,7 +67,7 @@ def kept(count: int, folder: Path, how: Learning = SHORT) -> Bundle:
 def test_each_press_is_judged_once_and_the_bundle_says_how(tmp_path: Path) -> None:
     bundle = kept(4, tmp_path)
     judged, record = bundle.metrics["held_out"], read_errors(bundle)
-    assert (judged["folds"], judged["presses"]) == (FOLDS, 4)
+    assert (judged["folds"], judged["presses"]) == (3, 4)
     assert 0 < judged["normal_error_deg"]["mean"] < 90
     assert record.presses == 4
     assert bundle.metrics["training"]["images"] == 4, "what is kept learns from all"

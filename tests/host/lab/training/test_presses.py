@@ -10,7 +10,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle, write_bundle
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
-from gellight.lab.training.table import DARKEST_GREY, PressTable, TableOptions, build_table, images_of, under_light_of
+from gellight.lab.training.table import PressTable, TableOptions, build_table, images_of, under_light_of
 
 SHAPE = (120, 160)
 BALL = Ball(radius_mm=4.0, pixel_size_mm=0.1)
@@ -194,7 +194,7 @@ def test_presses_of_a_like_unit_are_made_as_bright_as_this_units_gel_at_their_pl
         pixel_size_mm=(0.1, 0.1), network=load_bundle("synthetic").network, metrics={}, presses=table.arrays(),
     )  # fmt: skip
     found = under_light_of(bundle, ours).rows
-    brighter = np.maximum(ours[y, x], DARKEST_GREY) / np.maximum(theirs[y, x], DARKEST_GREY)
+    brighter = np.maximum(ours[y, x], 20.0) / np.maximum(theirs[y, x], 20.0)
     np.testing.assert_allclose(found[:, :3], rows[:, :3] * brighter, rtol=1e-4)
     np.testing.assert_array_equal(found[:, 3:], rows[:, 3:])
     with pytest.raises(InputError, match="is no like unit"):

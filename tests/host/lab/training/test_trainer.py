@@ -26,6 +26,7 @@ def unrehearsed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training, "_rehearsed", {})
 
 
+@pytest.mark.nightly
 def test_numpy_trains_and_torch_where_it_is_asked_for(caplog: pytest.LogCaptureFixture) -> None:
     assert TrainingOptions().trainer == "numpy"
     with caplog.at_level("INFO", logger=trainer.__name__):
@@ -40,7 +41,7 @@ def test_without_torch_numpy_trains_and_torch_is_refused() -> None:
         checked_trainer("torch")
 
 
-@pytest.mark.parametrize("name", ["numpy", "torch"])
+@pytest.mark.parametrize("name", ["numpy", pytest.param("torch", marks=pytest.mark.nightly)])
 def test_a_rehearsal_trains_for_real_and_names_what_trained(name: trainer.TrainerName) -> None:
     library, version = rehearse(name).split()
     assert library == name
@@ -54,7 +55,9 @@ def test_doctor_names_what_trains() -> None:
     assert finding.text.startswith("numpy ")
 
 
-@pytest.mark.parametrize(("library", "name"), [("torch", "torch"), ("onnxruntime", "numpy")])
+@pytest.mark.parametrize(
+    ("library", "name"), [pytest.param("torch", "torch", marks=pytest.mark.nightly), ("onnxruntime", "numpy")]
+)
 def test_a_library_that_cannot_be_loaded_is_found_before_anybody_presses(
     library: str, name: trainer.TrainerName, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

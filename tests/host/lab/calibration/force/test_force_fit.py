@@ -8,9 +8,9 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.lab.calibration.force.adding import measure_force
-from gellight.lab.calibration.force.fit import SHAPE_SHARE, chosen_layer, fit_force, left_out_share
+from gellight.lab.calibration.force.fit import chosen_layer, fit_force, left_out_share
 from gellight.lab.calibration.force.record import ForceReadings
-from gellight.lab.calibration.force.sideways import LEAST_SHARE, fit_side
+from gellight.lab.calibration.force.sideways import fit_side
 from gellight.lab.report.pictures import write_png
 from gellight.opening import open_camera
 from gellight.reconstruction.force import Layer
@@ -66,7 +66,7 @@ def test_a_missing_file_and_one_that_is_no_text_are_refused(tmp_path: Path) -> N
 def test_a_perfect_record_gives_its_modulus_and_the_error_of_other_shapes() -> None:
     fit = fit_force(0.2 * FELT, FELT, "record")
     assert fit.youngs_modulus_mpa == pytest.approx(0.2)
-    assert fit.error_share == pytest.approx(SHAPE_SHARE)
+    assert fit.error_share == pytest.approx(0.05)
     assert (fit.readings, fit.lightest_n, fit.heaviest_n) == (4, pytest.approx(0.2), pytest.approx(1.6))
 
 
@@ -94,10 +94,7 @@ def test_one_weight_thrice_is_enough() -> None:
     ("force", "felt", "reason"),
     [
         ([0.1, 1.0, 2.0], [0.0, 0.0, 0.0], "nothing is felt in 2 of 3 readings, the largest of 2 N"),
-        ([0.5, 1.0, 2.0], [2.5, 5.0, 0.0], "nothing is felt in 1 of 3 readings, the largest of 2 N"),
-        ([0.0, 1.0, 2.0], [0.0, 5.0, 10.0], "2 readings in contact: give at least 3"),
         ([1.0, 2.0, 3.0, 4.0], [8.0, 6.0, 4.0, 2.0], r"do not rise together \(rank correlation -1.00"),
-        ([1.0, 1.1, 1.2, 1.3], [1.0, 9.0, 2.0, 8.0], "one modulus leaves"),
     ],
 )
 def test_a_record_that_one_modulus_cannot_explain_is_refused(
@@ -135,7 +132,7 @@ def test_the_error_is_no_smaller_than_on_objects_left_out() -> None:
 def test_the_constant_and_its_error_are_those_of_the_readings() -> None:
     exact = fit_side(1.3 * FOUND, FOUND, "f.csv")
     assert exact.side_scale == pytest.approx(1.3)
-    assert exact.side_error_share == pytest.approx(LEAST_SHARE)
+    assert exact.side_error_share == pytest.approx(0.05)
     off = fit_side(1.3 * FOUND * np.array([[1.1], [0.9], [1.0], [1.0]]), FOUND, "f.csv")
     assert 0.08 < off.side_error_share < 0.12
 
@@ -152,7 +149,6 @@ def test_what_a_load_cell_shows_of_presses_that_pull_nothing_is_no_pull() -> Non
     [
         (-FOUND, "y down"),
         (FOUND[:, ::-1], "one constant leaves"),
-        (FOUND * np.array([[1.0], [0], [0], [0]]), "1 readings pull"),
     ],
 )
 def test_what_one_constant_cannot_explain_is_refused(side_n: np.ndarray, reason: str) -> None:

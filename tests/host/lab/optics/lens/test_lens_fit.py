@@ -1,6 +1,8 @@
 """Pictures of pin grids to a lens: right to a tenth of a pixel everywhere, or refused with the reason."""
 
+from contextlib import nullcontext
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -9,8 +11,9 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
-from gellight.lab.optics.lens.lattice import find_lattice
-from gellight.lab.optics.lens.lens_fit import LensFit, fit_lens, read_pins, spacing_px
+from gellight.lab.optics.lens import lens_fit
+from gellight.lab.optics.lens.lattice import Lattice, find_lattice
+from gellight.lab.optics.lens.lens_fit import LensFit, check_pins, fit_lens, read_pins, spacing_px
 from gellight.lab.optics.lens.pins import dimples, spots
 from gellight.lab.simulator.scene import Press as Pressed
 from gellight.lab.simulator.scene import Scene
@@ -165,3 +168,52 @@ def test_spots_in_disorder_are_refused() -> None:
 def test_too_few_pins_are_refused() -> None:
     with pytest.raises(InputError, match="24 are needed"):
         measured(pin_picture(BARREL, pitch_mm=6.5, pin_mm=0.9), pitch_mm=6.5)
+
+
+def lattice(count: int, strays: int = 0, spacing: float = 30.0) -> Lattice:
+    """Points over all of the view, row by row."""
+    places = np.array([(i, j) for j in range(5) for i in range(5)])[[*range(5, 25), 0, 1, 2, 4][:count]]
+    points = (places + 0.5) * np.array(SHAPE[::-1]) / 5
+    return Lattice(points=points, places=places, spacing_px=spacing, strays=strays)
+
+
+@pytest.mark.parametrize(
+    ("found", "refusal"),
+    [
+        ([lattice(24)], ""),
+        ([lattice(23)], "23 pins in all, 24 are needed"),
+        ([lattice(12), lattice(12)], "of 16 parts of the view hold no pin"),
+    ],
+)
+def test_24_pins_in_every_part_of_the_view_are_needed(found: list[Lattice], refusal: str) -> None:
+    with pytest.raises(InputError, match=refusal) if refusal else nullcontext():
+        check_pins(found, SHAPE)
+
+
+@pytest.mark.parametrize(
+    ("found", "refusal"),
+    [
+        (lattice(16, 4, 32.9), ""),
+        (lattice(16, 4, 27.1), ""),
+        (lattice(16, 4, 33.1), "give the right pitch"),
+        (lattice(16, 4, 26.9), "give the right pitch"),
+        (lattice(16, 5), "5 of 21 spots are in no row"),
+    ],
+)
+def test_pins_are_a_tenth_off_their_pitch_and_a_fifth_of_the_spots_astray_at_most(found: Lattice, refusal: str) -> None:
+    with pytest.raises(InputError, match=refusal) if refusal else nullcontext():
+        lens_fit._check_lattice(found, 30.0, 2.0, "grid.png")
+
+
+@pytest.mark.parametrize(("rms_px", "right"), [(0.49, True), (0.51, False)])
+def test_pins_lie_within_half_a_pixel_of_where_the_lens_shows_them(rms_px: float, right: bool) -> None:
+    lens = Mock(image_shape=SHAPE, jacobian=lambda at: np.tile(np.eye(2), (9, 1, 1)))
+    with nullcontext() if right else pytest.raises(InputError, match=r"0\.51 px from where any lens"):
+        lens_fit._check_fit(Mock(rms_after_px=rms_px, lens=lens))
+
+
+@pytest.mark.parametrize(("off", "strays"), [(0.28, 0), (0.32, 1)])
+def test_a_pin_may_lie_three_tenths_of_the_spacing_off_its_place(off: float, strays: int) -> None:
+    points = np.array([(30.0 * i, 30.0 * j) for i in range(6) for j in range(6)])
+    points[-1] += off * 30 / np.sqrt(2)
+    assert find_lattice(points).strays == strays

@@ -1,7 +1,9 @@
 """Any lights, from balls: exact where the model holds, and on pictures of a real sensor under six single lights."""
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.frames.image_files import read_grey
+from gellight.lab.optics.lights import ball_lights
 from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
 from gellight.lab.optics.lights.ball_series import BallSeries, divided
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
@@ -91,9 +94,25 @@ def test_lights_that_do_not_explain_the_balls_are_refused(vectors: np.ndarray) -
         lights_from_balls([series(pictures[:2], PRESSES)], untouched[:2], BALL, 0.3)
     with pytest.raises(InputError, match="too few to find lights by"):
         lights_from_balls([series(pictures, PRESSES[:3])], untouched, BALL, 0.3)
-    above = np.tile(np.array([[0.01, 0, 0], [0, 0, 0], [1, 0, 0]]), (3, 1, 1))
-    with pytest.raises(InputError, match="straight above"):
-        lights_from_balls([series(shaded(above, surface(PRESSES), untouched[:3]), PRESSES)], untouched[:3], BALL, 0.3)
+    assert len(lights_from_balls([series(pictures, PRESSES[:4])], untouched, BALL, 0.3).vectors) == 5
+
+
+@pytest.mark.parametrize(("lean", "enough"), [(0.095, False), (0.105, True)])
+def test_lights_from_straight_above_are_refused(lean: float, enough: bool) -> None:
+    untouched = np.full((3, *SHAPE), 100, np.float32)
+    above = np.tile(np.array([[lean, 0, 0], [0, 0, 0], [1, 0, 0]]), (3, 1, 1))
+    pictures = shaded(above, surface(PRESSES), untouched, noise=0.0)
+    with nullcontext() if enough else pytest.raises(InputError, match="straight above"):
+        assert len(lights_from_balls([series(pictures, PRESSES)], untouched, BALL, 0.3).vectors) == 3
+
+
+@pytest.mark.parametrize(("normal_deg", "right"), [(11.9, True), (12.1, False)])
+def test_held_out_balls_are_felt_within_twelve_degrees(
+    normal_deg: float, right: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ball_lights, "held_out", lambda *given: Mock(normal_deg=normal_deg))
+    with nullcontext() if right else pytest.raises(InputError, match=r"felt 12\.1 degrees off"):
+        assert check_lights(Mock(), [], BALL).normal_deg == normal_deg
 
 
 def test_six_real_lights_in_16_bit_are_found_on_balls_and_feel_others(tmp_path: Path) -> None:

@@ -1,16 +1,18 @@
 """The light model from pictures of the untouched gel: what the simulated camera does to light is found again."""
 
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, ConfigError
+from gellight.lab.optics.lights import ball_check, reference_light
 from gellight.lab.optics.lights.adding import _untouched
-from gellight.lab.optics.lights.reference_light import check_places, fit_pattern, light_model
+from gellight.lab.optics.lights.reference_light import check_places, find_gamma, fit_pattern, light_model
 from gellight.lab.simulator.stage import Stage
 from gellight.photometric.light_model import LightGroups, signals_of, unmixing
 from gellight.photometric.ring_geometry import RingGeometry
@@ -174,3 +176,46 @@ def test_what_a_stage_presses_is_lifted_off_and_pressed_again(pressed: bool) -> 
         raise KeyboardInterrupt
     told = ("object", "depth_mm", "x_mm", "y_mm")
     assert [stage.status()[name] for name in told] == [before[name] for name in told]
+
+
+@pytest.mark.parametrize(("gamma", "found"), [(1.009, 1.0), (0.991, 1.0), (1.011, 1.011), (0.989, 0.989)])
+def test_a_gamma_within_a_hundredth_of_1_is_1(gamma: float, found: float) -> None:
+    singles = np.full((12, 8, 8, 3), 200 * (1 / 12) ** (1 / gamma))
+    assert find_gamma(singles, np.full((8, 8, 3), 200.0)) == pytest.approx(found, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("led_grey", "whole_grey", "refusal"),
+    [(8.1, 253.9, ""), (7.9, 253.9, "LED 5 alone shows 7.9"), (8.1, 254.1, "reaches 254 of 255")],
+)
+def test_leds_show_8_grey_levels_and_the_ring_clips_nothing(led_grey: float, whole_grey: float, refusal: str) -> None:
+    singles = np.full((12, 4, 4, 3), 50.0)
+    singles[5] = led_grey
+    pictures: Any = SimpleNamespace(whole=np.full((4, 4, 3), whole_grey))
+    with pytest.raises(BundleError, match=refusal) if refusal else nullcontext():
+        reference_light._check_brightness(pictures, singles, RING)
+
+
+@pytest.mark.parametrize(("residual", "smooth"), [(0.049, True), (0.051, False)])
+def test_a_twentieth_of_the_light_may_lie_beside_a_smooth_pattern(
+    residual: float, smooth: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reference_light, "fit_pattern", lambda levels: (levels, residual))
+    monkeypatch.setattr(reference_light, "_levels", lambda *taken: np.zeros(1))
+    taken = {LightGroups.SINGLES: np.zeros(1), LightGroups.TRIPLES: np.zeros(1)}
+    with nullcontext() if smooth else pytest.raises(BundleError, match=r"5\.1% beside a smooth"):
+        assert reference_light._patterns(taken, RING.colours, RING, np.eye(3))[1] == residual
+
+
+@pytest.mark.parametrize(("felt_mm", "right"), [(4.39, True), (4.41, False), (3.61, True), (3.59, False)])
+def test_the_ring_is_right_that_feels_a_ball_within_a_tenth(
+    felt_mm: float, right: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("signals_of", "without_shadows", "flat_gel", "light_rows", "find_circle", "Press"):
+        monkeypatch.setattr(ball_check, name, Mock())
+    monkeypatch.setattr(ball_check, "solve_robustly", lambda *given: (None, None))
+    monkeypatch.setattr(ball_check, "slopes", lambda scaled: np.zeros((2, 4)))
+    monkeypatch.setattr(ball_check, "radius_by_slopes_px", lambda *given: felt_mm / 0.1)
+    model = Mock(image_shape=(2, 2), colours=RING.colours, references=lambda kind: np.ones((12, 2, 2)))
+    with nullcontext() if right else pytest.raises(BundleError, match="feels the ball of 4 mm as one of"):
+        assert ball_check.confirm_ring(model, Mock(pixel_size_mm=(0.1, 0.1)), [], 4.0) == pytest.approx(felt_mm)

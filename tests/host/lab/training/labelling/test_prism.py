@@ -198,7 +198,7 @@ def test_the_table_holds_the_slopes_of_both_faces_not_of_the_edge_and_less_of_th
 
 def test_a_lean_makes_one_face_steeper_where_it_is_sure(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "a.png"), np.full((100, 120, 3), 90, np.uint8))
-    rows = ("a.png,20,50,100,50,20,30,1.5,6,1.5,", "a.png,20,50,100,50,20,30,1.5,6,2.5,")
+    rows = ("a.png,20,50,100,50,20,30,1.5,6,1.99,", "a.png,20,50,100,50,20,30,1.5,6,2.01,")
     sure, unsure = read_prisms(csv_of(tmp_path, *rows), image_shape=(100, 120))
     assert [sure.gradient(side)[1] for side in (-1, 1)] == pytest.approx(np.tan(np.radians([36, -24])))
     assert [unsure.gradient(side)[1] for side in (-1, 1)] == pytest.approx(np.tan(np.radians([30, -30])))
@@ -237,16 +237,31 @@ def test_a_judge_takes_the_lean_from_the_faces_that_are_felt(lean: float) -> Non
     [
         ("a.png,20,50,130,50,20,30,1.5,,,", "leaves the image"),
         ("a.png,20,50,20,50,20,30,1.5,,,", "no length"),
-        ("a.png,20,50,100,50,20,80,1.5,,,", "1 to 75"),
+        ("a.png,20,50,100,50,20,75.1,1.5,,,", "1 to 75"),
         ("a.png,20,50,100,50,wide,30,1.5,,,", "face_px is 'wide'"),
-        ("a.png,20,50,100,50,3,30,1.5,,,", "press deeper"),
+        ("a.png,20,50,100,50,4.9,30,1.5,,,", "press deeper"),
+        ("a.png,20,50,100,50,20,0.9,1.5,,,", "1 to 75"),
         ("none.png,20,50,100,50,20,30,1.5,,,", "none.png"),
         ("a.png,,,,,,,,,,shallow", "has no prisms"),
-        ("a.png,20,50,100,50,20,30,1.5,16,1,", "lean_deg is 16, at most 15 degrees may be"),
-        ("a.png,20,50,100,50,20,70,1.5,6,1,", "lean_deg is 6, at most 5 degrees may be"),
+        ("a.png,20,50,100,50,20,30,1.5,-15.1,1,", "lean_deg is -15.1, at most 15 degrees may be"),
+        ("a.png,20,50,100,50,20,70,1.5,5.1,1,", "lean_deg is 5.1, at most 5 degrees may be"),
     ],
 )
 def test_a_wrong_row_is_told(tmp_path: Path, row: str, reason: str) -> None:
     cv2.imwrite(str(tmp_path / "a.png"), np.full((100, 120, 3), 90, np.uint8))
     with pytest.raises(InputError, match=reason):
         read_prisms(csv_of(tmp_path, row), image_shape=(100, 120))
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "a.png,20,50,100,50,5.1,30,1.5,14.9,1,",
+        "a.png,20,50,100,50,20,75,1.5,,,",
+        "a.png,20,50,100,50,20,1,1.5,,,",
+        "a.png,20,50,100,50,20,70,1.5,-4.9,1,",
+    ],
+)
+def test_a_row_that_is_just_possible_is_read(tmp_path: Path, row: str) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), np.full((100, 120, 3), 90, np.uint8))
+    assert len(read_prisms(csv_of(tmp_path, row), image_shape=(100, 120))) == 1
