@@ -19,7 +19,6 @@ ALLOWED_SKIPS = ("needs real hardware", "needs a GPU")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--hardware", metavar="URL", help="run the tests marked `hardware` on the sensor at this URL")
-    parser.addoption("--all-faults", action="store_true", help="plant every fault in the firmware, not a third of them")
 
 
 TESTS = Path(__file__).parent
