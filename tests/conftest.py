@@ -22,7 +22,6 @@ NO_CHROMIUM = "needs Chromium: sudo apt-get install chromium"
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--hardware", metavar="URL", help="run the tests marked `hardware` on the sensor at this URL")
-    parser.addoption("--all-faults", action="store_true", help="plant every fault in the firmware, not a third of them")
 
 
 TESTS = Path(__file__).parent
@@ -35,7 +34,6 @@ LONGEST = (
     "host/dashboard/test_wizard_layout.py", "host/cli/test_demo.py", "host/watch/test_monitor.py",
     "host/cli/test_without_torch.py", "host/dashboard/test_page_decodes.py", "host/reconstruction/test_native_path.py",
     "host/watch/test_rezero.py", "host/stream/test_recorder.py", "host/stream/test_record_and_export.py",
-    "paper/test_report.py",
     "host/stream/test_lerobot.py", "sim_reference/test_fem_gel.py", "host/stream/test_subscription.py",
     "host/dashboard/test_page_measure.py", "host/daemon/test_modes.py", "host/cli/test_service.py",
     "host/dashboard/test_page_in_use.py", "host/lab/calibration/test_like.py", "host/stream/test_readme_robot.py",

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.benchmarks.mutants import judges
-from tests.helpers.places import CHECKOUT
+from tests.benchmarks.mutants import HOST, judges, room_of
 from tests.helpers.python_mutants import draw, mutants_of
 
 SOURCE = '''"""A module of 3 lines."""
@@ -40,12 +39,16 @@ def test_every_mutant_is_another_program_and_none_is_in_text_for_people(file: Pa
     assert ast.dump(ast.parse(SOURCE)) not in programs
     assert [str(mutant).removeprefix(f"{file}:") for mutant in mutants] == [
         "3: 7 -> (8)",
+        "3: 7 -> (21)",
+        "3: 7 -> (2)",
         "8: other -> (not (other))",
         "9: self.told = value + 1.5 > LIMIT and \"é\" in text -> pass",
         "9: value + 1.5 > LIMIT and \"é\" in text -> ((value + 1.5 > LIMIT) or ('é' in text))",
         "9: value + 1.5 > LIMIT -> ((value + 1.5) <= (LIMIT))",
         "9: value + 1.5 -> ((value) - (1.5))",
         "9: 1.5 -> (4.0)",
+        "9: 1.5 -> (4.5)",
+        "9: 1.5 -> (0.5)",
         "9: \"é\" in text -> (('é') not in (text))",
         "10: zip(told, other, strict=True) -> pass",
         "12: value < 0 -> ((value) >= (0))",
@@ -56,19 +59,39 @@ def test_every_mutant_is_another_program_and_none_is_in_text_for_people(file: Pa
 
 
 def test_a_seed_draws_the_same_mutants_again(file: Path) -> None:
-    assert draw([file], 5, 1) == draw([file], 5, 1) != draw([file], 5, 2)
+    rooms = {"one": [file]}
+    assert draw(rooms, 5, 1) == draw(rooms, 5, 1) != draw(rooms, 5, 2)
+
+
+def test_each_room_has_an_equal_share_of_the_draw_as_far_as_it_has_places(tmp_path: Path) -> None:
+    rooms = {"large": [tmp_path / "large.py"], "small": [tmp_path / "small.py"]}
+    rooms["large"][0].write_text("\n".join(f"LIMIT_{number} = {number}" for number in range(9, 19)))
+    rooms["small"][0].write_text("LIMITS = 7, 8, 9")
+    drawn = [mutant.file.stem for mutant in draw(rooms, 6, 1)]
+    assert drawn.count("large") == drawn.count("small") == 3
+    all_of_them = draw(rooms, 99, 1)
+    assert len({(mutant.file, mutant.begin) for mutant in all_of_them}) == len(all_of_them) == 13, "a place once"
+
+
+def test_a_room_is_a_folder_of_the_host_and_of_the_lab() -> None:
+    files = ("base/errors.py", "cli/calibrate/lens.py", "lab/simulator/usb/camera.py", "lab/__init__.py", "opening.py")
+    assert [room_of(HOST / file) for file in files] == ["base", "cli", "lab/simulator", "lab", "opening"]
 
 
 def test_a_file_is_judged_by_the_tests_that_import_it_its_own_first() -> None:
-    tests = judges(CHECKOUT / "host/gellight/base/mailbox.py")
-    assert tests[0] == "tests/host/base/test_mailbox.py"
-    assert "tests/host/daemon/test_calibration_service.py" in tests
-    assert judges(CHECKOUT / "host/gellight/cli/ring.py")[0] == "tests/host/cli/test_ring.py", "by the command line"
-    typed = judges(CHECKOUT / "host/gellight/cli/selfcheck.py")
-    assert typed[0] == "tests/host/cli/test_demo.py", "a verb by what types it"
-    assert judges(CHECKOUT / "host/gellight/cli/calibrate/lens.py") == ["tests/host/cli/test_calibrate_lens.py"]
-    of_its_users = judges(CHECKOUT / "host/gellight/recording/ros_messages.py")
-    assert "tests/host/recording/test_recording_file.py" in of_its_users
-    through_a_helper = judges(CHECKOUT / "host/gellight/lab/simulator/simulated_controls.py")
+    tests = judges(HOST / "base/mailbox.py")
+    assert tests.named == ["tests/host/base/test_mailbox.py"]
+    assert "tests/host/daemon/test_calibration_service.py" in tests.outside
+    assert judges(HOST / "cli/ring.py").named == ["tests/host/cli/test_ring.py"], "by the command line"
+    assert "tests/host/cli/test_demo.py" in judges(HOST / "cli/selfcheck.py").room, "a verb by what types it"
+    assert judges(HOST / "cli/calibrate/lens.py").room == ["tests/host/cli/test_calibrate_lens.py"]
+    through_a_helper = judges(HOST / "lab/simulator/simulated_controls.py").outside
     assert "tests/host/daemon/test_installing_failures.py" in through_a_helper
-    assert not any(test.startswith("tests/vm/") for test in tests + through_a_helper)
+    assert not any(test.startswith("tests/vm/") for test in tests.outside + through_a_helper)
+
+
+def test_a_file_is_judged_by_other_rooms_that_reach_it_through_what_they_start() -> None:
+    tests = judges(HOST / "daemon/frame_threads.py")
+    assert "tests/host/cli/test_bad_sensor.py" in tests.outside
+    assert len(set(tests.outside)) == len(tests.outside)
+    assert len(tests.outside) < 30

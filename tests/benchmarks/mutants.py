@@ -1,10 +1,10 @@
 """Judge the tests of the host by faults: `python -m tests.benchmarks.mutants COUNT [SEED] [--under sensor/v4l2]`.
 
-Draws mutants of host/gellight at random. Each is judged in a copy of the checkout by the tests that import its file,
-those of its own room first, until one fails; a verb by those that type it. A test that fails counts where it passes
-without the mutant. Prints a
-line for each mutant: killed, survived (with the number of test files that passed) or undecided (time ran out); then
-the shares. The virtual machine, the browser's installation and whole programs do not judge: they take too long.
+Draws mutants of host/gellight at random, as many in each room. Each is judged in a copy of the checkout until a test
+fails: by the tests that import its file, or type its verb, those of its own room first; then by some of other rooms
+that only drive it. A test that fails counts where it passes without the mutant. Prints a line for each mutant: killed,
+survived (with the number of test files that passed) or undecided (its room took too long); then the shares, room by
+room. What runs at night, the virtual machine and whole programs do not judge: they take too long.
 """
 
 import argparse
@@ -17,10 +17,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
 from functools import cache
+from itertools import zip_longest
 from pathlib import Path
 from queue import SimpleQueue
 from typing import NamedTuple
@@ -36,6 +38,10 @@ VERB_TABLES = ("main.py", "calibrate/verbs.py")
 TYPISTS = {CHECKOUT / "tests/helpers" / name for name in ("command_line.py", "children.py")}
 FEW = 4
 """files: the verbs of a file that more import say little about it"""
+MOST_DRIVERS = 12
+"""files of tests that reach a module through others only: the nearest of each room in turn"""
+MORE_OUTSIDE = 0.5
+"""of the time that its own room has: how much more those of other rooms have"""
 MOST_S_A_TEST = 60
 
 
@@ -44,6 +50,20 @@ class Judgement(NamedTuple):
 
     verdict: str
     why: str
+
+
+class Judges(NamedTuple):
+    """The files of tests that judge a module: the one named after it, others of its room, and some of other rooms."""
+
+    named: list[str]
+    room: list[str]
+    outside: list[str]
+
+
+def room_of(file: Path) -> str:
+    """Return the room of a file of the host: the folder that holds it, of lab/ the folder in there."""
+    folders = file.relative_to(HOST).parent.parts
+    return "/".join(folders[: 2 if folders[:1] == ("lab",) else 1]) or "opening"
 
 
 # ---- which tests judge ----
@@ -109,57 +129,97 @@ def _typing(files: set[Path], tests: list[Path]) -> set[Path]:
     return {test for test in tests if words & typed_by(test)} if words else set()
 
 
-def judges(file: Path) -> list[str]:
-    """Return the tests that import a file of the host, or type its verb: its own first, then those of its room.
+@cache
+def all_tests() -> list[Path]:
+    """Return the files of tests that may judge."""
+    return [path for path in sorted((CHECKOUT / "tests").rglob("test_*.py"))
+            if not str(path.relative_to(CHECKOUT)).startswith(TOO_SLOW)]  # fmt: skip
 
-    Its own are named after it; those of the files that import it, or of few verbs that do, are the last. Where there
-    are none, those that import a file that imports it.
+
+def judges(file: Path) -> Judges:
+    """Return the tests that import a file of the host, or type its verb; outside its room also some that drive it.
+
+    Of those that import it, what belongs to the files that import it, or types few verbs that do, is the last.
     """
-    tests = [path for path in sorted((CHECKOUT / "tests").rglob("test_*.py"))
-             if not str(path.relative_to(CHECKOUT)).startswith(TOO_SLOW)]  # fmt: skip
-    own, named = named_after(file).parent, {named_after(file)}
-    importers = {other for other in HOST.rglob("*.py") if file in imported_by(other)}
-    users = {named_after(other) for other in importers} | _typing(importers if len(importers) <= FEW else set(), tests)
-    wanted, seen = {file}, {file}
+    named, tests = named_after(file), all_tests()
+    importers = importers_of(file)
+    users = {named_after(other) for other in importers}
+    users |= _typing(set(importers) if len(importers) <= FEW else set(), tests)
+    typing = _typing({file}, tests)
+    found = [test for test in tests if file in reached_by(test) or test in {named} | users | typing]
+    found.sort(key=lambda test: (test in users, named.parent not in test.parents, len(reached_by(test))))
+    in_room = [test for test in found if CHECKOUT / "tests/host" / room_of(file) in test.parents]
+    room = [test for test in in_room if test != named]
+    outside = [test for test in found if test not in [named, *in_room]] + drivers(file, set(found))
+    return Judges(*([str(test.relative_to(CHECKOUT)) for test in group]
+                    for group in ([named] if named in found else [], room, outside)))  # fmt: skip
 
-    def reaches(test: Path) -> bool:
-        return bool(wanted & reached_by(test)) or test in named | users | _typing(wanted, tests)
 
-    while wanted and not (found := [test for test in tests if reaches(test)]):
-        wanted = {other for other in HOST.rglob("*.py") if wanted & imported_by(other)} - seen
-        seen |= wanted
+@cache
+def importers_of(file: Path) -> list[Path]:
+    """Return the files of the host that import a file."""
+    return [other for other in sorted(HOST.rglob("*.py")) if file in imported_by(other)]
 
-    def distance(test: Path) -> tuple[bool, bool, bool, int]:
-        return test not in named, test in users, own not in test.parents, len(reached_by(test))
 
-    return [str(test.relative_to(CHECKOUT)) for test in sorted(found, key=distance)] if wanted else []
+def drivers(file: Path, but: set[Path]) -> list[Path]:
+    """Return the tests that reach a file of the host through other files: the nearest of each room in turn."""
+    steps, level = {file: 0}, [file]
+    while level:
+        level = [other for other in {above for one in level for above in importers_of(one)} if other not in steps]
+        steps |= dict.fromkeys(level, max(steps.values()) + 1)
+    words = {word: steps[verb] for verb, named in verbs().items() if verb in steps for word in named}
+    rooms: dict[Path, list[tuple[int, int, Path]]] = {}
+    for test in (test for test in all_tests() if test not in but):
+        ways = [steps[one] for one in reached_by(test) if one in steps] + [
+            words[one] for one in typed_by(test) & words.keys()
+        ]
+        if ways:
+            rooms.setdefault(test.parent, []).append((min(ways), len(reached_by(test)), test))
+    in_turn = zip_longest(*sorted(map(sorted, rooms.values())))
+    return [driver[-1] for turn in in_turn for driver in turn if driver][:MOST_DRIVERS]
 
 
 # ---- judging ----
 
 
-def judge(mutant: Mutant, tests: list[str], copy: Path, limit_s: float) -> Judgement:
+def judge(mutant: Mutant, tests: Judges, copy: Path, limit_s: float) -> Judgement:
     """Plant a mutant in a copy of the checkout, run its tests until one fails, and take it out."""
-    file, end_s = copy / mutant.file.relative_to(CHECKOUT), time.monotonic() + limit_s
-    if not tests:
-        return Judgement("survived", "no test imports it")
+    end_s, passed = time.monotonic() + limit_s, 0
+    for group in (tests.named, tests.room):
+        try:
+            if failed := seen(mutant, group, copy, end_s):
+                return Judgement("killed", failed)
+        except subprocess.TimeoutExpired:
+            return Judgement("undecided", f"not judged within {limit_s:g} s by {passed + len(group)} test files")
+        passed += len(group)
+    why = f"{passed} test files of its room pass, and {len(tests.outside)} of others"
+    try:
+        failed = seen(mutant, tests.outside, copy, end_s + MORE_OUTSIDE * limit_s)
+    except subprocess.TimeoutExpired:
+        return Judgement("survived", f"{why}, as far as there was time")
+    return Judgement("killed", failed) if failed else Judgement("survived", why)
+
+
+def seen(mutant: Mutant, tests: list[str], copy: Path, end_s: float) -> str:
+    """Return the first of these tests that fails with a mutant and passes without it, "" if none does.
+
+    Raises TimeoutExpired.
+    """
+    file = copy / mutant.file.relative_to(CHECKOUT)
     passed_over: list[str] = []
-    while True:
+    while tests:
         file.write_text(mutant.planted())
         try:
             failed = first_failure(tests, copy, end_s - time.monotonic(), passed_over)
-        except subprocess.TimeoutExpired:
-            return Judgement("undecided", f"not judged within {limit_s:g} s by {len(tests)} test files")
         finally:
             file.write_bytes(mutant.source)
         if not failed:
-            return Judgement("survived", f"{len(tests)} test files pass")
-        try:
-            if not first_failure([failed], copy, limit_s, []):
-                return Judgement("killed", failed)
-        except subprocess.TimeoutExpired:
-            pass
+            break
+        with suppress(subprocess.TimeoutExpired):
+            if not first_failure([failed], copy, 2 * MOST_S_A_TEST, []):
+                return failed
         passed_over.append(failed)  # it fails without the mutant, too
+    return ""
 
 
 def first_failure(tests: list[str], copy: Path, limit_s: float, but: list[str]) -> str:
@@ -227,16 +287,24 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--limit-s", type=float, default=300.0)
     given = parser.parse_args()
-    verdicts: list[str] = []
     place = HOST / given.under
-    mutants = draw([place] if place.is_file() else list(place.rglob("*.py")), given.count, given.seed)
-    for mutant, (verdict, why) in judged(mutants, given.jobs, given.limit_s):
-        verdicts.append(verdict)
+    rooms: dict[str, list[Path]] = {}
+    for file in [place] if place.is_file() else sorted(place.rglob("*.py")):
+        rooms.setdefault(room_of(file), []).append(file)
+    verdicts: dict[str, Counter[str]] = {room: Counter() for room in rooms}
+    for mutant, (verdict, why) in judged(draw(rooms, given.count, given.seed), given.jobs, given.limit_s):
+        verdicts[room_of(mutant.file)][verdict] += 1
         print(f"{verdict:9} {str(mutant).removeprefix(f'{CHECKOUT}/')}  ({why})", flush=True)
-    counts = {verdict: verdicts.count(verdict) for verdict in ("killed", "survived", "undecided")}
+    for room, counts in (verdicts | {"all": sum(verdicts.values(), Counter())}).items():
+        if counts:
+            print(f"{room:20} {share(counts)}")
+
+
+def share(counts: Counter[str]) -> str:
+    """Say what became of mutants, and which share of the decided ones is killed."""
     decided = max(counts["killed"] + counts["survived"], 1)
-    print(", ".join(f"{count} {verdict}" for verdict, count in counts.items())
-          + f": {counts['killed'] / decided:.0%} of the decided ones are killed")  # fmt: skip
+    said = ", ".join(f"{counts[verdict]} {verdict}" for verdict in ("killed", "survived", "undecided"))
+    return f"{said}: {counts['killed'] / decided:.0%} of the decided ones are killed"
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ def of_row(row: Row) -> object:
     return pytest.param(row, marks=marks, id=str(row))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("row", [of_row(row) for row in ROWS])
 def test_real_presses_are_felt_no_worse_than_recorded(row: Row) -> None:
     """Where this fails on purpose, measure the row again (`--only ... --seeds 5 --again`) and say so in the commit."""
@@ -40,6 +41,7 @@ def test_circles_by_hand_are_each_of_a_picture_and_know_its_dots(name: str, tmp_
     assert (images.reference.dots is not None) == (name == "gripper")
 
 
+@pytest.mark.nightly
 def test_circles_a_pixel_off_are_worse(tmp_path: Path) -> None:
     images = SETS["three_lights_crop"](tmp_path)
     fold = next(folds_of(images))

@@ -3,7 +3,6 @@
 import ctypes
 import os
 import shutil
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,20 +13,6 @@ from gellight.ring.light_ring import LightRing
 from tests.firmware.helpers.virtual_board import VirtualBoard, compile_library, load
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 from tests.helpers.places import CHECKOUT
-
-PARTS = 3
-"""Every commit plants a third of the faults: its name says which. `--all-faults` plants them all."""
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if config.getoption("--all-faults"):
-        return
-    head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=CHECKOUT, capture_output=True, text=True, check=False)
-    part = int(head.stdout[:8] or "0", 16) % PARTS
-    planting = [item for item in items if item.name.startswith("test_a_fault_of_the_")]
-    left_out = {id(item) for number, item in enumerate(planting) if number % PARTS != part}
-    config.hook.pytest_deselected(items=[item for item in items if id(item) in left_out])
-    items[:] = [item for item in items if id(item) not in left_out]
 
 
 @pytest.fixture(scope="session")

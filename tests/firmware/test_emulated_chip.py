@@ -97,6 +97,7 @@ def test_the_watchdog_resets_what_it_is_told(image: bytes, selected: int, restar
     assert bool(board.faults) == (not restarts)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("count", "longest"), [(6_000, 1), (14_000, 10)])
 def test_random_blocks_leave_the_same_registers_flags_and_memory(count: int, longest: int) -> None:
     """More of them: `python -m tests.benchmarks.instructions`."""

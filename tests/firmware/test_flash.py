@@ -75,22 +75,25 @@ def test_other_files_are_no_firmware() -> None:
         flash_image(b"\x7fELF\x02\x01" + bytes(100), family=0, boot2=True)
 
 
+@pytest.mark.nightly
 def test_the_committed_image_is_what_the_sources_give(image: bytes) -> None:
     assert to_uf2(build.build(CHECKOUT)) == to_uf2(image)
 
 
+@pytest.mark.nightly
 def test_building_elsewhere_gives_the_same_bytes(tmp_path: Path) -> None:
     shutil.copytree(CHECKOUT / "firmware", tmp_path / "firmware")
     assert build.build(tmp_path) == build.build(CHECKOUT)
 
 
-@pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="needs gcc-arm-none-eabi")
+@pytest.mark.nightly
 def test_the_other_compiler_builds_a_working_image() -> None:
     board = BenchBoard(build.build(CHECKOUT, compiler_name="gcc"))
     assert board.run_until(lambda: board.host.configured, 200_000)
     assert board.faults == []
 
 
+@pytest.mark.nightly
 def test_a_compilers_complaint_is_passed_on(tmp_path: Path) -> None:
     shutil.copytree(CHECKOUT / "firmware", tmp_path / "firmware")
     (tmp_path / "firmware/core/extra.c").write_text("int broken(void) { return 1L << 40; }\n")

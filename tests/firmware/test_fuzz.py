@@ -27,7 +27,10 @@ LEAST_REACHED = dict.fromkeys(
 """share of the lines of a file, %; the rest is for flash that fails, restarts, and faults that no sound core makes"""
 TIME_UNIT_US = 1009
 LONGEST_WAIT_US = 40 * TIME_UNIT_US
-REPLAYED = sorted(CORPUS.glob("*.bin"))
+DAILY = 10
+"""one in that many stories of the corpus is replayed by day"""
+REPLAYED = [pytest.param(path, id=path.stem, marks=[pytest.mark.nightly] if number % DAILY else [])
+            for number, path in enumerate(sorted(CORPUS.glob("*.bin")))]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -66,12 +69,14 @@ IN_THE_CORE = [m for m in LOGIC if m.name in ("limit off", "limit forgets the li
 PLANTED = [("control", m) for m in ENDPOINT_0] + [("flash", m) for m in RECORDS] + [("core", m) for m in IN_THE_CORE]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("what", [pytest.param("control", marks=MAPS_REGISTERS), "flash"])
 def test_a_rude_host_and_a_spoilt_flash_break_no_rule(what: str, tmp_path: Path) -> None:
     done = fuzz(compile_fuzzer(tmp_path / "fuzzer", what=what), SECONDS, 1, corpus=False)
     assert done.returncode == 0, done.stderr[-3000:]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("what", "fault"),
     [pytest.param(what, m, id=m.name, marks=MAPS_REGISTERS if what == "control" else ()) for what, m in PLANTED],
@@ -82,6 +87,7 @@ def test_the_fuzzers_find_a_planted_fault(what: str, fault: Mutation, copied_fir
     assert fuzz(fuzzer, 40, seed=1, corpus=what == "core").returncode != 0
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(shutil.which("gcc") is None or shutil.which("gcov") is None, reason="needs gcc and its gcov")
 def test_the_corpus_reaches_the_core(tmp_path: Path) -> None:
     """Or the fuzzer would have nothing to start from where it matters: sequences, for example, need a checksum."""
@@ -110,12 +116,14 @@ def core_under_asan(folder: Path, checkout: Path) -> subprocess.CompletedProcess
     return run_core_tests(library, LD_PRELOAD=asan, ASAN_OPTIONS="detect_leaks=0")
 
 
+@pytest.mark.nightly
 @NEEDS_ASAN
 def test_the_tests_of_the_core_pass_under_asan(tmp_path: Path) -> None:
     done = core_under_asan(tmp_path, CHECKOUT)
     assert done.returncode == 0, f"ended with {done.returncode}:\n{done.stdout[-3000:]}\n{done.stderr}"
 
 
+@pytest.mark.nightly
 @NEEDS_ASAN
 def test_the_report_of_the_sanitizer_is_shown(copied_firmware: Path, tmp_path: Path) -> None:
     fault = Mutation("written past the colours", f"{CORE}/ring.c", "i < COLOUR_BYTES; i += 3", "i < 4000000u; i += 3")
@@ -173,7 +181,7 @@ def commit(board: BenchBoard, sequence: int, steps: int, loops: int) -> int:
     return sequence
 
 
-@pytest.mark.parametrize("path", REPLAYED, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", REPLAYED)
 def test_the_image_survives_what_the_fuzzer_found(path: Path, board: BenchBoard) -> None:
     board.run_until(lambda: board.host.configured, 200_000)
     board.host.open()

@@ -1,9 +1,12 @@
 """An edge of the trigger at every instruction of a look at the timeout: it lights its step."""
 
+import pytest
+
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from tests.helpers.bench_board import RED, BenchBoard
 
+pytestmark = pytest.mark.nightly
 DELAY_US, EDGE_TOLERANCE_US = 300, 3.0
 
 

@@ -17,12 +17,16 @@ from tests.firmware.helpers.faults_by_chance import drawn
 from tests.firmware.helpers.mutations import ENABLES, IMAGE, LOGIC, Mutation, planted
 from tests.firmware.helpers.virtual_board import compile_library
 
+DAILY = 3
+"""one in that many faults of the core is planted by day, all at night; those of the image need their compiler"""
+
 
 @pytest.mark.parametrize("check", CHECKS)
 def test_the_committed_image_passes_the_examination(image: bytes, check: str) -> None:
     assert examine(image, check) == []
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("mutation", IMAGE + ENABLES, ids=lambda m: m.name)
 def test_a_fault_of_the_image_is_caught(mutation: Mutation, copied_firmware: Path) -> None:
     with planted(mutation, copied_firmware) as checkout:
@@ -42,7 +46,11 @@ def test_the_core_without_a_fault_passes(core_tests: CoreTests, copied_firmware:
     assert done.status == 0, done.printed[-2000:]
 
 
-@pytest.mark.parametrize("mutation", LOGIC, ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "mutation",
+    [pytest.param(m, marks=[pytest.mark.nightly] if number % DAILY else []) for number, m in enumerate(LOGIC)],
+    ids=lambda m: m.name,
+)
 def test_a_fault_of_the_core_is_caught(
     mutation: Mutation, core_tests: CoreTests, copied_firmware: Path, tmp_path: Path
 ) -> None:

@@ -1,12 +1,14 @@
 """The stack never leaves its room: by the compiler's call graph, and by what the painted stack of an image shows."""
 
 import numpy as np
+import pytest
 
 from gellight.ring.firmware.build import build
 from gellight.ring.light_ring import LightRing
 from tests.firmware.helpers.stack_bound import CallGraph, stack_bound
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
+pytestmark = pytest.mark.nightly
 ROOM_BYTES = 4096
 BOOT_ROM_BYTES = 512
 """what is left at least for the boot ROM's flash functions, whose need is not ours to know"""

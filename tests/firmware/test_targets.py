@@ -32,6 +32,7 @@ def drive(folder: Path, board_id: str) -> Path:
     return folder
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", targets.in_checkout(CHECKOUT))
 def test_each_folder_has_its_image_in_the_package(name: str) -> None:
     image = committed_image(name)
@@ -71,6 +72,7 @@ def chip(pico2: bytes) -> StartedChip:
     return StartedChip(pico2)
 
 
+@pytest.mark.nightly
 def test_a_cortex_m33_executes_its_start(chip: StartedChip, pico2: bytes) -> None:
     """Up to the main loop, in RAM: no instruction that it does not have, and USB is on."""
     assert chip.sleeps
@@ -82,6 +84,7 @@ def test_a_cortex_m33_executes_its_start(chip: StartedChip, pico2: bytes) -> Non
     assert usb != trigger
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("address", "value"),
     [
@@ -104,21 +107,11 @@ def test_its_registers_are_those_of_its_data_sheet(chip: StartedChip, address: i
         assert chip.register(address) == value
 
 
+@pytest.mark.nightly
 def test_nothing_is_written_where_the_rp2040_has_its_registers(chip: StartedChip) -> None:
     blocks = {
-        0x40010,
-        0x40018,
-        0x40020,
-        0x40028,
-        0x40038,
-        0x40048,
-        0x40050,
-        0x40058,
-        0x400A0,
-        0x400B0,
-        0x400D8,
-        0x40108,
-    }
+        0x40010, 0x40018, 0x40020, 0x40028, 0x40038, 0x40048, 0x40050, 0x40058, 0x400A0, 0x400B0, 0x400D8, 0x40108,
+    }  # fmt: skip
     assert {address >> 12 for address, _ in chip.writes if address >> 28 == 4} <= blocks
 
 
@@ -177,6 +170,7 @@ printed = "D9, D10, D11"
 """
 
 
+@pytest.mark.nightly
 def test_a_folder_alone_makes_another_board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(CHECKOUT / "firmware", tmp_path / "firmware")
     folder = tmp_path / "firmware/boards/made_up"

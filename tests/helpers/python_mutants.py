@@ -3,6 +3,7 @@
 import ast
 import random
 from collections.abc import Iterator
+from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
@@ -35,10 +36,22 @@ class Mutant(NamedTuple):
         return f"{self.file}:{self.line}: {_short(old)} -> {_short(self.new)}"
 
 
-def draw(files: list[Path], count: int, seed: int) -> list[Mutant]:
-    """Draw that many different mutants; every place of every file is as likely."""
-    places = [mutant for file in sorted(files) for mutant in mutants_of(file)]
-    return random.Random(seed).sample(places, min(count, len(places)))
+def draw(rooms: dict[str, list[Path]], count: int, seed: int) -> list[Mutant]:
+    """Draw that many mutants in different places, an equal share in each room; in a room every place is as likely."""
+    chance = random.Random(seed)
+    places = [_places(rooms[room]) for room in chance.sample(sorted(rooms), len(rooms))]
+    for of_room in places:
+        chance.shuffle(of_room)
+    in_turn = [chance.choice(place) for turn in zip_longest(*places) for place in turn if place]
+    return in_turn[:count]
+
+
+def _places(files: list[Path]) -> list[list[Mutant]]:
+    """Return what can be changed in these files: for each place its mutants."""
+    places: dict[tuple[Path, int, int], list[Mutant]] = {}
+    for mutant in (mutant for file in sorted(files) for mutant in mutants_of(file)):
+        places.setdefault((mutant.file, mutant.begin, mutant.end), []).append(mutant)
+    return list(places.values())
 
 
 def mutants_of(file: Path) -> list[Mutant]:
@@ -94,8 +107,13 @@ def _changes(node: ast.expr | ast.stmt) -> Iterator[tuple[ast.expr | ast.stmt, s
             yield node, f"({word.join(f'({ast.unparse(value)})' for value in node.values)})"
         case ast.Constant(value=bool()):
             yield node, str(not node.value)
-        case ast.Constant(value=int() | float()):
-            yield node, f"({node.value + 1!r})" if isinstance(node.value, int) else f"({2 * node.value + 1!r})"
+        case ast.Constant(value=int(value)):
+            yield from (
+                (node, f"({new!r})") for new in dict.fromkeys((value + 1, 3 * value, value // 3)) if new != value
+            )
+        case ast.Constant(value=float(value)):
+            new_values = dict.fromkeys((2 * value + 1, 3 * value, value / 3))
+            yield from ((node, f"({new!r})") for new in new_values if new != value)
         case ast.UnaryOp(op=ast.Not() | ast.USub()):
             yield node, f"({ast.unparse(node.operand)})"
         case ast.If() | ast.IfExp() if not isinstance(node.test, ast.Compare | ast.UnaryOp):

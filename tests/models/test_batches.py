@@ -3,13 +3,12 @@
 import io
 import json
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from numpy.typing import NDArray
 
-from gelnet.batches import NoGpuError, Ring, contact_pressures, device_of
 from gelnet.pressed import Presses, main, serve
 from sim_reference import gel
 from sim_reference.deformation import NotConverged, grid
@@ -18,6 +17,9 @@ from sim_reference.imaging import ring_irradiance, ring_light
 from sim_reference.objects import object_height
 from sim_reference.surface import press_object, sample, untouched
 
+pytestmark = pytest.mark.nightly
+torch: Any = pytest.importorskip("torch")
+batches: Any = pytest.importorskip("gelnet.batches")
 SMALL = SensorGeometry(image_width_px=160, image_height_px=120, pixel_size_mm=0.2)
 SIZE, SPACING_MM = 96, 0.5
 CASES = (("BALL", 1.0), ("WAVE", 0.8), ("TSTEP", 0.6), ("BALL", 0.001), ("BALL", 0.0))
@@ -30,7 +32,7 @@ def rest_gaps() -> NDArray[np.float64]:
 
 
 def test_each_press_of_a_batch_has_the_pressure_it_has_alone() -> None:
-    found = contact_pressures(rest_gaps(), SPACING_MM, SMALL, PROCESSOR)
+    found = batches.contact_pressures(rest_gaps(), SPACING_MM, SMALL, PROCESSOR)
     response = gel.compliance(SIZE, SPACING_MM, SMALL.gel_thickness_mm, SMALL.poisson_ratio)
     for gap, pressure in zip(rest_gaps(), found, strict=True):
         alone = gel.contact_pressure(gap, response, SMALL.gel_thickness_mm)
@@ -39,7 +41,7 @@ def test_each_press_of_a_batch_has_the_pressure_it_has_alone() -> None:
 
 def test_a_press_that_does_not_converge_is_told() -> None:
     with pytest.raises(NotConverged, match=r"of 5 presses did not converge in 3 iterations"):
-        contact_pressures(rest_gaps(), SPACING_MM, SMALL, PROCESSOR, most=3)
+        batches.contact_pressures(rest_gaps(), SPACING_MM, SMALL, PROCESSOR, most=3)
 
 
 @pytest.mark.parametrize("beam", [np.radians(120.0), np.radians(90.0)])
@@ -50,7 +52,7 @@ def test_the_light_is_that_of_the_reference_with_its_shadows(beam: float) -> Non
     ]
     surfaces = [*pressed, untouched(sensor).single_precision()]
     lights = np.stack([ring_light(sensor), np.eye(12)[:, [2, 2, 2]]])
-    found = Ring(sensor, PROCESSOR).irradiances(surfaces, lights)
+    found = batches.Ring(sensor, PROCESSOR).irradiances(surfaces, lights)
     for surface, lit in zip(surfaces, found, strict=True):
         for light, picture in zip(lights, lit, strict=True):
             wanted = ring_irradiance(surface, sensor, light)
@@ -90,8 +92,8 @@ def test_another_program_gets_a_press_field_by_field() -> None:
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
 def test_without_a_gpu_it_says_so(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(NoGpuError, match=r"finds no GPU \(CUDA\)"):
-        device_of("cuda")
+    with pytest.raises(batches.NoGpuError, match=r"finds no GPU \(CUDA\)"):
+        batches.device_of("cuda")
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b'{"geometry": {}, "light": []}\n')))
     assert main(["--by", "cuda"]) == 2
     assert "finds no GPU" in capsys.readouterr().err

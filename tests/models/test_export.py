@@ -12,8 +12,9 @@ import gelnet.export
 from gelnet.export import BOUND, ExportError, export, to_onnx
 from gelnet.parameters import Parameters
 from gelnet.recipes import RECIPES
-from gelnet.trainers import NAMES, make_trainer
+from gelnet.trainers import make_trainer
 from gelnet.training import Trainer
+from tests.helpers.trainers import TRAINERS
 
 
 @pytest.fixture
@@ -22,7 +23,7 @@ def rows() -> np.ndarray:
     return random.uniform([-60, -60, -60, 0, 0], [60, 60, 60, 639, 479], (3000, 5)).astype(np.float32)
 
 
-@pytest.fixture(params=NAMES)
+@pytest.fixture(params=TRAINERS)
 def network(request: pytest.FixtureRequest, rows: np.ndarray) -> Trainer:
     """What either trainer begins with."""
     made = make_trainer(request.param, seed=0)

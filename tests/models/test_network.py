@@ -1,20 +1,23 @@
 """GelNet: what goes in, what comes out, and that its ranges are inside."""
 
-import pytest
-import torch
-from torch import nn
+from typing import Any
 
-from gelnet.network import GelNet
+import pytest
+
 from gelnet.parameters import STEEPEST_RAD
 
+pytestmark = pytest.mark.nightly
+torch: Any = pytest.importorskip("torch")
+GelNet: Any = pytest.importorskip("gelnet.network").GelNet
 
-def pixels(count: int, seed: int = 0) -> torch.Tensor:
+
+def pixels(count: int, seed: int = 0) -> Any:
     random = torch.Generator().manual_seed(seed)
     scale = torch.tensor([40.0, 30.0, 20.0, 300.0, 200.0])
     return (torch.rand((count, 5), generator=random) - 0.3) * scale
 
 
-def network(width: int = 8) -> GelNet:
+def network(width: int = 8) -> Any:
     torch.manual_seed(0)
     made = GelNet(width)
     made.fit_range(pixels(500), torch.rand((500, 2)) - 0.5)
@@ -23,7 +26,7 @@ def network(width: int = 8) -> GelNet:
 
 def test_it_has_five_fully_connected_layers_and_dropout_before_the_last() -> None:
     made = GelNet(24, dropout=0.1)
-    layers = [module for module in made.modules() if isinstance(module, nn.Linear)]
+    layers = [module for module in made.modules() if isinstance(module, torch.nn.Linear)]
     assert [(layer.in_features, layer.out_features) for layer in layers] == [(5, 24)] + [(24, 24)] * 3 + [(24, 2)]
     assert made.width == 24
     made.train()

@@ -11,12 +11,13 @@ import pytest
 from gelnet.recipes import RECIPES, Recipe, learning_rates
 from gelnet.table import Table, TableError, checked, load_table
 from gelnet.train import main
-from gelnet.trainers import NAMES, make_trainer
+from gelnet.trainers import make_trainer
 from gelnet.training import Training, normal_error_deg, train
 from tests.helpers.children import run
+from tests.helpers.trainers import TRAINERS
 
 ROOT = Path(__file__).parent.parent.parent
-both = pytest.mark.parametrize("trainer", NAMES)
+both = pytest.mark.parametrize("trainer", TRAINERS)
 TINY = replace(RECIPES["fast"], epochs=2, least_visits=0)
 
 

@@ -1,21 +1,20 @@
 """The two trainers are one: the same loss, the same gradients, the same network after as many steps."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import onnxruntime
 import pytest
-import torch
-from torch import nn
 
 from gelnet.export import to_onnx
 from gelnet.numpy_trainer import NumpyTrainer, kept_units, loss_of_block, random_network
 from gelnet.parameters import Floats, Parameters
 from gelnet.recipes import RECIPES, Recipe
 from gelnet.table import Table, checked
-from gelnet.torch_trainer import TorchTrainer
-from gelnet.trainers import NAMES, make_trainer
+from gelnet.trainers import make_trainer
 from gelnet.training import normal_error_deg, train
+from tests.helpers.trainers import TRAINERS
 
 PAPER = replace(RECIPES["paper"], dropout=0.0)
 DECAYING = replace(RECIPES["fine"], weight_decay=5.0)
@@ -42,16 +41,19 @@ def divided(table: Table) -> tuple[Table, Table]:
     return table.chosen(table.image < 7), table.chosen(table.image >= 7)
 
 
-def pair(recipe: Recipe, table: Table, width: int = 32) -> tuple[TorchTrainer, NumpyTrainer]:
+def pair(recipe: Recipe, table: Table, width: int = 32) -> tuple[Any, NumpyTrainer]:
     """Both trainers with the same weights."""
-    by_torch, by_numpy = TorchTrainer(seed=1), NumpyTrainer(seed=1)
+    by_torch: Any = make_trainer("torch", seed=1)
+    by_numpy = NumpyTrainer(seed=1)
     by_torch.begin(table.rows[:, :5].copy(), table.rows[:, 5:].copy(), width=width, recipe=recipe)
     by_numpy.begin_with(by_torch.parameters(), recipe)
     return by_torch, by_numpy
 
 
-def torch_derivative(trainer: TorchTrainer, pixels: Floats, gradient: Floats) -> tuple[float, Floats]:
+def torch_derivative(trainer: Any, pixels: Floats, gradient: Floats) -> tuple[float, Floats]:
     """The loss, and its derivative in the order of the layers."""
+    import torch
+
     loss = trainer.loss(pixels, gradient)
     wanted = [
         parameter for layer in (*trainer.network.hidden, trainer.network.output) for parameter in layer.parameters()
@@ -64,6 +66,7 @@ def flat(network: Parameters) -> Floats:
     return np.concatenate([part.ravel() for layer in network.layers for part in layer])
 
 
+@pytest.mark.nightly
 @recipes
 def test_the_same_weights_and_batch_give_the_same_loss_and_derivative(recipe: Recipe) -> None:
     table = pressed()
@@ -77,7 +80,7 @@ def test_the_same_weights_and_batch_give_the_same_loss_and_derivative(recipe: Re
 
 
 @pytest.mark.parametrize("name", RECIPES)
-@pytest.mark.parametrize("trainer", NAMES)
+@pytest.mark.parametrize("trainer", TRAINERS)
 def test_every_recipe_subtracts_the_answer_to_an_unchanged_pixel_as_the_host_does(trainer: str, name: str) -> None:
     """So an unchanged pixel is flat whatever the weights: its loss is the least there is."""
     table, made = pressed(), make_trainer(trainer, seed=0)
@@ -113,6 +116,7 @@ def test_the_derivative_is_that_of_the_loss(recipe: Recipe) -> None:
     assert position == len(derivative)
 
 
+@pytest.mark.nightly
 @recipes
 def test_the_same_batches_give_the_same_network(recipe: Recipe) -> None:
     table = pressed()
@@ -133,7 +137,7 @@ class Borrower(NumpyTrainer):
 
     def __init__(self, *, seed: int) -> None:
         super().__init__(seed=seed)
-        self.lender = TorchTrainer(seed=seed)
+        self.lender: Any = make_trainer("torch", seed=seed)
 
     def order(self, count: int) -> np.ndarray:
         return self.lender.order(count)
@@ -146,17 +150,21 @@ class Borrower(NumpyTrainer):
         self.begin_with(self.lender.parameters(), recipe)
 
 
+@pytest.mark.nightly
 @recipes
 def test_with_the_same_random_numbers_a_whole_training_ends_at_the_same_error(recipe: Recipe) -> None:
     training, held_out = divided(pressed())
     short = replace(recipe, epochs=6, least_visits=0, batch=256, largest_table=4000)
-    by_torch, by_numpy = (train(training, short, made(seed=5), width=32) for made in (TorchTrainer, Borrower))
+    # One after the other: torch has one state of its random numbers.
+    by_torch = train(training, short, make_trainer("torch", seed=5), width=32)
+    by_numpy = train(training, short, Borrower(seed=5), width=32)
     assert by_numpy.rows == by_torch.rows == 4000
     np.testing.assert_allclose(by_numpy.losses, by_torch.losses, rtol=1e-3)
     errors = [normal_error_deg(trained.network, held_out)["mean"] for trained in (by_torch, by_numpy)]
     assert errors[1] == pytest.approx(errors[0], rel=2e-3)
 
 
+@pytest.mark.nightly
 def test_their_files_answer_the_same() -> None:
     table = pressed()
     answers = []
@@ -168,22 +176,35 @@ def test_their_files_answer_the_same() -> None:
     np.testing.assert_array_equal(answers[0][1], answers[1][1])
 
 
-def test_a_width_of_32_has_3426_parameters_drawn_as_torch_draws_them() -> None:
-    table = pressed()
-    by_torch, by_numpy = (make_trainer(name, seed=0) for name in ("torch", "numpy"))
-    for trainer in (by_torch, by_numpy):
-        trainer.begin(table.rows[:, :5].copy(), table.rows[:, 5:].copy(), width=32, recipe=RECIPES["fast"])
-    one, other = by_torch.parameters(), by_numpy.parameters()
-    assert len(flat(one)) == len(flat(other)) == 3426
-    for name in ("centre", "scale", "steepest_rad"):
-        np.testing.assert_allclose(getattr(other, name), getattr(one, name), rtol=1e-5)
-    for layer, wanted in zip(other.layers, one.layers, strict=True):
-        bound = 1 / np.sqrt(layer.weight.shape[1])
-        for found, by in ((layer.weight, wanted.weight), (layer.bias, wanted.bias)):
-            assert found.shape == by.shape
-            assert max(np.abs(found).max(), np.abs(by).max()) <= bound
-        assert np.abs(layer.weight).max() > 0.95 * bound
+@pytest.mark.parametrize("trainer", TRAINERS)
+def test_a_width_of_32_has_3426_parameters_drawn_as_torch_draws_them(trainer: str) -> None:
+    table, made = pressed(), make_trainer(trainer, seed=0)
+    made.begin(table.pixels, table.gradient, width=32, recipe=RECIPES["fast"])
+    drawn = made.parameters()
+    assert len(flat(drawn)) == 3426
+    np.testing.assert_allclose(drawn.centre, table.pixels.mean(axis=0), rtol=1e-4)
+    np.testing.assert_allclose(drawn.scale, table.pixels.std(axis=0), rtol=1e-3)
+    assert drawn.steepest_rad == pytest.approx(0.825, abs=0.002), "5 % above 45 degrees"
+    for layer, (outputs, inputs) in zip(drawn.layers, [(32, 5), *[(32, 32)] * 3, (2, 32)], strict=True):
+        bound = 1 / np.sqrt(inputs)
+        assert (layer.weight.shape, layer.bias.shape) == ((outputs, inputs), (outputs,))
+        assert np.abs(layer.bias).max() <= bound
+        assert 0.95 * bound < np.abs(layer.weight).max() <= bound
         assert layer.weight.std() == pytest.approx(bound / np.sqrt(3), rel=0.15)
+
+
+@pytest.mark.parametrize(("steepest", "bound"), [(0.09, 0.1), (0.1, 0.1047), (5.0, 1.442), (10.0, 1.5), (1e9, 1.5)])
+def test_the_bound_leaves_room_for_the_steepest_training_slope(steepest: float, bound: float) -> None:
+    rows = pressed(per_image=2).rows[:, :5]
+    made = random_network(rows, np.full((20, 2), -steepest, np.float32), width=4, random=np.random.default_rng(0))
+    assert made.steepest_rad == pytest.approx(bound, abs=1e-3)
+
+
+@pytest.mark.parametrize(("spread", "scale"), [(5e-7, 1.0), (2e-6, 2e-6)])
+def test_a_column_that_hardly_changes_is_not_divided_by_its_spread(spread: float, scale: float) -> None:
+    rows = np.tile(np.array([[-1.0], [1.0]], np.float64), (500, 5)) * spread
+    made = random_network(rows, np.zeros((1000, 2), np.float32), width=4, random=np.random.default_rng(0))
+    assert made.scale == pytest.approx(scale, rel=1e-2)
 
 
 def test_a_column_that_never_changes_does_not_divide_by_nothing() -> None:
@@ -195,8 +216,11 @@ def test_a_column_that_never_changes_does_not_divide_by_nothing() -> None:
     assert (alone.scale == 1).all()
 
 
+@pytest.mark.nightly
 def test_dropout_leaves_out_the_same_units_that_torch_would(monkeypatch: pytest.MonkeyPatch) -> None:
     """Both with the same units left out: torch's are put in by hand."""
+    import torch
+
     table = pressed()
     by_torch, _ = pair(RECIPES["paper"], table)
     pixels, gradient = table.rows[:200, :5].copy(), table.rows[:200, 5:].copy()
@@ -205,7 +229,7 @@ def test_dropout_leaves_out_the_same_units_that_torch_would(monkeypatch: pytest.
     assert (kept == 0).mean() == pytest.approx(0.1, abs=0.02)
     # torch is asked about the pixels first, then about unchanged ones.
     halves = iter(np.split(kept.T.copy(), 2))
-    monkeypatch.setattr(nn.Dropout, "forward", lambda self, x: x * torch.from_numpy(next(halves)))
+    monkeypatch.setattr(torch.nn.Dropout, "forward", lambda self, x: x * torch.from_numpy(next(halves)))
     wanted, wanted_derivative = torch_derivative(by_torch, pixels, gradient)
     loss, derivative = loss_of_block(by_torch.parameters(), pixels.T, gradient.T, RECIPES["paper"], kept)
     assert loss / 200 == pytest.approx(wanted, rel=1e-6)
@@ -215,7 +239,7 @@ def test_dropout_leaves_out_the_same_units_that_torch_would(monkeypatch: pytest.
 def test_dropout_is_left_out_of_answers_and_repeats_with_the_seed() -> None:
     table = pressed(per_image=100)
     pixels, gradient = table.rows[:, :5].copy(), table.rows[:, 5:].copy()
-    network = pair(RECIPES["paper"], table)[1].parameters()
+    network = random_network(pixels, gradient, width=32, random=np.random.default_rng(0))
     losses = []
     for seed in (1, 1, 2):
         trainer = NumpyTrainer(seed=seed)
@@ -225,6 +249,7 @@ def test_dropout_is_left_out_of_answers_and_repeats_with_the_seed() -> None:
     assert losses[0] == losses[1] != losses[2]
 
 
+@pytest.mark.nightly
 def test_both_learn_as_well() -> None:
     """On images neither has seen; the spread is that of seeds."""
     training, held_out = divided(pressed(per_image=1500))

@@ -1,75 +1,40 @@
-"""`python -m tests.paper`: the paper's statements about light, judged by the numbers."""
+"""`python -m tests.paper [PIXELS]`: the paper's twenty statements about light, judged by the numbers (two minutes)."""
 
-from dataclasses import asdict
+import argparse
+import tempfile
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from gellight.cli.ending import end
-from gellight.cli.optimize import Study
-from gellight.cli.options import with_options
-from gellight.cli.showing import show
-from gellight.lab.design import output
-from gellight.lab.simulator.memory import check_memory
-from gellight.lab.simulator.sweep import available_cores, run_study
+from gellight.lab.design.studies import study_setup
+from gellight.lab.simulator.sweep import ResultStore, SweepOptions, run_study
+from sim_reference.geometry import SensorGeometry
+from sim_reference.optimizer import fine
+from sim_reference.optimizer.coarse import CoarseResult
 from sim_reference.optimizer.exposing import LightGroups
-from tests.paper import heights, report
-from tests.paper.all_studies import run_all_studies
-from tests.paper.gel_comparison import resolution_of
-from tests.paper.timing import time_sweep
-
-app = typer.Typer(help="Judge the statements of the paper by the numbers.", no_args_is_help=True)
+from tests.paper.comparison import Judgement, ball_judgements, fine_judgements, summary
+from tests.paper.comparison_coarse import coarse_judgements
+from tests.paper.heights import FineResult, fine_study
+from tests.paper.variants import coarse_readings
 
 
-@app.command("report")
-@with_options
-def write_report(
-    study: Study,
-    timed: Annotated[bool, typer.Option("--timing/--no-timing", help="Also time the sweep against plain code.")] = True,
-    gels: Annotated[
-        bool,
-        typer.Option("--gel-table/--no-gel-table", help="Also the layer against finite elements: ten minutes, once."),
-    ] = True,
-) -> None:
-    """All studies on one page that holds everything, beside the statements of the paper.
-
-    It is written to --out, by default to the folder gellight-optimize.
-    """
-    folder = study.out or Path("gellight-optimize")
-    output.check_writable(folder)
-    setup = study.setup()
-    if gels and study.scheduler is None:
-        check_memory(resolution_of(setup), setup.geometry, study.workers or available_cores())
-    with study.sweep("studies") as options:
-        results = run_all_studies(setup, options, timed=timed, gels=gels)
-        path = report.write_report(results, folder)
-    study.answer("report", report.report_json(results, path), report.report_text(results, path), {})
+def judgements(readings: dict[str, CoarseResult], heights: FineResult, geometry: SensorGeometry) -> list[Judgement]:
+    """Return the paper, line by line, each line under its readings."""
+    return [*coarse_judgements(readings), *fine_judgements(heights, geometry), *ball_judgements()]
 
 
-@app.command()
-@with_options
-def fine(
-    study: Study, step: Annotated[float, typer.Option("--step", min=0.5, max=18, help="Between the heights, mm.")] = 4.0
-) -> None:
-    """Mounting height: uniformity, saturation and the error of reconstruction from 0 to 36 mm."""
-    setup = study.setup()
-    # 0 to 36 mm as in the paper, or less where the gel is nearer to the camera.
-    highest = min(36.0, 0.9 * setup.geometry.camera_height_mm)
-    steps = tuple(step * at for at in range(int(highest / step) + 1))
-    with study.sweep("heights") as options:
-        result = run_study(heights.fine_study(setup, steps), options)
-    study.answer("fine", heights.fine_json(result), heights.fine_text(result), heights.fine_charts(result))
-
-
-@app.command()
-@with_options
-def timing(study: Study) -> None:
-    """Time the coarse sweep against plain code that computes one configuration at a time."""
-    with study.sweep("timing") as options:
-        times = time_sweep(study.setup(), options, LightGroups())
-    show({**asdict(times), "ratio": times.ratio}, study.as_json, times.in_words())
+def main() -> None:
+    """Judge each statement, and print what was measured and under which readings it holds."""
+    parser = argparse.ArgumentParser(prog="python -m tests.paper", description=__doc__)
+    parser.add_argument("pixels", type=int, nargs="?", default=256)
+    setup = study_setup(SensorGeometry(), 0.9, 1.0, parser.parse_args().pixels)
+    with tempfile.TemporaryDirectory() as folder:
+        options = SweepOptions(store=ResultStore(Path(folder)))
+        readings = run_study(coarse_readings(setup, LightGroups()), options)
+        rows = judgements(readings, run_study(fine_study(setup, fine.HEIGHTS_MM), options), setup.geometry)
+    for row in rows:
+        one, under = row.best, "; or ".join(row.holds_under)
+        print(f"{one.section} {one.claim}: {one.measured}\n    {under or f'under no reading: {one.why}'}")
+    print(summary(rows))
 
 
 if __name__ == "__main__":
-    end(app)
+    main()

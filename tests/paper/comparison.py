@@ -10,7 +10,7 @@ from gellight.lab.design.studies import PAPER_ANGLE_RAD
 from sim_reference.geometry import SensorGeometry
 from sim_reference.metrics import maximum_elevation
 from sim_reference.optimizer import fine
-from sim_reference.optimizer.refraction import ACRYLIC_MM, Medium, refracted, window_of
+from sim_reference.optimizer.refraction import ACRYLIC_MM, Medium, refracted
 from tests.paper.heights import EQUAL_LIGHT, FineResult
 
 ENCODED = replace(fine.IDEAL_CAMERA, gamma=2.2)
@@ -232,38 +232,3 @@ def _shadow(incident_deg: float) -> Statement:
         reproduced=abs(90 - incident_deg - 71) < 0.5,
         why="29° leave 61°: a misprint, or light that acrylic bends first, which the paper's model does not contain",
     )
-
-
-@dataclass(frozen=True)
-class SaturationRow:
-    """SAT of the plane in one view through one camera."""
-
-    view: str
-    half_mm: float
-    """height at which SAT is 50 %, NaN if it never is"""
-    at_20_mm: float
-    """SAT at 20 mm, 0 to 1"""
-
-
-def saturation_table(geometry: SensorGeometry) -> list[SaturationRow]:
-    """Return what view and camera make of SAT."""
-    leaky = ((0.8, 0.1, 0.1), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8))
-    ideal = fine.IDEAL_CAMERA
-    views = {
-        "disc of 35 mm, linear, colours apart": fine.View(),
-        "19 mm x 14 mm in the middle": fine.View(width_mm=19, height_mm=14),
-        "crosstalk of 10 % to each neighbour": fine.View(camera=replace(ideal, crosstalk=leaky)),
-        "even grey light of half the mean": fine.View(ambient=0.5),
-        "gamma of 2.2": fine.View(camera=ENCODED),
-        "whole gel": fine.View(diameter_mm=geometry.gel_diameter_mm),
-        "whole gel, gamma of 2.2": fine.View(diameter_mm=geometry.gel_diameter_mm, camera=ENCODED),
-        "bent by the window": fine.View(medium=window_of(geometry)),
-    }
-    return [_saturation_row(geometry, label, view) for label, view in views.items()]
-
-
-def _saturation_row(geometry: SensorGeometry, label: str, view: fine.View) -> SaturationRow:
-    highest = min(30.1, 0.9 * geometry.camera_height_mm, geometry.camera_height_mm - view.medium.thickness_mm)
-    heights = np.arange(0.0, highest, 2.0)
-    sat = np.array([fine.illumination(fine.at_height(geometry, h), view).saturation for h in heights.tolist()])
-    return SaturationRow(label, fine.height_of_saturation(heights, sat), float(np.interp(20.0, heights, sat)))

@@ -1,6 +1,6 @@
 """The coarse study under each reading of the paper's text, and with one thing changed at a time."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,33 +35,20 @@ def _chunks(values: list[Any], size: int) -> list[list[Any]]:
     return [values[at : at + size] for at in range(0, len(values), size)]
 
 
-@dataclass(frozen=True)
-class VariantResult:
-    """The coarse study with one thing changed."""
-
-    variant: sensitivity.Variant
-    best_angle_rad: float
-    """of the curve averaged over the objects"""
-    mean_best_angle_rad: float
-    """mean of the objects' best angles"""
-
-
 def variant_errors(name: str, variant: sensitivity.Variant, setup: StudySetup) -> Any:
     """Return Top1 in rad by angle, 12 lights, of an object under a variant of the study of `setup`."""
     changed = replace(setup, geometry=variant.geometry, parameters=variant.parameters)
     return coarse.evaluate(changed.pressed(name, variant.sampling), variant.groups)[0, :, 2].tolist()
 
 
-def sensitivity_study(setup: StudySetup) -> Study[list[VariantResult]]:
-    """Return the study of what the best angle depends on: one task a variant and object."""
-    variants = sensitivity.variants(setup.geometry, setup.with_noise(sensitivity.STUDIED))
+def sensitivity_study(setup: StudySetup) -> Study[list[tuple[sensitivity.Variant, float]]]:
+    """Return the study of what the best angle of the averaged curve (rad) depends on: a task a variant and object."""
+    variants = sensitivity.variants(setup.geometry, setup.with_noise(sensitivity.STUDIED), setup.sampling)
 
-    def combine(errors: list[Any]) -> list[VariantResult]:
-        curves = np.array(errors).reshape(len(variants), len(setup.names), -1)
-        angles = np.array(variants[0].groups.angles_rad)
-        best = angles[curves.mean(axis=1).argmin(axis=1)]
-        means = angles[curves.argmin(axis=2)].mean(axis=1)
-        return [VariantResult(*one) for one in zip(variants, best.tolist(), means.tolist(), strict=True)]
+    def combine(errors: list[Any]) -> list[tuple[sensitivity.Variant, float]]:
+        curves = np.array(errors).reshape(len(variants), len(setup.names), -1).mean(axis=1)
+        angles = variants[0].groups.angles_rad
+        return [(variant, angles[curve.argmin()]) for variant, curve in zip(variants, curves, strict=True)]
 
     tasks = [
         Task(f"{variant.quantity} {variant.setting}: {name}", variant_errors, (name, variant, setup))

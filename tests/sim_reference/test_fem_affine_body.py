@@ -168,6 +168,7 @@ def test_an_object_tilts_towards_a_load_beside_its_middle_and_not_under_one_in_i
     assert np.abs(centred().centre_mm[:2]).max() < 0.001
 
 
+@pytest.mark.nightly
 def test_a_ball_turns_until_the_load_acts_through_its_centre() -> None:
     # Without friction the gel presses a ball through its centre, so the load's point comes to lie above that.
     pressed = press("BALL", 0.5, (0.0, -0.2), 0.4)
@@ -188,7 +189,7 @@ def test_nothing_penetrates_or_inverts_at_any_step_of_an_object_that_tilts() -> 
     assert off_centre().min_det_f > 0.3
 
 
-@pytest.mark.parametrize(("force_n", "depth_mm"), [(0.2, 0.3), (0.8, 0.6)])
+@pytest.mark.parametrize(("force_n", "depth_mm"), [(0.2, 0.3), pytest.param(0.8, 0.6, marks=pytest.mark.nightly)])
 def test_under_a_centred_load_a_free_ball_sinks_in_as_deep_as_a_guided_one(force_n: float, depth_mm: float) -> None:
     free, guided = press("BALL", force_n, (0.0, 0.0), depth_mm), press("BALL", force_n, None, depth_mm)
     assert free.depth_mm == pytest.approx(guided.depth_mm, rel=0.01)

@@ -21,6 +21,7 @@ from sim_reference.fem.pressing import STIFFNESS
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import object_height
 
+pytestmark = pytest.mark.nightly
 ipctk: Any = pytest.importorskip("ipctk", reason="the IPC toolkit has no wheel for this kind of processor")
 Array = NDArray[np.float64]
 GEOMETRY = replace(SensorGeometry(), coating_smoothing_mm=0.0)

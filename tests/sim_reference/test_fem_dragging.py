@@ -13,6 +13,7 @@ from sim_reference.fem.gel import FemGel, solver_of
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import object_height
 
+pytestmark = pytest.mark.nightly
 GEOMETRY = replace(SensorGeometry(), coating_smoothing_mm=0.0)
 SPACING = 0.25
 AT = grid(128, SPACING)

@@ -45,6 +45,7 @@ def test_a_small_press_takes_the_force_that_dimitriadis_found() -> None:
     assert press.force_n == pytest.approx(force(press) * shear_modulus_mpa)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("poisson", [0.3, 0.49])
 def test_a_press_takes_the_force_that_other_elements_find(poisson: float) -> None:
     press = FINE.press(BALL, SPACING, 0.4, replace(GEOMETRY, poisson_ratio=poisson))
@@ -63,6 +64,7 @@ def test_the_energy_falls_and_nothing_penetrates_or_inverts_at_any_step() -> Non
     assert min(step.min_det_f for step, _ in steps) > 0.5
 
 
+@pytest.mark.nightly
 def test_vertices_that_touch_do_not_stop_the_others() -> None:
     # Were each step cut where the first vertex touches, half of them would be cut to a twentieth or so.
     plate = object_height("QUCAVE", AT[None, :], AT[:, None])
@@ -73,6 +75,7 @@ def test_vertices_that_touch_do_not_stop_the_others() -> None:
     assert press.min_det_f > 0
 
 
+@pytest.mark.nightly
 def test_single_tetrahedra_do_not_collapse_under_steep_waves() -> None:
     # With all of lambda on patches 43 steps and det F .085: then the surface is also 49 um off that of half the
     # spacing, and not 13 (`tests.benchmarks.gel convergence`).
@@ -149,6 +152,7 @@ def test_conjugate_gradients_leave_a_saddle_along_negative_curvature() -> None:
     assert found.vector @ (matrix @ found.vector) / 2 < downhill @ found.vector
 
 
+@pytest.mark.nightly
 def test_patches_keep_a_nearly_incompressible_gel_from_locking() -> None:
     geometry = replace(GEOMETRY, poisson_ratio=0.499)
     expected = gel.press(BALL, SPACING, 0.2, geometry).pressure.sum() * SPACING**2
@@ -168,7 +172,7 @@ def test_a_load_sinks_in_as_deep_as_it_takes_to_press_with_that_force() -> None:
     assert loaded.depth_mm == pytest.approx(0.5, abs=1e-3)
 
 
-@pytest.mark.parametrize("stopped_after", [2, -2])
+@pytest.mark.parametrize("stopped_after", [pytest.param(2, marks=pytest.mark.nightly), -2])
 def test_a_press_goes_on_from_where_it_was_interrupted(stopped_after: int) -> None:
     whole, steps = small_press()
     _, checkpoint = steps[stopped_after]
@@ -178,6 +182,7 @@ def test_a_press_goes_on_from_where_it_was_interrupted(stopped_after: int) -> No
     assert rest.surface.depth_mm == pytest.approx(whole.surface.depth_mm, abs=1e-6)
 
 
+@pytest.mark.nightly
 def test_friction_holds_the_gel_back() -> None:
     # A compressible gel is drawn towards the axis under a ball.
     geometry = replace(GEOMETRY, poisson_ratio=0.3)
@@ -202,6 +207,7 @@ def test_a_step_is_cut_before_a_tetrahedron_inverts_on_its_way() -> None:
     assert upright_share(elastic, mesh.vertices, np.zeros_like(mesh.vertices)) == 1
 
 
+@pytest.mark.nightly
 def test_no_press_begins_inside_out_under_steep_walls() -> None:
     # The layer's surface rises by the whole depth between two vertices here: as a first state it would invert.
     class EnoughError(Exception):

@@ -42,6 +42,7 @@ def test_the_layer_is_as_far_from_finite_elements_as_the_docs_say(name: str) -> 
     assert difference == pytest.approx(MEAN_UM[name], rel=0.1, abs=0.1)
 
 
+@pytest.mark.nightly
 def test_the_record_is_what_finite_elements_find() -> None:
     # Without the mesh beyond the object: the crown touches within 2 mm, and the gel rises a little further out.
     again = FemGel(resolution_mm=0.3, dense_radius_mm=7.0)(heights("SCROWN"), SPACING, DEPTH_MM, GEOMETRY)

@@ -3,6 +3,7 @@
 from functools import cache
 
 import numpy as np
+import pytest
 from scipy.interpolate import LinearNDInterpolator, RegularGridInterpolator
 
 from sim_reference.deformation import grid
@@ -14,6 +15,7 @@ from sim_reference.fem.newton import Contact, Solver, State
 from sim_reference.geometry import SensorGeometry
 from sim_reference.tangential import Layer
 
+pytestmark = pytest.mark.nightly
 GEOMETRY = SensorGeometry()
 RADIUS_MM = 1.5
 SPACING = 0.125

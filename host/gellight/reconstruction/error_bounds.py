@@ -2,7 +2,7 @@
 
 Three things tell where a frame is off: how steep it is, how deep beside its contact, and how near the rim. The
 logarithm of the bound is a quadratic form of them. Disagreement of networks, distance from the colours that were
-learnt, shadow and saturation told less on real presses (`python -m tests.benchmarks.error_bounds`).
+learnt, shadow and saturation told less on real presses.
 """
 
 from dataclasses import dataclass

@@ -47,7 +47,7 @@ class GradientNetwork:
 
     What the mask loses: a touch that changes no 12 x 12 pixels of the image by 0.5 `noise_grey` when there is no
     other touch; texture finer than 16 px of less than 1.5 `noise_grey`, and texture of exactly 4 px period.
-    tests/host/reconstruction/test_gelnet.py measures it, `python -m tests.benchmarks.mask` what that is in micrometres.
+    tests/host/reconstruction/test_gelnet.py measures it; docs/frame-path.md says what that is in micrometres.
     """
 
     def __init__(

@@ -8,9 +8,6 @@ import contextlib
 import struct
 from typing import Any
 
-import unicorn
-from unicorn import arm_const
-
 FLASH, FLASH_BYTES, RAM, RAM_BYTES = 0x10000000, 2 << 20, 0x20000000, 520 << 10
 BLOCK_START, BLOCK_END, LAST_ITEM = 0xFFFFDED3, 0xAB123579, 0xFF
 LOOKUP_AT, LOOKUP, FUNCTION = 0x16, 0x100, 0x200
@@ -62,6 +59,9 @@ class StartedChip:
         """address, without the alias, and what the register is from then on"""
         self._registers: dict[int, int] = {RESET: ALL_RESETS}
         self._micros = 0
+        import unicorn
+        from unicorn import arm_const
+
         core = self.core = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
         core.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M33)
         core.mem_map(0, 0x8000)
@@ -78,20 +78,14 @@ class StartedChip:
             (0xE0000000, 0x100000),
         ):
             core.mmio_map(base, size, self._read, base, self._write, base)
-        self._run(image)
-
-    def _run(self, image: bytes) -> None:
         stack, reset = struct.unpack_from("<II", image)
-        self.core.reg_write(arm_const.UC_ARM_REG_SP, stack)
+        core.reg_write(arm_const.UC_ARM_REG_SP, stack)
         with contextlib.suppress(unicorn.UcError):  # which also ends at WFE; `sleeps` tells whether it was that
-            self.core.emu_start(reset, 0, count=INSTRUCTIONS)
-
-    @property
-    def sleeps(self) -> bool:
-        """Whether the processor stands at WFE, in RAM."""
-        at = self.core.reg_read(arm_const.UC_ARM_REG_PC)
-        words = struct.unpack("<2H", self.core.mem_read(at - 2, 4)) if RAM < at < RAM + RAM_BYTES else ()
-        return WAIT_FOR_EVENT in words
+            core.emu_start(reset, 0, count=INSTRUCTIONS)
+        at = core.reg_read(arm_const.UC_ARM_REG_PC)
+        words = struct.unpack("<2H", core.mem_read(at - 2, 4)) if RAM < at < RAM + RAM_BYTES else ()
+        self.sleeps = WAIT_FOR_EVENT in words
+        """whether the processor stands at WFE, in RAM"""
 
     def _read(self, _: Any, offset: int, size: int, base: int) -> int:
         address = base + offset

@@ -11,9 +11,7 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
-import unicorn
 from rp2040py.rp2040 import RP2040
-from unicorn import arm_const
 
 CODE, CODE_BYTES, DATA, DATA_BYTES = 0x20000000, 0x100, 0x20010000, 0x1000
 BASE, STACK = DATA + 0x400, DATA + 0xC00
@@ -213,9 +211,12 @@ class Emulated:
 class Unicorn:
     """QEMU's processor."""
 
-    def __init__(self, model: int = arm_const.UC_CPU_ARM_CORTEX_M0) -> None:
+    def __init__(self) -> None:
+        import unicorn
+        from unicorn import arm_const
+
         self._core: Any = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
-        self._core.ctl_set_cpu_model(model)
+        self._core.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M0)
         self._core.mem_map(CODE, 0x20000)
         self._names = [getattr(arm_const, f"UC_ARM_REG_R{number}") for number in range(13)]
         self._names += [arm_const.UC_ARM_REG_SP, arm_const.UC_ARM_REG_LR, arm_const.UC_ARM_REG_XPSR]

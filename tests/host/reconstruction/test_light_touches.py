@@ -1,4 +1,4 @@
-"""The mask keeps what the noise of the camera allows to see; `python -m tests.benchmarks.mask` has the whole curve."""
+"""The mask keeps what the noise of the camera allows to see."""
 
 import numpy as np
 import pytest

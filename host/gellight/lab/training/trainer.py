@@ -1,7 +1,7 @@
 """What trains: NumPy, or PyTorch where a user asks for it, on the processor or on a GPU ("cuda").
 
-Both train the same network by the same recipes, in a child process. NumPy takes less than half of the processor time
-(`python -m tests.benchmarks.training`), and PyTorch has to be loaded first.
+Both train the same network by the same recipes, in a child process. NumPy takes less than half of the processor time,
+and PyTorch has to be loaded first.
 """
 
 import importlib.util
