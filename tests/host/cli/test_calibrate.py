@@ -150,7 +150,19 @@ def test_a_ball_of_another_size_is_noticed_by_the_earlier_bundle(bundle: Path, p
 
 
 def test_refined_labels_are_in_the_bundle(pressed: Path, tmp_path: Path) -> None:
-    result = run("fit", *sources(pressed), "--out", tmp_path / "out", "--refine", "--epochs", "1", "--width", "4")
+    result = run(
+        "fit",
+        *sources(pressed),
+        "--out",
+        tmp_path / "out",
+        "--refine",
+        "--largest-normal-error-deg",
+        "90",
+        "--epochs",
+        "1",
+        "--width",
+        "4",
+    )
     assert result.exit_code == 0, result.output
     refinement = load_bundle(tmp_path / "out").metrics["refinement"]
     # The labels of the simulated presses are exact.

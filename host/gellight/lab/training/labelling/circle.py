@@ -99,6 +99,7 @@ def find_circle(
         difference, (candidate.center_x, candidate.center_y), candidate.contact_radius, ball.radius_px
     )
     _check(circle, ball, image, reference, least_view)
+    _check_error(circle, _MOST_ERROR * ball.radius_px)
     _check_rivals(difference, candidate, shape, ball.radius_px)
     return circle
 
@@ -232,12 +233,16 @@ def _check_view(circle: PressCircle, ball: Ball, image_shape: tuple[int, ...], l
             f"{circle.center_y_px:.0f}) px is seen, at least {100 * least_view:.0f} % are needed: press nearer to the "
             "middle"
         )
-    most_px = (_MOST_ERROR_OF_ARC if seen < WHOLE else _MOST_ERROR) * ball.radius_px
+    if seen < WHOLE:
+        _check_error(circle, _MOST_ERROR_OF_ARC * ball.radius_px, f"{100 * seen:.0f} % of it is seen, and ")
+
+
+def _check_error(circle: PressCircle, most_px: float, why: str = "") -> None:
+    """Refuse a circle whose centre is not known to `most_px`."""
     if circle.center_error_px > most_px:
         raise InputError(
-            f"the circle is uncertain: {100 * seen:.0f} % of it is seen, and its centre is known to "
-            f"{circle.center_error_px:.1f} px, at most {most_px:.1f} px may be: press nearer to the middle, and one "
-            "clean ball on gel as in the reference"
+            f"the circle is uncertain: {why}its centre is known to {circle.center_error_px:.1f} px, at most "
+            f"{most_px:.1f} px may be: press one clean ball, nearer to the middle, on gel as in the reference"
         )
 
 

@@ -89,7 +89,8 @@ def _refused_touch_of_reference(found: list[Detection]) -> list[Detection]:
     x, y, radius = np.median(circles, axis=0)
     errors = np.array([(one.center_error_px, one.radius_error_px) for one in known])
     off = np.stack([np.hypot(circles[:, 0] - x, circles[:, 1] - y), np.abs(circles[:, 2] - radius)], axis=1)
-    same = {id(one) for one, near in zip(known, (off < 2 * errors + 1).all(axis=1), strict=True) if near}
+    near = np.all(off < 2 * errors + 1, axis=1).tolist()
+    same = {id(one) for one, is_near in zip(known, near, strict=True) if is_near}
     if len(same) < max(_SAME, len(known) / 2):
         return found
     why = (
