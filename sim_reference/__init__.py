@@ -1,6 +1,6 @@
 """Reference simulator of a camera-based tactile sensor: NumPy and SciPy, pure functions, plain rather than fast.
 
-The paper in ten files, in its order; `optimizer` continues with sections 2.3 and 3.1:
+The paper in its order; `optimizer` continues with sections 2.3 and 3.1:
 
 | paper | here |
 |---|---|

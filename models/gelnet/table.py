@@ -77,10 +77,22 @@ def load_table(path: Path) -> Table:
             f"{path}: untouched has shape {untouched.shape} for an image of {width} x {height} px and rows of "
             f"{table.rows.shape[1]} columns: it is a picture of that size, finite, and goes with rows of three colours"
         )
-    like = arrays.get("like_rows")
-    if like is not None:
-        like = checked(like, arrays["like_image"], arrays["image_size"], name=f"{path}, the like unit")
+    _check_slopes(table, str(path))
+    if (rows := arrays.get("like_rows")) is None:
+        return replace(table, untouched=untouched.astype(np.float32))
+    if "like_image" not in arrays:
+        raise TableError(f"{path} has like_rows and no like_image: the two go together")
+    name = f"{path}, the like unit"
+    like = checked(rows, arrays["like_image"], arrays["image_size"], name=name)
+    if like.pixels.shape[1] != 5:
+        raise TableError(f"{name}: its rows have {rows.shape[1]} columns, the teacher takes three colours")
+    _check_slopes(like, name)
     return replace(table, untouched=untouched.astype(np.float32), like=like)
+
+
+def _check_slopes(table: Table, name: str) -> None:
+    if not table.gradient.any():
+        raise TableError(f"{name}: all slopes are 0, so nothing was pressed: press the ball into the gel")
 
 
 def checked(rows: NDArray[Any], image: NDArray[Any], image_size: NDArray[Any], *, name: str = "the table") -> Table:
@@ -94,7 +106,7 @@ def checked(rows: NDArray[Any], image: NDArray[Any], image_size: NDArray[Any], *
         raise TableError(f"{name}: there are no rows: press the ball into the gel")
     if image.shape != (len(rows),) or not np.issubdtype(image.dtype, np.integer):
         raise TableError(f"{name}: image is {image.shape} {image.dtype}, expected ({len(rows)},) whole numbers")
-    if image_size.shape != (2,) or (image_size < 2).any():
+    if image_size.shape != (2,) or image_size.dtype.kind not in "iuf" or not (image_size >= 2).all():
         raise TableError(f"{name}: image_size is {image_size.tolist()}, expected width and height in px")
     _check_values(rows, name)
     _check_places(rows, image_size, name)

@@ -11,5 +11,5 @@
 | beyond: light bent by the window, Fresnel losses | `refraction` |
 | beyond: one exposure, four exposures, twelve | `exposures` |
 | beyond: angle, height, number and exposure at once | `design.optimise` |
-| beyond: what the best angle depends on | `sensitivity.VARIANTS` |
+| beyond: what the best angle depends on | `sensitivity.variants` |
 """

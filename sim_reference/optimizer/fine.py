@@ -116,10 +116,15 @@ def illumination(geometry: SensorGeometry, view: View) -> Illumination:
 
 
 def height_of_saturation(heights_mm: Array, saturations: Array, wanted: float = 0.5) -> float:
-    """Return the height at which SAT first reaches `wanted`, linearly between the heights, NaN if it never does."""
+    """Return the height at which SAT first reaches `wanted`, linearly between the heights.
+
+    NaN if it never does, or is beyond it at the first height already.
+    """
     above = np.flatnonzero(saturations >= wanted)
-    if not len(above) or above[0] == 0:
+    if not len(above) or saturations[0] > wanted:
         return float("nan")
+    if above[0] == 0:
+        return float(heights_mm[0])
     right = int(above[0])
     share = (wanted - saturations[right - 1]) / (saturations[right] - saturations[right - 1])
     return float(heights_mm[right - 1] + share * (heights_mm[right] - heights_mm[right - 1]))

@@ -68,7 +68,9 @@ def test_saturation_is_half_at_9_mm_and_at_20_mm_through_a_real_camera() -> None
 
 def test_a_saturation_that_is_never_reached_has_no_height() -> None:
     assert np.isnan(fine.height_of_saturation(np.array([0.0, 4.0]), np.array([0.2, 0.3])))
+    assert np.isnan(fine.height_of_saturation(np.array([0.0, 4.0]), np.array([0.51, 0.6]))), "it was reached before"
     assert fine.height_of_saturation(np.array([0.0, 4.0]), np.array([0.4, 0.6])) == pytest.approx(2)
+    assert fine.height_of_saturation(np.array([0.0, 4.0]), np.array([0.5, 0.6])) == 0
 
 
 def test_the_near_field_is_that_of_the_simulated_sensor() -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from gellight.base.errors import InputError, TrainingError
 from gellight.bundle.bundle import load_bundle
+from gellight.cli.calibrate import training
 from gellight.cli.calibrate.training import Recorded, ball_warning, which_ball
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training import child, cross_validation, folds
@@ -149,7 +150,19 @@ def test_a_ball_of_another_size_is_noticed_by_the_earlier_bundle(bundle: Path, p
 
 
 def test_refined_labels_are_in_the_bundle(pressed: Path, tmp_path: Path) -> None:
-    result = run("fit", *sources(pressed), "--out", tmp_path / "out", "--refine", "--epochs", "1", "--width", "4")
+    result = run(
+        "fit",
+        *sources(pressed),
+        "--out",
+        tmp_path / "out",
+        "--refine",
+        "--largest-normal-error-deg",
+        "90",
+        "--epochs",
+        "1",
+        "--width",
+        "4",
+    )
     assert result.exit_code == 0, result.output
     refinement = load_bundle(tmp_path / "out").metrics["refinement"]
     # The labels of the simulated presses are exact.
@@ -182,6 +195,19 @@ def test_each_fold_is_measured_by_a_network_that_never_saw_it(pressed: Path, mon
         assert len(trained | measured) == 10
     with pytest.raises(InputError, match="6 folds of 10 presses: give between 2 and 5"):
         cross_validate(presses, reference, ball, folds=6)
+
+
+@pytest.mark.parametrize(("mean_deg", "verdict"), [(13.9, 0), (14.1, 1), (24.0, 1)])
+def test_a_bundle_that_is_no_good_is_told_and_ends_with_1(
+    mean_deg: float, verdict: int, bundle: Path, pressed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = load_bundle(bundle)
+    judged = {**made.metrics["held_out"], "normal_error_deg": {"mean": mean_deg, "median": 1.0, "p95": 30.0}}
+    made = made.with_files({"metrics.json": json.dumps({**made.metrics, "held_out": judged}).encode()})
+    monkeypatch.setattr(training, "fit_judged", lambda *_, **__: made)
+    result = run("fit", *sources(pressed), "--out", tmp_path / "out")
+    assert result.exit_code == verdict
+    assert ("NOT GOOD" in result.stdout) == bool(verdict)
 
 
 def test_an_existing_bundle_is_kept_unless_told_otherwise(bundle: Path, pressed: Path) -> None:

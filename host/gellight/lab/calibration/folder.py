@@ -124,15 +124,21 @@ class Folder:
         self.state.extra_presses += presses
         steps = self.state.steps
         steps.presses, steps.fit, steps.refused_checks, steps.without_prism = None, None, 0, False
-        self.state.checks.clear()
-        self.state.prisms.clear()
-        self.save()
+        self._forget(self.state.checks, self.state.prisms)
 
     def forget_grid(self) -> None:
         """Forget the pictures of the pin grid and what they told."""
         self.state.steps.lens = None
-        self.state.grids.clear()
+        self._forget(self.state.grids)
+
+    def _forget(self, *kinds: list[Any]) -> None:
+        """Forget pictures and remove their files: what lay there unlisted would count as somebody else's."""
+        files = [record.file for records in kinds for record in records]
+        for records in kinds:
+            records.clear()
         self.save()
+        for file in files:
+            (self.path / file).unlink(missing_ok=True)
 
     def close(self) -> None:
         """The bundle is written: nothing is left to resume."""
@@ -218,9 +224,9 @@ class Folder:
         (self.path / dropped.file).unlink(missing_ok=True)
 
     def correct_press(self, number: int, circle: Circle) -> PressRecord:
-        """Replace the circle of a press to train on."""
+        """Replace the circle of a press to train on by one that a hand drew."""
         old = self._press(number)
-        corrected = old.model_copy(update=dict(circle))
+        corrected = old.model_copy(update={**dict(circle), "found": False})
         self.state.presses[self.state.presses.index(old)] = corrected
         self.save()
         return corrected

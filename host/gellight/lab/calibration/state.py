@@ -53,10 +53,13 @@ class PictureRecord(Record):
 class PressRecord(PictureRecord, Circle):
     """A ball press that was kept."""
 
+    found: bool = True
+    """in the picture; False: corrected by hand, so that its rim teaches less"""
+
     def press(self, folder: Path) -> Press:
         """Return the press as it is trained on; folder: that of the calibration."""
         x, y, radius = self.center_x_px, self.center_y_px, self.contact_radius_px
-        return Press(image=folder / self.file, center_x_px=x, center_y_px=y, contact_radius_px=radius, found=True)
+        return Press(image=folder / self.file, center_x_px=x, center_y_px=y, contact_radius_px=radius, found=self.found)
 
     def circle(self) -> dict[str, float]:
         """Return the three numbers of the circle by name."""

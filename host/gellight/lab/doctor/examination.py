@@ -123,7 +123,7 @@ def check_found(found: Discovery, name: str | None) -> Iterator[Finding]:
             _ = found.called(name) if name else found.only()
         except GellightError as error:
             yield failure("sensors", error)
-    for sensor in {*found.sensors, *chosen}:
+    for sensor in dict.fromkeys((*found.sensors, *chosen)):
         ring = sensor.ring.stable if sensor.ring else "none"
         yield ok("sensors", f"{sensor.name} at USB {sensor.port}: camera {sensor.camera.stable}, ring {ring}")
 

@@ -106,7 +106,9 @@ def coloured_heights(
     """Colour a (H, W) map of heights as `height_picture` does; return it thinned, and the span of the scale, um."""
     thinned = max(1, -(-max(height_mm.shape) // largest_px))
     height = np.asarray(height_mm[::thinned, ::thinned])
-    low, high = np.percentile(height[np.isfinite(height)], (0.1, 99.9)).tolist()
+    if not len(known := height[np.isfinite(height)]):
+        raise ValueError(f"none of the {height.size} heights is known: there is nothing to draw")
+    low, high = np.percentile(known, (0.1, 99.9)).tolist()
     scale_um = max((high - low) * 1e3, _LEAST_SCALE_UM)
     rows, columns = np.indices(height.shape)
     hatched = np.where((rows + columns) % 8 < 2, 105, 75).astype(np.uint8)[..., None].repeat(3, axis=2)

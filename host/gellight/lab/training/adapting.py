@@ -26,8 +26,8 @@ from gellight.frames.camera import Camera, EndOfStream
 from gellight.lab.training.child import Progress, silent
 from gellight.lab.training.level_light import at_rest_depth
 from gellight.lab.training.light_change import LightChange, light_change
-from gellight.lab.training.table import COLOURS, PressTable
-from gellight.lab.training.training import Reference, TrainingOptions, train
+from gellight.lab.training.table import COLOURS, LIKE_UNIT, PressTable
+from gellight.lab.training.training import LIKE, Reference, TrainingOptions, train
 from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import has_lights, lights_file, read_lights
 from gellight.reconstruction.image_noise import measure_noise
@@ -77,18 +77,20 @@ def adapt(
     Raises InputError where light does not explain the untouched gel, BundleError for a bundle that keeps no presses or
     is of several lights, TrainingError; then `out` is as it was.
     """
-    table, options = PressTable.of(bundle), _as_it_was_trained(bundle)
+    kinds = ("", LIKE_UNIT) if LIKE in bundle.metrics else ("",)
+    kept, options = [PressTable.of(bundle, kind) for kind in kinds], _as_it_was_trained(bundle)
     change = light_change(bundle, untouched.image, untouched.frames)
-    table, lights = replace(table, rows=rows_of_now(table, bundle, change)), _lights_of_now(bundle, change)
-    learnt = table
+    kept = [replace(table, rows=rows_of_now(table, bundle, change)) for table in kept]
+    learnt, lights = kept, _lights_of_now(bundle, change)
     if lights and bundle.manifest.light_by_depth:
-        learnt = at_rest_depth(table, lights, untouched.image, bundle.pixel_size_mm)
-    network, record = train(learnt, options, untouched=untouched.image, progress=progress)
+        learnt = [at_rest_depth(table, lights, untouched.image, bundle.pixel_size_mm) for table in kept]
+    like = learnt[1] if len(learnt) > 1 else None
+    network, record = train(learnt[0], options, untouched=untouched.image, like=like, progress=progress)
     told = {"from": bundle.identity, "frames": untouched.frames, **change.as_json()}
     metrics = {**bundle.metrics, "training": record, ADAPTED: told}
     files = {
         bundle.manifest.network: network,
-        PRESSES: npz(table.arrays()),
+        PRESSES: npz(kept[0].arrays(*kept[1:])),
         METRICS: (json.dumps(metrics, indent=2, sort_keys=True, allow_nan=False) + "\n").encode(),
         **(lights_file(lights) if lights else {}),
     }

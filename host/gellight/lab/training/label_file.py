@@ -58,10 +58,10 @@ def _check_circle(press: Press, ball: Ball, image_shape: tuple[int, int], where:
             f"{ball.radius_px:.2f} px wide at {ball.pixel_size_mm:g} mm per pixel: "
             "correct the circle, the ball radius or the pixel size"
         )
-    if math.hypot(x - min(max(x, 0), width - 1), y - min(max(y, 0), height - 1)) >= radius:
+    if math.hypot(x - min(max(round(x), 0), width - 1), y - min(max(round(y), 0), height - 1)) >= radius:
         raise InputError(
-            f"{where}: the circle around ({x:g}, {y:g}) px, {radius:g} px in radius, is outside the image of {width} x "
-            f"{height} px: correct the circle or remove the line"
+            f"{where}: the circle around ({x:g}, {y:g}) px, {radius:g} px in radius, holds no pixel of the image of "
+            f"{width} x {height} px: correct the circle or remove the line"
         )
 
 

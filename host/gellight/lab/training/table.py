@@ -8,12 +8,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import InputError
+from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.lab.training.presses import SUNKEN, Ball, Floats, Press, distance_px, sphere_gradient
 from gellight.reconstruction.light_drift import difference_of, light_drift
 
 COLOURS = 3
+LIKE_UNIT = "like_"
+"""before the names of the arrays of a like unit's presses"""
 DARKEST_GREY = 20.0
 """below which a ratio of two units' light says nothing"""
 RIM = 0.9
@@ -51,17 +53,30 @@ class PressTable:
     """(N,) how deep the gel lies there, as far as a picture of a press tells; None where nobody knows"""
 
     @classmethod
-    def of(cls, bundle: Bundle) -> Self:
-        """Return the table that a bundle was trained on; BundleError where it keeps none."""
-        arrays = bundle.presses()
-        width, height = (int(size) for size in arrays["image_size"])
-        depth_mm = arrays.get("depth_mm")
-        return cls(rows=arrays["rows"], image=arrays["image"], image_size=(width, height), depth_mm=depth_mm)
+    def of(cls, bundle: Bundle, kind: str = "") -> Self:
+        """Return the table that a bundle was trained on; BundleError where it keeps none.
 
-    def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """Return the arrays as they are stored in an npz file."""
+        kind: `LIKE_UNIT`, the presses of a like unit that it began with, under its own light.
+        """
+        arrays = bundle.presses()
+        if kind + "rows" not in arrays:
+            raise BundleError(f"{bundle.source} does not keep all presses that it learnt from: calibrate it again")
+        width, height = (int(size) for size in arrays["image_size"])
+        rows, image, depth_mm = arrays[kind + "rows"], arrays[kind + "image"], arrays.get(kind + "depth_mm")
+        return cls(rows=rows, image=image, image_size=(width, height), depth_mm=depth_mm)
+
+    def arrays(self, like: Self | None = None) -> dict[str, NDArray[np.generic]]:
+        """Return the arrays as they are stored in an npz file; like: presses of a like unit, stored beside."""
+        more = {} if like is None else {LIKE_UNIT + name: array for name, array in like.arrays().items()}
+        more.pop(LIKE_UNIT + "image_size", None)
         depth = {} if self.depth_mm is None else {"depth_mm": self.depth_mm}
-        return {"rows": self.rows, "image": self.image, "image_size": np.array(self.image_size, np.int32), **depth}
+        return {
+            "rows": self.rows,
+            "image": self.image,
+            "image_size": np.array(self.image_size, np.int32),
+            **depth,
+            **more,
+        }
 
     @classmethod
     def joined(cls, parts: Sequence[Floats], images: NDArray[np.int32], image_shape: tuple[int, int]) -> Self:

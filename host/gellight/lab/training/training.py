@@ -181,15 +181,16 @@ def fit(
     follow = drift > reference.noise_grey
     balls = build_table(presses, reference.image, ball, how.table_options, follow_light=follow)
     table = with_prisms(balls, how.prisms, reference.image, how.table_options, follow_light=follow)
-    learnt, like = _learnt(table, how, reference, size := (ball.pixel_size_mm, ball.pixel_size_mm))
-    network, record = train(learnt, how.options, untouched=reference.image, like=like, progress=progress, check=check)
+    like = under_light_of(how.like, reference.image) if how.like else None
+    learnt, begun = _learnt(table, like, how, reference, size := (ball.pixel_size_mm, ball.pixel_size_mm))
+    network, record = train(learnt, how.options, untouched=reference.image, like=begun, progress=progress, check=check)
     metrics |= {LIKE: how.like.manifest.sensor} if how.like else {}
     rest_grey = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
     return write_bundle(
         out, sensor=sensor, overwrite=overwrite,
         reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
         rest_grey=rest_grey, follow_light=follow, level_plane=level_plane, light_by_depth=learnt is not table,
-        network=network, pixel_size_mm=size, presses=table.arrays(),
+        network=network, pixel_size_mm=size, presses=table.arrays(like),
         metrics={**metrics, "prisms": len(how.prisms), "training": record},
         extra_files={
             **(extra_files or {}), **(steps.files() if steps else {}), **(lights_file(how.lights) if how.lights else {})
@@ -198,10 +199,9 @@ def fit(
 
 
 def _learnt(
-    table: PressTable, how: Learning, reference: Reference, pixel_size_mm: tuple[float, float]
+    table: PressTable, like: PressTable | None, how: Learning, reference: Reference, pixel_size_mm: tuple[float, float]
 ) -> tuple[PressTable, PressTable | None]:
     """Return what is learnt from, and the presses of a like unit; at the depth of the gel at rest where it can be."""
-    like = under_light_of(how.like, reference.image) if how.like else None
     if how.lights is None or table.depth_mm is None:
         return table, like
     at_rest = partial(at_rest_depth, model=how.lights, untouched=reference.image, pixel_size_mm=pixel_size_mm)

@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 
 from gellight.base.errors import BundleError, GellightError, InputError
 from gellight.lab.calibration.folder import Folder
-from gellight.lab.calibration.records import Circle, PinGrid
+from gellight.lab.calibration.records import CheckErrors, Circle, PinGrid
 from gellight.lab.calibration.state import State, discard, unfinished
 from tests.helpers.begun_calibration import begun_in, identity
 
@@ -38,6 +38,29 @@ def test_the_state_of_a_calibration_survives_a_loss_of_power(tmp_path: Path) -> 
     assert [record.number for record in again.state.presses] == [2]
     assert again.presses()[0].image.is_file()
     assert np.array_equal(again.reference(), reference)
+
+
+def test_a_calibration_begins_again_in_its_folder_after_a_bad_verdict_and_another_grid(tmp_path: Path) -> None:
+    folder = begun_in(tmp_path / "state")
+    folder.add_press(PICTURE, CIRCLE)
+    folder.add_check(PICTURE, CIRCLE, CheckErrors(depth_mm=0.2, normal_deg=9.0, indentation_mm=1.0, picture_grey=3.0))
+    folder.add_grid(PICTURE)
+    folder.want_more(12)
+    folder.forget_grid()
+    left = [path.relative_to(tmp_path / "state").as_posix() for path in tmp_path.rglob("*.png")]
+    assert left == ["presses/press-001.png"]
+    discard(tmp_path / "state")
+    assert begun_in(tmp_path / "state").state.presses == []
+
+
+def test_a_circle_that_a_hand_corrected_is_drawn_not_found(tmp_path: Path) -> None:
+    folder = begun_in(tmp_path)
+    for _ in range(2):
+        folder.add_press(PICTURE, CIRCLE)
+    folder.correct_press(1, CIRCLE.model_copy(update={"contact_radius_px": 23.0}))
+    assert [(press.found, press.contact_radius_px) for press in begun_in(tmp_path).presses()] == [
+        (False, 23.0), (True, 20.0),
+    ]  # fmt: skip
 
 
 def fields_in(model: type[BaseModel], known: set[type]) -> Iterator[tuple[str, FieldInfo]]:

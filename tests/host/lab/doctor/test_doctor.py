@@ -303,6 +303,14 @@ def test_ambiguous_and_missing_sensors_are_findings(clinic: Clinic, tmp_path: Pa
     assert "no sensor is called GL0001" in wrong(clinic.examine(tmp_path, "GL0001"))["sensors"].text + str(found)
 
 
+def test_sensors_are_listed_as_they_were_found(clinic: Clinic) -> None:
+    for number in range(1, 6):
+        clinic.plug(f"1-{number}", f"GL000{number}")
+    found = discover(sysfs=clinic.usb.sysfs, dev=clinic.usb.dev)
+    listed = [finding.text.partition(":")[0] for finding in examination.check_found(found, None)]
+    assert listed == [f"GL000{number} at USB 1-{number}" for number in range(1, 6)]
+
+
 def test_a_camera_without_a_ring_can_be_examined_by_its_node(clinic: Clinic, tmp_path: Path) -> None:
     clinic.plug("1-2", "GL0001")
     node = next(iter(clinic.kernel.cameras))

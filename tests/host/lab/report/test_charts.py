@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gellight.lab.report.charts import Axes, Series, heat_colour, heat_map, line_chart, picture
-from gellight.lab.report.pictures import encode_png, round_step
+from gellight.lab.report.pictures import coloured_heights, encode_png, round_step
 
 AXES = Axes(title="<title>", x="x", y="y")
 SVG = "{http://www.w3.org/2000/svg}"
@@ -192,3 +192,8 @@ def test_a_picture_needs_nothing_from_outside() -> None:
 )
 def test_steps_are_round(span: float, most: int, step: float) -> None:
     assert round_step(span, most) == pytest.approx(step)
+
+
+def test_heights_that_nobody_knows_are_not_drawn() -> None:
+    with pytest.raises(ValueError, match="none of the 12 heights is known"):
+        coloured_heights(np.full((3, 4), np.nan))

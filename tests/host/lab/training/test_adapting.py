@@ -18,7 +18,7 @@ from gellight.lab.training import adapting
 from gellight.lab.training.adapting import adapt, rows_of_now
 from gellight.lab.training.level_light import at_rest_depth
 from gellight.lab.training.light_change import light_change
-from gellight.lab.training.table import PressTable
+from gellight.lab.training.table import LIKE_UNIT, PressTable
 from gellight.lab.training.training import Reference, TrainingOptions, train
 from gellight.photometric.light_model import LightGroups
 from gellight.photometric.lights_file import read_lights
@@ -165,6 +165,29 @@ def test_a_network_of_light_at_rest_learns_such_light_again(
     assert np.abs(wanted.rows - own.rows).max() > 1
     np.testing.assert_allclose(level.rows, wanted.rows, atol=0.01)
     assert made.manifest.light_by_depth
+
+
+def test_a_like_unit_goes_on_helping(
+    sensor: Sensor, bundle: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[PressTable] = []
+
+    def train_nothing(table: PressTable, *_: object, like: PressTable, **__: object) -> tuple[bytes, object]:
+        begun.append(like)
+        return bundle.network, bundle.metrics["training"]
+
+    monkeypatch.setattr(adapting, "train", train_nothing)
+    table = PressTable.of(bundle)
+    own, of_like = (replace(table, rows=table.rows[part], image=table.image[part]) for part in (np.s_[:99], np.s_[99:]))
+    metrics = {**bundle.metrics, "like": "unit A"}
+    files = {"metrics.json": json.dumps(metrics).encode(), PRESSES: npz(own.arrays(of_like))}
+    made, change = adapt(bundle.with_files(files), sensor.untouched(tint=0.9), tmp_path / "now")
+    np.testing.assert_array_equal(begun[0].rows, rows_of_now(of_like, bundle, change))
+    np.testing.assert_array_equal(PressTable.of(made, LIKE_UNIT).rows, begun[0].rows)
+    assert len(PressTable.of(made).rows) == 99
+    with pytest.raises(BundleError, match="does not keep all presses"):
+        adapt(bundle.with_files({**files, PRESSES: npz(own.arrays())}), sensor.untouched(), tmp_path / "lost")
+    assert not (tmp_path / "lost").exists()
 
 
 def pressed_by_a_plate(sensor: Sensor, deeper_mm: float) -> np.ndarray:

@@ -4,7 +4,7 @@ import csv
 import io
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
 from typing import Protocol
@@ -26,6 +26,8 @@ from gellight.lab.training.presses import Ball
 Array = NDArray[np.float64]
 _INK = (255, 255, 255)
 _SHADOW = (0, 0, 0)
+_SAME = 3
+"""circles at one place: by chance two presses fall together, not three of the same size"""
 
 
 class Contact(Protocol):
@@ -70,7 +72,32 @@ def detect(
 
     progress is called with (images done, images, quality of the last, 0 where it was refused).
     """
-    return _detected(images, lambda image: find_circle(image, reference, ball=ball, least_view=ARC), dots, progress)
+    return _refused_touch_of_reference(
+        _detected(images, lambda image: find_circle(image, reference, ball=ball, least_view=ARC), dots, progress)
+    )
+
+
+def _refused_touch_of_reference(found: list[Detection]) -> list[Detection]:
+    """Refuse the circles that most pictures show at one place, as large as each other: the reference was touched there.
+
+    A fit with free light takes what is missing for what is there, so it finds the touch of the reference in each.
+    """
+    known = [one.contact for one in found if isinstance(one.contact, PressCircle)]
+    if len(known) < _SAME:
+        return found
+    circles = np.array([(one.center_x_px, one.center_y_px, one.contact_radius_px) for one in known])
+    x, y, radius = np.median(circles, axis=0)
+    errors = np.array([(one.center_error_px, one.radius_error_px) for one in known])
+    off = np.stack([np.hypot(circles[:, 0] - x, circles[:, 1] - y), np.abs(circles[:, 2] - radius)], axis=1)
+    near = np.all(off < 2 * errors + 1, axis=1).tolist()
+    same = {id(one) for one, is_near in zip(known, near, strict=True) if is_near}
+    if len(same) < max(_SAME, len(known) / 2):
+        return found
+    why = (
+        f"{len(same)} of {len(known)} pictures show one circle, {radius:.0f} px around ({x:.0f}, {y:.0f}) px: the "
+        "reference holds a touch there; give one of the untouched gel, and press at different places"
+    )
+    return [replace(one, contact=None, refused=why) if id(one.contact) in same else one for one in found]
 
 
 def detect_prisms(

@@ -1,5 +1,6 @@
 """Contact circles without clicks: found to a fraction of a pixel and known how well, or refused with the reason."""
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,8 +12,9 @@ from gellight.base.errors import InputError
 from gellight.frames.image_files import read_image
 from gellight.lab.simulator.scene import Press as GelPress
 from gellight.lab.simulator.scene import Scene
-from gellight.lab.training.labelling import find_circle
+from gellight.lab.training.labelling import circle, find_circle
 from gellight.lab.training.labelling.circle import ARC, PressCircle, find_circles
+from gellight.lab.training.labelling.detection import Detection, _refused_touch_of_reference
 from gellight.lab.training.labelling.fitting import Array, FittedShape, standard_errors
 from gellight.lab.training.labelling.pattern import PressShape, free_response, profile, response, sampled_around
 from gellight.lab.training.labelling.plate import plate_grid
@@ -262,3 +264,45 @@ def test_the_errors_are_three_times_those_of_least_squares_and_more_where_the_pi
     shared = LineResidual(x, np.repeat(random.normal(0, 0.1, (80, 3)), 50, axis=0))
     found = standard_errors(shared, Line(offset=0.0, rise=0.0), parts)
     np.testing.assert_allclose(found, 50**0.5 * exact, rtol=0.2)
+
+
+@pytest.mark.parametrize(("error_px", "accepted"), [(7.9, True), (8.1, False)])
+def test_a_whole_circle_is_known_to_a_fifth_of_the_ball(
+    error_px: float, accepted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The ball is 40 px in radius."""
+    known = PressCircle(
+        center_x_px=130, center_y_px=100, contact_radius_px=24, quality=0.9, contrast_grey=9, center_error_px=error_px
+    )
+    monkeypatch.setattr(
+        circle, "fit_circle", lambda *_: (PressShape(center_x=130, center_y=100, contact_radius=24), known)
+    )
+    monkeypatch.setattr(circle, "_check_rivals", lambda *_: None)
+    with nullcontext() if accepted else pytest.raises(InputError, match="uncertain"):
+        find_circle(photograph((130, 100, 24)), reference(), ball=BALL)
+
+
+def found_at(*centres: float, radius_px: float = 30.0) -> list[Detection]:
+    circles = [
+        PressCircle(center_x_px=x, center_y_px=90, contact_radius_px=radius_px, quality=0.9, contrast_grey=9,
+                    center_error_px=0.5, radius_error_px=0.5)
+        for x in centres
+    ]  # fmt: skip
+    return [Detection(image=Path(f"{number}.png"), contact=circle) for number, circle in enumerate(circles)]
+
+
+@pytest.mark.parametrize(
+    ("found", "kept"),
+    [
+        (found_at(100, 100, 101.9, 98.1, 240), [False] * 4 + [True]),
+        (found_at(100, 100, 102.1, 97.9, 240), [True] * 5),
+        (found_at(100, 100, 240), [True] * 3),
+        (found_at(100, 100, 100, 10, 50, 150, 200), [True] * 7),
+        ([*found_at(100, 100), *found_at(100, 100, radius_px=38)], [True] * 4),
+    ],
+    ids=["most at one place", "two and near ones", "two", "three of seven", "of two depths"],
+)
+def test_one_circle_in_most_pictures_is_a_touch_of_the_reference(found: list[Detection], kept: list[bool]) -> None:
+    judged = _refused_touch_of_reference(found)
+    assert [one.contact is not None for one in judged] == kept
+    assert all(bool(one.refused) != stays for one, stays in zip(judged, kept, strict=True))
