@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError
-from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
+from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction.fine_pattern import FinePattern, pattern_match
-from gellight.watch.monitor import PERIOD_S, UNIT_LOOKS, SensorWatch
-from gellight.watch.other_unit import CERTAIN_MATCH, UnitCheck
+from gellight.watch.monitor import PERIOD_S, SensorWatch
+from gellight.watch.other_unit import UnitCheck, UnitFigures
 from gellight.watch.untouched_model import UntouchedModel
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
@@ -124,24 +124,54 @@ def test_a_simulated_unit_of_another_ring_is_another(simulated: UnitCheck, other
         simulated.refuse(image)
 
 
+OTHER = {"colour_deg": 8.1, "light_share": 0.41, "gain": 1.0, "pattern": None, "own_pattern": None}
+
+
+@pytest.mark.parametrize(
+    ("figures", "other"),
+    [
+        ({}, True),
+        ({"colour_deg": 7.9}, False),
+        ({"light_share": 0.39}, False),
+        ({"gain": 0.21}, True),
+        ({"gain": 0.19}, False),
+        ({"gain": 4.9}, True),
+        ({"gain": 5.1}, False),
+        ({"pattern": 13.9, "own_pattern": 30.0}, True),
+        ({"pattern": 14.1, "own_pattern": 30.0}, False),
+        ({"pattern": 9.9, "own_pattern": 30.0, "colour_deg": 0.0}, True),
+        ({"pattern": 10.1, "own_pattern": 30.0, "colour_deg": 0.0}, False),
+        ({"pattern": 7.9, "own_pattern": 16.0, "colour_deg": 0.0}, True),
+        ({"pattern": 8.1, "own_pattern": 16.0, "colour_deg": 0.0}, False),
+    ],
+)
+def test_a_unit_is_another_one_beyond_limits(figures: dict[str, Any], other: bool) -> None:
+    assert (UnitFigures(**{**OTHER, **figures}).reason != "") == other
+
+
+@pytest.mark.parametrize(("own", "judged"), [(13.9, False), (14.1, True)])
+def test_only_a_unit_with_a_certain_pattern_is_judged_by_it(own: float, judged: bool) -> None:
+    picture = np.random.default_rng(0).normal(100, 5, (160, 200, 3)).astype(np.float32)
+    check = UnitCheck(SimpleNamespace(reference=picture, metrics={"pattern_match": own}, source="it"))  # type: ignore[arg-type]
+    assert (check.figures(picture.astype(np.uint8)).pattern is not None) == judged
+
+
 # ---- the watch ----
 
 
-def test_the_watch_says_it_within_three_seconds_and_the_zero_does_not_follow(tmp_path: Path) -> None:
-    bundle = load_bundle("synthetic")
-    watch = SensorWatch(bundle)
-    images = [picture(SensorGeometry(led_colours="GGGGBBBBRRRR")), bundle.reference.astype(np.uint8)]
-    looks = UNIT_LOOKS[-1]
-    for number in range(looks):
+def test_the_watch_says_it_within_three_seconds_and_the_zero_does_not_follow(halved: Bundle) -> None:
+    watch = SensorWatch(halved)
+    images = [picture(SensorGeometry(**SMALL, led_colours="GGGGBBBBRRRR")), halved.reference.astype(np.uint8)]
+    for number in range(9):
         assert watch.findings() == []
         note(watch, images[0], number)
     (finding,) = watch.findings()
     assert finding.kind == "other_unit"
     assert finding.figures["felt_deg"] > 20
-    assert looks * PERIOD_S < 3
+    assert 9 * PERIOD_S < 3
     assert "another unit" in watch.refusal(asked=True)
-    own = SensorWatch(bundle)
-    for number in range(looks):
+    own = SensorWatch(halved)
+    for number in range(9):
         note(own, images[1], number)
     assert own.findings() == []
 
@@ -161,7 +191,7 @@ def test_a_pattern_is_found_again_after_drift_noise_and_a_shift() -> None:
     one, two = (np.repeat((smooth + 2 * part)[..., None], 3, 2) for part in (grain, np.roll(grain, (3, -5), (0, 1))))
     pattern = FinePattern(one)
     noisy = 0.8 * two + random.normal(0, 1, two.shape)
-    assert pattern.match(noisy) > CERTAIN_MATCH
+    assert pattern.match(noisy) > 14
     other = np.repeat((smooth + 2 * cv2.GaussianBlur(random.normal(0, 1, (200, 260)), (0, 0), 1.0))[..., None], 3, 2)
     assert pattern.match(other) < 8
 
