@@ -263,6 +263,7 @@ def test_a_library_that_answers_otherwise_is_refused(
     assert "answers otherwise than NumPy on this machine" in numpy_because(SYNTHETIC, caplog)
 
 
+@pytest.mark.nightly
 def test_the_committed_libraries_are_built_from_the_sources() -> None:
     """The same bytes from the same compiler, on any machine."""
     for target in build.TARGETS:
@@ -321,12 +322,14 @@ def run_sanitized(tmp_path: Path, path: Path, **environment: str) -> None:
     assert done.stdout.strip().endswith("clean")
 
 
+@pytest.mark.nightly
 def test_nothing_undefined_happens(tmp_path: Path) -> None:
     if shutil.which("gcc") is None:
         pytest.skip("gcc is missing")
     run_sanitized(tmp_path, sanitized(tmp_path, ["gcc"], "undefined"))
 
 
+@pytest.mark.nightly
 def test_no_memory_is_touched_that_was_not_given(tmp_path: Path) -> None:
     if shutil.which("gcc") is None:
         pytest.skip("gcc is missing")

@@ -83,6 +83,7 @@ def test_a_kind_without_a_place_for_the_pose_is_refused(recording: Path, tmp_pat
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.nightly
 def test_the_sequence_is_simulated_and_the_program_tells_where_the_object_is(tmp_path: Path) -> None:
     (tmp_path / "peg.json").write_text(examples(DOCUMENT, "json")[0])
     command = re.search(r"^gellight (simulate sequence .*)$", (CHECKOUT / DOCUMENT).read_text(), re.MULTILINE)

@@ -13,7 +13,7 @@ from gellight.frames.frames import CameraFrame, Provenance, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.frames.pose import ObjectPose, PoseFigures
 from gellight.lab.simulator.sequence import read_sequence, write_sequence
-from gellight.tracking.following import GAP_S, ObjectFollower
+from gellight.tracking.following import ObjectFollower
 from gellight.tracking.loss import Loss
 from gellight.tracking.rigid import inverse, twist_of
 from gellight.tracking.tracker import GIVE_UP, Tracker
@@ -191,9 +191,10 @@ def test_after_a_gap_or_with_another_calibration_it_is_another_object(
     felt: list[tuple[np.ndarray, TactileFrame]],
 ) -> None:
     follower, (_, frame) = ObjectFollower(on=True), felt[0]
-    later = replace(frame, camera_frame=replace(frame.camera_frame, time_s=GAP_S + 1))
+    begun_s = frame.camera_frame.time_s
+    soon, later = (replace(frame, camera_frame=replace(frame.camera_frame, time_s=begun_s + s)) for s in (0.99, 2.0))
     other = replace(later, provenance=replace(later.provenance, calibration="b"))
-    assert [follower.follow(one).pose.number for one in (frame, frame, later, other, other)] == [1, 1, 2, 3, 3]
+    assert [follower.follow(one).pose.number for one in (frame, soon, later, other, other)] == [1, 1, 2, 3, 3]
     follower.switch(on=True)
     assert follower.follow(other).pose.number == 3, "it goes on"
     follower.switch(on=False)
