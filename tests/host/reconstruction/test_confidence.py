@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle, write_bundle
+from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.measures import CLIPPED, DARK, ELSEWHERE, STEEP, STRANGE
@@ -17,7 +17,7 @@ from gellight.reconstruction.lens.lens_file import lens_of, read_record
 from gellight.reconstruction.measures import BundleMeasures
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
-from tests.helpers.linear_sensor import linear_network
+from tests.helpers.linear_sensor import bundle_of
 
 SHAPE = (4, 6)
 REFERENCE = np.full((*SHAPE, 3), 120, np.float32)
@@ -69,10 +69,7 @@ def test_the_steepest_slope_leaves_single_pixels_out() -> None:
 
 def learnt_from(rows: np.ndarray, folder: Path) -> Bundle:
     """A bundle that was trained on such rows."""
-    return write_bundle(
-        folder / "bundle", sensor="s", reference=np.full((*WIDE, 3), 120.0), reference_frames=1, noise_grey=1.0,
-        pixel_size_mm=(0.1, 0.1), network=linear_network(), metrics={}, presses={"rows": rows},
-    )  # fmt: skip
+    return bundle_of(folder / "bundle", np.full((*WIDE, 3), 120.0), presses={"rows": rows})
 
 
 def rows_at(x: float, y: float, colour: tuple[int, int, int], slopes: np.ndarray) -> np.ndarray:

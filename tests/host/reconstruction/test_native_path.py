@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frame_path import pipeline
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
@@ -22,7 +22,7 @@ from gellight.reconstruction.native import build, judge, library
 from gellight.reconstruction.native.native_path import NativePath
 from tests.benchmarks.frame_times import scenes
 from tests.helpers.analytic_surfaces import gaussian
-from tests.helpers.linear_sensor import linear_bundle, photograph
+from tests.helpers.linear_sensor import bundle_of, linear_bundle, photograph
 from tests.helpers.native_forms import agree, both
 from tests.helpers.places import real_picture
 
@@ -193,17 +193,8 @@ def test_a_press_on_a_real_sensor(tmp_path: Path, name: str, untouched: str, pix
     """Its noise, its compression and its light; the network is another sensor's, which the comparison does not mind."""
     paths = (real_picture(name), real_picture(name).with_name(untouched))
     image, background = (read_image(path) for path in paths)
-    write_bundle(
-        tmp_path / "b",
-        sensor="mini",
-        reference=background.astype(np.float32),
-        reference_frames=1,
-        noise_grey=1.0,
-        pixel_size_mm=(pixel_mm, pixel_mm),
-        network=SYNTHETIC.network,
-        metrics={},
-    )
-    native, cells = both(load_bundle(tmp_path / "b"))
+    reference, pixel = background.astype(np.float32), (pixel_mm, pixel_mm)
+    native, cells = both(bundle_of(tmp_path / "b", reference, pixel_size_mm=pixel, network=SYNTHETIC.network))
     frame = frame_of(image)
     agree(native.reconstruct(frame), cells.reconstruct(frame), but=2e-3)
 

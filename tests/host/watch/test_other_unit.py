@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError
-from gellight.bundle.bundle import Bundle, write_bundle
+from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.simulator.scene import Press, Scene
@@ -19,24 +19,15 @@ from gellight.watch.other_unit import UnitCheck, UnitFigures
 from gellight.watch.untouched_model import UntouchedModel
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
-from tests.helpers.linear_sensor import linear_network
+from tests.helpers.linear_sensor import bundle_of
 from tests.helpers.places import REAL_CROPS, real
 
 MINI, DIGIT = real("gelsight_mini_ball"), real("digit_ball")
 
 
-def bundle_of(folder: Path, untouched: np.ndarray, own: list[np.ndarray]) -> Bundle:
+def unit_of(folder: Path, untouched: np.ndarray, own: list[np.ndarray]) -> Bundle:
     """A bundle whose calibration has seen pictures of its `own` unit."""
-    return write_bundle(
-        folder,
-        sensor="unit",
-        reference=untouched.astype(float),
-        reference_frames=1,
-        noise_grey=2.0,
-        pixel_size_mm=(0.06, 0.06),
-        network=linear_network(),
-        metrics={"pattern_match": pattern_match(own, untouched)},
-    )
+    return bundle_of(folder, untouched.astype(float), metrics={"pattern_match": pattern_match(own, untouched)})
 
 
 def presses(folder: Path) -> list[np.ndarray]:
@@ -45,7 +36,7 @@ def presses(folder: Path) -> list[np.ndarray]:
 
 @pytest.fixture(scope="module")
 def mini(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    return bundle_of(tmp_path_factory.mktemp("mini") / "b", read_image(MINI / "background.png"), presses(MINI)[::4])
+    return unit_of(tmp_path_factory.mktemp("mini") / "b", read_image(MINI / "background.png"), presses(MINI)[::4])
 
 
 @pytest.mark.real_images("gelsight_mini_ball", "digit_ball")
@@ -53,7 +44,7 @@ def test_no_press_of_the_own_unit_is_another_unit(mini: Bundle, tmp_path: Path) 
     check = UnitCheck(mini)
     assert [check.figures(image).reason for image in presses(MINI)] == [""] * 33
     others = [read_image(DIGIT / "background_scripts_0000.png"), *presses(DIGIT)]
-    digit = UnitCheck(bundle_of(tmp_path / "digit", read_image(DIGIT / "background.png"), presses(DIGIT)[::4]))
+    digit = UnitCheck(unit_of(tmp_path / "digit", read_image(DIGIT / "background.png"), presses(DIGIT)[::4]))
     assert {digit.figures(image).reason for image in others} == {""}
 
 
@@ -62,7 +53,7 @@ def test_every_picture_of_another_make_is_another_unit(mini: Bundle, tmp_path: P
     others = [read_image(DIGIT / "background.png"), read_image(real("dots") / "bg-0.jpg"), *presses(DIGIT)[::4]]
     check = UnitCheck(mini)
     assert all("fine pattern" in check.figures(image).reason for image in others)
-    digit = UnitCheck(bundle_of(tmp_path / "digit", read_image(DIGIT / "background.png"), []))
+    digit = UnitCheck(unit_of(tmp_path / "digit", read_image(DIGIT / "background.png"), []))
     assert all("colours differ by" in digit.figures(image).reason for image in presses(MINI))
 
 
@@ -72,7 +63,7 @@ def test_two_white_units_of_one_make_are_told_apart_by_their_pattern(unit: int, 
         return [read_image(REAL_CROPS / f"ninedtact/{number}_{name}.png") for name in ("untouched", "press")]
 
     untouched = read_image(REAL_CROPS / f"ninedtact/{unit}_view.png")
-    check = UnitCheck(bundle_of(tmp_path / "b", untouched, pictures(unit)))
+    check = UnitCheck(unit_of(tmp_path / "b", untouched, pictures(unit)))
     assert [check.figures(image).reason for image in pictures(unit)] == ["", ""]
     assert all("fine pattern" in check.figures(image).reason for image in pictures(3 - unit))
 
@@ -80,7 +71,7 @@ def test_two_white_units_of_one_make_are_told_apart_by_their_pattern(unit: int, 
 @pytest.mark.real_images("digit_ball")
 def test_three_minutes_between_two_real_pictures_of_a_unit_are_no_other_unit(tmp_path: Path) -> None:
     first, last = (read_image(DIGIT / name).astype(float) for name in ("background.png", "background_scripts_0000.png"))
-    check, random = UnitCheck(bundle_of(tmp_path / "b", first, presses(DIGIT)[::4])), np.random.default_rng(1)
+    check, random = UnitCheck(unit_of(tmp_path / "b", first, presses(DIGIT)[::4])), np.random.default_rng(1)
     for share in np.linspace(0, 1, 19):
         image = first + share * (last - first) + random.normal(0, 2, first.shape)
         assert check.figures(np.clip(np.rint(image), 0, 255).astype(np.uint8)).reason == ""
@@ -103,7 +94,7 @@ def picture(geometry: SensorGeometry, press: Press | None = None, gain: np.ndarr
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> UnitCheck:
     own = [picture(SensorGeometry(**SMALL), Press("BALL", 0.5))]
     folder = tmp_path_factory.mktemp("simulated") / "b"
-    return UnitCheck(bundle_of(folder, picture(SensorGeometry(**SMALL)), own))
+    return UnitCheck(unit_of(folder, picture(SensorGeometry(**SMALL)), own))
 
 
 def test_a_simulated_unit_with_drift_touches_and_dark_leds_is_the_same(simulated: UnitCheck) -> None:
@@ -209,17 +200,7 @@ def test_an_even_or_dark_channel_gives_numbers(tmp_path: Path, dark: tuple[int, 
     """Neither the move of an even picture nor the gain of a black channel can be fitted; the rest can."""
     reference = np.full((96, 128, 3), 100.0)
     reference[..., dark] = 0
-    bundle = write_bundle(
-        tmp_path / "bundle",
-        sensor="even",
-        reference=reference,
-        reference_frames=8,
-        noise_grey=1.0,
-        pixel_size_mm=(0.1, 0.1),
-        network=linear_network(),
-        metrics={},
-    )
-    model = UntouchedModel(bundle)
+    model = UntouchedModel(bundle_of(tmp_path / "bundle", reference))
     brighter = 0.1 * model.reference
     rest = model.judge(brighter)
     assert not rest.outliers.any()
