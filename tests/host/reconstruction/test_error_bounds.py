@@ -8,8 +8,6 @@ import pytest
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
 from gellight.reconstruction.error_bounds import (
-    DEG_FLOOR,
-    MM_FLOOR,
     TERMS,
     ErrorRecord,
     errors_file,
@@ -31,7 +29,7 @@ def weights(*first: float) -> tuple[float, ...]:
 def record(**changes: object) -> ErrorRecord:
     known = {
         "presses": 9, "steepest": 1.0, "least": (0.0, 0.0, -1.0), "most": (1.0, 1.0, 1.0),
-        "normal_weights": weights(np.log(2 + DEG_FLOOR)), "shape_weights": weights(np.log(0.01 + MM_FLOOR)),
+        "normal_weights": weights(np.log(2 + 0.5)), "shape_weights": weights(np.log(0.01 + 0.003)),
     }  # fmt: skip
     return ErrorRecord.model_validate(known | changes)
 
@@ -78,7 +76,7 @@ def test_steeper_is_worse_where_presses_said_so_and_beyond_their_range_no_better
     told = record(normal_weights=weights(0.0, 2.0), most=(0.5, 1.0, 1.0))
     row = told.bounds(slopes, depth, np.ones_like(touched)).normal_deg[30]
     assert (np.diff(row) >= 0).all()
-    assert row[-1] == pytest.approx(np.exp(2 * 0.5) - DEG_FLOOR, rel=1e-5)
+    assert row[-1] == pytest.approx(np.exp(2 * 0.5) - 0.5, rel=1e-5)
 
 
 def test_the_form_has_every_product_once() -> None:

@@ -166,14 +166,14 @@ def polynomial_planes(quadratic: float, cubic: float, step: float, shape: tuple[
 @pytest.mark.parametrize("step", [4.0, 9.0])
 def test_the_bend_of_a_quadratic_is_its_second_derivative_and_nothing_is_a_misfit(step: float) -> None:
     bend, misfit = np.moveaxis(linearised.doubts(polynomial_planes(0.003, 0, step), np.ones((6, 7), bool)), 2, 0)
-    np.testing.assert_allclose(np.sqrt(bend) * linearised.LIMIT_BEND, 2 * 0.003, rtol=1e-4)
+    np.testing.assert_allclose(np.sqrt(bend) * 0.04, 2 * 0.003, rtol=1e-4)
     np.testing.assert_allclose(misfit, 0, atol=1e-8)
 
 
 def test_the_misfit_of_a_cubic_is_half_of_the_cube_of_the_step() -> None:
     """r_j^3 - r_i^3 - 3 (r_i^2 + r_j^2) (r_j - r_i) / 2 = -(r_j - r_i)^3 / 2."""
     misfit = linearised.doubts(polynomial_planes(0, 1e-4, 9.0), np.ones((6, 7), bool))[..., 1]
-    np.testing.assert_allclose(np.sqrt(misfit) * linearised.LIMIT_MISFIT, 1e-4 * 9.0**3 / 2, rtol=1e-3)
+    np.testing.assert_allclose(np.sqrt(misfit) * 0.4, 1e-4 * 9.0**3 / 2, rtol=1e-3)
 
 
 def test_cells_that_are_not_near_tell_nothing() -> None:

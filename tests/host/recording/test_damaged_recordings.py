@@ -6,8 +6,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
@@ -139,27 +137,6 @@ def test_an_existing_file_is_not_replaced(record: Record) -> None:
     path = record([plain(0)])
     with pytest.raises(InputError, match="exists"):
         RecordingWriter(path, "finger")
-
-
-@given(data=st.data())
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_hostile_bytes_in_a_file_neither_crash_nor_take_memory(
-    record: Record, tmp_path: Path, data: st.DataObject
-) -> None:
-    """Whatever bytes are changed: frames come, or a refusal."""
-    path = tmp_path / "a.mcap"
-    content = bytearray(
-        path.read_bytes() if path.exists() else record([plain(number) for number in range(2)]).read_bytes()
-    )
-    end = content.index(b"image_raw") + 400
-    for place in data.draw(st.lists(st.integers(0, end), min_size=1, max_size=6)):
-        content[place] = data.draw(st.integers(0, 255))
-    (tmp_path / "b.mcap").write_bytes(content)
-    try:
-        list(Recording(tmp_path / "b.mcap").frames())
-        list(Recording(tmp_path / "b.mcap").depths())
-    except InputError:
-        pass
 
 
 def test_a_recording_brings_its_bundle(record: Record, bundle: Bundle) -> None:

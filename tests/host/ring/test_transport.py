@@ -253,12 +253,6 @@ def test_the_verbs_drive_the_ring(terminal: SimulatedBoard) -> None:
     assert "dark" in run("off")
 
 
-def test_the_firmware_verb_tells_about_the_image() -> None:
-    result = invoke("firmware", "info")
-    assert result.exit_code == 0
-    assert "SHA-256" in result.output
-
-
 def test_a_sequence_runs_in_wall_time(terminal: SimulatedBoard) -> None:
     with connect(terminal.path) as ring:
         from gellight.ring.enumerations import SyncMode

@@ -16,7 +16,7 @@ from gellight.lab.simulator.sequence import read_sequence, write_sequence
 from gellight.tracking.following import ObjectFollower
 from gellight.tracking.loss import Loss
 from gellight.tracking.rigid import inverse, twist_of
-from gellight.tracking.tracker import GIVE_UP, Tracker
+from gellight.tracking.tracker import Tracker
 from gellight.tracking.view import touching
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.moving import Height, ball, bar, faint, moved, nothing, other, relief, seen
@@ -65,14 +65,14 @@ def test_another_object_is_announced_at_once_and_gets_another_number() -> None:
     for number in range(4):
         tracker.follow(seen(relief), number)
     poses, why = [], []
-    for number in range(4, 4 + GIVE_UP + 1):
+    for number in range(4, 10):
         poses.append(tracker.follow(seen(other), number))
         why.append(tracker.loss)
-    assert why == [*[Loss.UNLIKE] * (GIVE_UP - 1), None, None]
+    assert why == [*[Loss.UNLIKE] * 4, None, None]
     assert all(pose is not None for pose in poses)
-    assert [pose.lost for pose in poses if pose] == [*[True] * (GIVE_UP - 1), False, False]
-    assert [pose.number for pose in poses if pose] == [*[1] * (GIVE_UP - 1), 2, 2]
-    assert poses[-1].since_sequence == 4 + GIVE_UP - 1
+    assert [pose.lost for pose in poses if pose] == [*[True] * 4, False, False]
+    assert [pose.number for pose in poses if pose] == [*[1] * 4, 2, 2]
+    assert poses[-1].since_sequence == 8
 
 
 def test_a_lifted_object_is_lost_once_and_found_again() -> None:

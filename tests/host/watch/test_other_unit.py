@@ -147,6 +147,11 @@ def test_only_a_unit_with_a_certain_pattern_is_judged_by_it(own: float, judged: 
     assert (check.figures(picture.astype(np.uint8)).pattern is not None) == judged
 
 
+def test_what_is_nearly_black_counts_as_two_grey_levels() -> None:
+    dark = SimpleNamespace(reference=np.full((16, 24, 3), 1, np.float32), metrics={}, source="it")
+    assert UnitCheck(dark).figures(np.full((16, 24, 3), 4, np.uint8)).gain == pytest.approx(2)  # type: ignore[arg-type]
+
+
 # ---- the watch ----
 
 

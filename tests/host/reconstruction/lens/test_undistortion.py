@@ -31,21 +31,11 @@ STRAIGHT = TrueLens(centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), shape=SHAPE
 
 def with_lens(bundle: Bundle, folder: Path, lens: TrueLens, *, from_circles: bool = False) -> Bundle:
     record = LensRecord(
-        image_width_px=SHAPE[1],
-        image_height_px=SHAPE[0],
-        centre_px=lens.centre_px,
-        k1=lens.k1,
-        k2=lens.k2,
-        px_per_mm=(1 / PIXEL_MM, 0.0, 1 / PIXEL_MM),
-        origin_mm=(0.0, 0.0),
-        learnt_from_circles=from_circles,
-        pitch_mm=2.0,
-        images=("grid.png",),
-        pins=200,
-        rms_before_px=2.0,
-        rms_after_px=0.02,
+        image_width_px=SHAPE[1], image_height_px=SHAPE[0], centre_px=lens.centre_px, k1=lens.k1, k2=lens.k2,
+        px_per_mm=(1 / PIXEL_MM, 0.0, 1 / PIXEL_MM), origin_mm=(0.0, 0.0), learnt_from_circles=from_circles,
+        pitch_mm=2.0, images=("grid.png",), pins=200, rms_before_px=2.0, rms_after_px=0.02,
         created="2026-01-01T00:00:00Z",
-    )
+    )  # fmt: skip
     return extend_bundle(bundle, folder, {FILE_NAME: record.model_dump_json().encode()})
 
 
