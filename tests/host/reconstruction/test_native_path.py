@@ -31,16 +31,20 @@ from tests.helpers.places import real_picture
 
 ROOT = Path(__file__).parents[3]
 SYNTHETIC = load_bundle("synthetic")
-RUNNABLE = [pytest.param(name, id=name) for name in library.fitting()]
+BEST = next(iter(library.fitting()), None)
+RUNNABLE = [pytest.param(name, marks=[pytest.mark.nightly] * (name != BEST)) for name in library.fitting()]
 needs_a_library = pytest.mark.skipif(not RUNNABLE, reason="no library is built for this machine")
+
+
+def choose(chosen: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pipeline, "fitting_library", lambda: (chosen, library.Library(build.library_file(chosen))))
 
 
 @pytest.fixture(params=RUNNABLE)
 def name(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Each library that runs here, in turn, as the one that is chosen."""
-    chosen = str(request.param)
-    monkeypatch.setattr(pipeline, "fitting_library", lambda: (chosen, library.Library(build.library_file(chosen))))
-    return chosen
+    """Each library that runs here, in turn, as the one that is chosen; by day the best one alone."""
+    choose(request.param, monkeypatch)
+    return str(request.param)
 
 
 def frame_of(image: np.ndarray) -> CameraFrame:
@@ -52,6 +56,13 @@ def same(bundle: Bundle, image: np.ndarray, but: float = 0.0, **options: object)
     native, cells = both(bundle, **options)
     agree(native.reconstruct(frame_of(image)), cells.reconstruct(frame_of(image)), but=but)
     return native
+
+
+@needs_a_library
+def test_no_library_computes_anything_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    for chosen in library.fitting():
+        choose(chosen, monkeypatch)
+        assert same(SYNTHETIC, judge.made_up_image(SYNTHETIC)).status()["computed_by"] == f"C, {chosen}"
 
 
 @needs_a_library
