@@ -196,10 +196,8 @@ def test_every_example_of_the_documentation_is_accepted_and_opened(
         assert daemon.bundle.manifest.sensor == "GL0001"
 
 
-@pytest.mark.parametrize("setting", reference(), ids=lambda setting: f"{setting.section}.{setting.key}")
-def test_every_setting_has_a_meaning(setting) -> None:
-    assert setting.description
-    assert setting.allowed
+def test_every_setting_has_a_meaning() -> None:
+    assert [setting.key for setting in reference() if not (setting.description and setting.allowed)] == []
 
 
 class TestCommand:

@@ -72,15 +72,20 @@ def test_a_spot_is_told_in_millimetres_from_the_middle_of_the_picture() -> None:
 # ---- spots ----
 
 
-def lasts(*, seconds: float = 9.0, releases: int = 3, cells: int = 4, away: int = 5) -> bool:
-    """Whether a spot is one after so many touches of so many cells that ended so far from it."""
-    tracker, spot, touched = SpotTracker(CELLS), np.zeros(CELLS, bool), np.zeros(CELLS, bool)
+def lasts(*, seconds: float = 9.0, releases: int = 3, cells: int = 4, away: int = 5, breaks: int = 0) -> bool:
+    """Whether a spot is one after so many touches of so many cells that ended so far from it, and so many breaks."""
+    tracker, nothing = SpotTracker(CELLS), np.zeros(CELLS, bool)
+    spot, touched = nothing.copy(), nothing.copy()
+    tracker.note(nothing, -1.0)
     spot[10, 8:11] = True
     touched[10, 10 + away : 10 + away + cells] = True
     for number in range(releases):
         tracker.note(spot | touched, 0.1 * number)
         tracker.note(spot, 0.1 * number + 0.05)
-    tracker.note(spot, seconds)
+    for _ in range(breaks):
+        tracker.note(nothing, 1.0)
+        tracker.note(spot, 1.1)
+    tracker.note(spot, seconds + breaks)
     assert not tracker.lasting[~spot].any()
     return bool(tracker.lasting[spot].all())
 
@@ -94,6 +99,7 @@ def lasts(*, seconds: float = 9.0, releases: int = 3, cells: int = 4, away: int 
         ({"releases": 2}, False),
         ({"cells": 3}, False),
         ({"away": 4}, False),
+        ({"breaks": 1, "seconds": 20.0}, False),
     ],
 )
 def test_a_spot_outlasts_some_touches_elsewhere_and_some_seconds(history: dict[str, Any], spot: bool) -> None:
