@@ -2,6 +2,7 @@
 
 import itertools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnx
@@ -89,6 +90,13 @@ def photograph(
     return CameraFrame(image=np.clip(np.round(image), 0, 255).astype(np.uint8), time_s=0.0, sequence=0, source=source)
 
 
+def bundle_of(folder: Path, reference: np.ndarray, **more: Any) -> Bundle:
+    """Write and load a bundle with this reference image; what `more` leaves out of `write_bundle` is plain."""
+    plain = {"sensor": "linear", "reference_frames": 1, "noise_grey": 1.0, "pixel_size_mm": (0.05, 0.05),
+             "network": linear_network(), "metrics": {}}  # fmt: skip
+    return write_bundle(folder, reference=reference, **{**plain, **more})
+
+
 def linear_bundle(
     folder: Path,
     shape: tuple[int, int] = (240, 320),
@@ -99,17 +107,11 @@ def linear_bundle(
     overwrite: bool = False,
 ) -> Bundle:
     """Write and load the bundle of the linear sensor."""
-    return write_bundle(
-        folder,
-        sensor="linear",
-        reference=reference_image(shape),
-        reference_frames=64,
-        noise_grey=noise_grey,
-        pixel_size_mm=pixel_size_mm,
-        network=network if network is not None else linear_network(),
-        metrics={"angular_error_deg": {"mean": 0.5}},
+    return bundle_of(
+        folder, reference_image(shape), reference_frames=64, noise_grey=noise_grey, pixel_size_mm=pixel_size_mm,
+        network=network if network is not None else linear_network(), metrics={"angular_error_deg": {"mean": 0.5}},
         overwrite=overwrite,
-    )
+    )  # fmt: skip
 
 
 def verified_bundle(
@@ -125,19 +127,11 @@ def verified_bundle(
 
     rgb: brightness of its red, green and blue LEDs, four each.
     """
-    return write_bundle(
-        folder,
-        sensor=sensor,
-        reference=reference_image(shape),
-        reference_frames=8,
-        noise_grey=1.0,
-        pixel_size_mm=(0.05, 0.05),
-        network=linear_network(),
+    return bundle_of(
+        folder, reference_image(shape), sensor=sensor, reference_frames=8, camera=controls,
         metrics={"verification": VERIFIED} if metrics is None else metrics,
-        extra_files={"mark": folder.name.encode()},
-        led=_leds(rgb) if rgb else (),
-        camera=controls,
-    )
+        extra_files={"mark": folder.name.encode()}, led=_leds(rgb) if rgb else (),
+    )  # fmt: skip
 
 
 def _leds(rgb: tuple[int, int, int]) -> tuple[LedSetting, ...]:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import ziglang
 from numpy.typing import NDArray
 
 from gellight.reconstruction.native.library import Library
@@ -20,6 +19,8 @@ _INTEGER, _REAL, _ARRAY = range(3)
 
 def build_server(folder: Path, processor: str = "aarch64") -> Path:
     """Compile the program that calls the library's functions there."""
+    import ziglang
+
     out = folder / "call_server"
     command = [
         sys.executable,

@@ -17,6 +17,7 @@ from onnx import numpy_helper
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frames.dots import Dots
 from gellight.frames.picture import PictureSteps
+from gellight.frames.pixel_grid import block_means
 from gellight.frames.view import View
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.photometric.directions import LightDirections, lights_of, view_places
@@ -32,6 +33,7 @@ from gelnet.training import train
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
 
+WHOLE_SHAPE = (480, 640)
 BLOCK = 4
 SHAPE = (120, 160)
 PIXEL_MM = 0.0588 * BLOCK
@@ -41,29 +43,32 @@ MIDDLE_MM = 6.0
 """from the middle of the gel: lights are linear in the place there, and balls are pressed"""
 
 
-def ordinary() -> Bundle:
-    """GelNet, and the lights for photometric stereo."""
+def ordinary(block: int = BLOCK) -> Bundle:
+    """GelNet, and the lights for photometric stereo, for pictures of the means of so many pixels each way."""
     whole = load_bundle("synthetic")
+    means, pixel_mm = block_means(whole.reference, block), whole.pixel_size_mm[0] * block
     lights = json.loads(whole.files["lights.json"])
-    lights["patterns"] = {kind: at_blocks(np.array(pattern)).tolist() for kind, pattern in lights["patterns"].items()}
+    lights["patterns"] = {
+        kind: at_blocks(np.array(pattern), block).tolist() for kind, pattern in lights["patterns"].items()
+    }
+    lights["image_height_px"], lights["image_width_px"] = means.shape[:2]
     files = {
         "metrics.json": whole.files["metrics.json"],
-        "lights.json": json.dumps({**lights, "image_width_px": SHAPE[1], "image_height_px": SHAPE[0]}).encode(),
-        whole.manifest.network: at_places(whole.network, BLOCK, (BLOCK - 1) / 2, (BLOCK - 1) / 2),
+        "lights.json": json.dumps(lights).encode(),
+        whole.manifest.network: at_places(whole.network, block, (block - 1) / 2, (block - 1) / 2),
     }
-    means = whole.reference.reshape(SHAPE[0], BLOCK, SHAPE[1], BLOCK, 3).mean(axis=(1, 3))
-    return sized(replace(whole, files=files, source="ordinary"), means, PIXEL_MM)
+    return sized(replace(whole, files=files, source="ordinary"), means, pixel_mm)
 
 
-def at_blocks(patterns: np.ndarray) -> np.ndarray:
+def at_blocks(patterns: np.ndarray, block: int) -> np.ndarray:
     """Return (K, i, j) Chebyshev coefficients over -1 to 1, from those of the whole picture, for the blocks' centres.
 
-    The outermost centres lie (BLOCK - 1) / 2 px inside of those of the pixels.
+    The outermost centres lie (block - 1) / 2 px inside of those of the pixels.
     """
     nodes = np.cos(np.pi * (np.arange(patterns.shape[1]) + 0.5) / patterns.shape[1])
     back = np.linalg.inv(chebyshev.chebvander(nodes, len(nodes) - 1))
     down, across = (
-        back @ chebyshev.chebvander(nodes * (1 - (BLOCK - 1) / (BLOCK * n - 1)), len(nodes) - 1) for n in SHAPE
+        back @ chebyshev.chebvander(nodes * (1 - (block - 1) / (size - 1)), len(nodes) - 1) for size in WHOLE_SHAPE
     )
     return np.einsum("ai,kij,bj->kab", down, patterns, across)
 

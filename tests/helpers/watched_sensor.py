@@ -18,9 +18,9 @@ _FIELDS = 8
 
 
 @functools.cache
-def _noise_fields() -> NDArray[np.float32]:
+def _noise_fields(shape: tuple[int, int]) -> NDArray[np.float32]:
     """Noise of a few frames; shifted at random it serves for many, at a quarter of the time."""
-    return NOISE_GREY * np.random.default_rng(99).standard_normal((_FIELDS, 480, 640, 3), dtype=np.float32)
+    return NOISE_GREY * np.random.default_rng(99).standard_normal((_FIELDS, *shape, 3), dtype=np.float32)
 
 
 @dataclass
@@ -66,7 +66,8 @@ class WatchedSensor:
     def expose(self, grey: NDArray[np.float32]) -> TactileFrame:
         """A frame of this picture, with noise; the watch looks at nothing but the picture."""
         self.time_s += PERIOD_S
-        noise = np.roll(_noise_fields()[self._random.integers(_FIELDS)], self._random.integers(0, 640, 2), axis=(0, 1))
+        fields = _noise_fields(grey.shape[:2])
+        noise = np.roll(fields[self._random.integers(_FIELDS)], self._random.integers(0, 640, 2), axis=(0, 1))
         image = np.clip(np.rint(grey + noise), 0, 255).astype(np.uint8)
         flat = np.zeros((2, 2), np.float32)
         return TactileFrame(

@@ -1,6 +1,6 @@
 """Browsers, started once a module: Playwright keeps an event loop running in the thread as long as it is there.
 
-And a simulated sensor for the watch, and a computer into which sensors are plugged.
+And the bundle that comes with GelLight, and a computer into which sensors are plugged.
 """
 
 import shutil
@@ -12,14 +12,9 @@ from playwright.sync_api import Browser, sync_playwright
 
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.dashboard.server import DashboardServer
-from gellight.lab.simulator.scene import Scene
-from gellight.watch.monitor import SensorWatch
-from sim_reference.camera import CameraResponse
-from sim_reference.geometry import SensorGeometry
 from tests.helpers.browsing import FLAGS, NO_GL, SOFTWARE_GL, Open, opening
 from tests.helpers.dashboard_source import FormulaSource, RecordingStage
 from tests.helpers.sensor_bench import Bench
-from tests.helpers.watched_sensor import NOISE_GREY, WatchedSensor
 
 
 @pytest.fixture(scope="module")
@@ -46,19 +41,8 @@ def browser_3d(chromium: Callable[[list[str]], Browser]) -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="session")
-def watched_scene() -> Scene:
-    return Scene(SensorGeometry(), CameraResponse(noise_grey=NOISE_GREY))
-
-
-@pytest.fixture(scope="session")
 def synthetic() -> Bundle:
     return load_bundle("synthetic")
-
-
-@pytest.fixture
-def new_sensor(watched_scene: Scene, synthetic: Bundle) -> Callable[[int], WatchedSensor]:
-    """Make a sound sensor that is watched, with noise of this seed."""
-    return lambda seed: WatchedSensor(watched_scene, SensorWatch(synthetic), seed)
 
 
 @pytest.fixture

@@ -83,16 +83,6 @@ def test_a_misspelt_key_names_file_and_the_key_that_was_meant(folders: dict[str,
     assert text == f"{folders['folder'] / 'gellight.toml'}: unknown key dashboard.prot: did you mean port?"
 
 
-def test_an_unknown_key_that_resembles_nothing_lists_the_choices(folders: dict[str, Path]) -> None:
-    assert "choose one of mode, light_groups, frames_per_light, threads" in complaint(
-        folders, "[reconstruction]\nzebra = 1\n"
-    )
-
-
-def test_a_misspelt_section_is_named(folders: dict[str, Path]) -> None:
-    assert "unknown section dashbord: did you mean dashboard?" in complaint(folders, "[dashbord]\nport = 1\n")
-
-
 @pytest.mark.parametrize(
     ("line", "said"),
     [
@@ -109,6 +99,8 @@ def test_a_misspelt_section_is_named(folders: dict[str, Path]) -> None:
         ("[geometry]\nled_colours = 'RGX'", "geometry.led_colours = 'RGX' is not allowed: give text like"),
         ("[sensor]\nurl = ''", "sensor.url = '' is not allowed"),
         ("sensor = 3", "sensor = 3 is no section: write [sensor]"),
+        ("[reconstruction]\nzebra = 1", "choose one of mode, light_groups, frames_per_light, threads"),
+        ("[dashbord]\nport = 1", "unknown section dashbord: did you mean dashboard?"),
         ("[dashboard", "is not TOML in UTF-8"),
         ("a = " + "[" * 20_000, "is not TOML in UTF-8"),
     ],
@@ -204,10 +196,8 @@ def test_every_example_of_the_documentation_is_accepted_and_opened(
         assert daemon.bundle.manifest.sensor == "GL0001"
 
 
-@pytest.mark.parametrize("setting", reference(), ids=lambda setting: f"{setting.section}.{setting.key}")
-def test_every_setting_has_a_meaning(setting) -> None:
-    assert setting.description
-    assert setting.allowed
+def test_every_setting_has_a_meaning() -> None:
+    assert [setting.key for setting in reference() if not (setting.description and setting.allowed)] == []
 
 
 class TestCommand:

@@ -169,21 +169,8 @@ def test_a_place_is_tried_without_leaving_anything(tmp_path: Path) -> None:
     for place in (tmp_path / "file/below", Path("/proc/below")):
         with pytest.raises(OSError):  # noqa: PT011 -- systems give several reasons
             check_place(place)
-
-
-def test_a_file_in_the_way_of_a_folder_is_an_error(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
     with pytest.raises(FileExistsError):
         make_folder(tmp_path / "file")
-
-
-def test_a_folder_that_another_program_makes_in_the_meantime_is_no_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "one").mkdir()
-    monkeypatch.setattr(Path, "exists", lambda self: False)  # as it was a moment ago
-    make_folder(tmp_path / "one" / "two")
-    assert (tmp_path / "one" / "two").is_dir()
 
 
 def test_what_a_library_writes_gets_its_name_when_it_is_whole(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ import tomli_w
 from gellight.base import writing
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import LedSetting, load_bundle, pack_bundle, save_bundle, write_bundle
-from tests.helpers.linear_sensor import linear_bundle, linear_network, reference_image
+from tests.helpers.linear_sensor import bundle_of, linear_bundle, linear_network, reference_image
 from tests.helpers.sensor_bench import lit_bundle
 
 SHAPE = (24, 32)
@@ -173,14 +173,6 @@ def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch:
     assert [p.name for p in bundle.parent.iterdir()] == ["bundle"]
 
 
-def test_a_full_disk_leaves_no_packed_file(bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = load_bundle(bundle)
-    monkeypatch.setattr(Path, "replace", Mock(side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
-    with pytest.raises(BundleError, match="free some space"):
-        pack_bundle(whole, tmp_path / "sensor.gelcal")
-    assert [p.name for p in tmp_path.iterdir()] == ["bundle"]
-
-
 def test_what_does_not_exist_is_named(tmp_path: Path) -> None:
     with pytest.raises(BundleError, match=r"nowhere does not exist: give a folder, a \.gelcal file or 'synth"):
         load_bundle(tmp_path / "nowhere")
@@ -189,19 +181,15 @@ def test_what_does_not_exist_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["reference.png", "network.onnx", "metrics.json"])
-def test_a_missing_file_is_named(bundle: Path, name: str) -> None:
-    (bundle / name).unlink()
-    with pytest.raises(BundleError, match=f"has no {name}.*calibrate the sensor again or restore"):
-        load_bundle(bundle)
-
-
-@pytest.mark.parametrize("name", ["reference.png", "network.onnx", "metrics.json"])
-def test_a_changed_file_is_named_with_both_sums(bundle: Path, name: str) -> None:
+def test_a_changed_or_missing_file_is_named(bundle: Path, name: str) -> None:
     old = hashlib.sha256((bundle / name).read_bytes()).hexdigest()
     with (bundle / name).open("ab") as stream:
         stream.write(b"!")
     new = hashlib.sha256((bundle / name).read_bytes()).hexdigest()
     with pytest.raises(BundleError, match=f"{name} was changed .*{new[:12]}….*{old[:12]}….*restore the bundle"):
+        load_bundle(bundle)
+    (bundle / name).unlink()
+    with pytest.raises(BundleError, match=f"has no {name}.*calibrate the sensor again or restore"):
         load_bundle(bundle)
 
 
@@ -229,41 +217,28 @@ def test_a_wrong_manifest_is_refused(bundle: Path, old: str, new: str, message: 
         load_bundle(bundle)
 
 
-@pytest.mark.parametrize(
-    "image", [np.zeros((24, 32, 3), np.uint8), np.zeros((24, 32), np.uint16), np.zeros((24, 32, 4), np.uint16)]
-)
-def test_a_reference_that_is_not_16_bit_rgb_is_refused(bundle: Path, image: np.ndarray) -> None:
-    seal(bundle, "reference.png", cv2.imencode(".png", image)[1].tobytes())
-    with pytest.raises(BundleError, match="not a 16-bit RGB PNG"):
-        load_bundle(bundle)
-
-
-@pytest.mark.parametrize("content", [b"", b"no image"])
-def test_a_reference_that_is_no_image_is_refused(bundle: Path, content: bytes) -> None:
-    seal(bundle, "reference.png", content)
-    with pytest.raises(BundleError, match="not a 16-bit RGB PNG"):
-        load_bundle(bundle)
-
-
-def test_metrics_that_are_not_json_are_refused(bundle: Path) -> None:
-    seal(bundle, "metrics.json", b"{")
-    with pytest.raises(BundleError, match=r"metrics\.json is not JSON"):
-        load_bundle(bundle)
+def png(*shape: int, kind: type = np.uint16) -> bytes:
+    return bytes(cv2.imencode(".png", np.zeros(shape, kind))[1].tobytes())
 
 
 @pytest.mark.parametrize(
-    ("content", "what"),
+    ("name", "content", "what"),
     [
-        (b"[]", "its content: Input should be an object"),
-        (b'{"verification": [1]}', "verification: Input should be an object"),
-        (b'{"pattern_match": "high"}', "pattern_match: Input should be a valid number"),
-        (b'{"pattern_match": NaN}', "pattern_match: Input should be a finite number"),
-        (b'{"learnt_on_other_units": 5}', "learnt_on_other_units: Input should be a valid (list|array)"),
+        *(("reference.png", content, "not a 16-bit RGB PNG")
+          for content in (png(24, 32, 3, kind=np.uint8), png(24, 32), png(24, 32, 4), b"", b"no image")),
+        ("metrics.json", b"{", r"metrics\.json is not JSON"),
+        ("metrics.json", b"[]", r"metrics\.json: its content: Input should be an object"),
+        ("metrics.json", b'{"verification": [1]}', "verification: Input should be an object"),
+        ("metrics.json", b'{"pattern_match": "high"}', "pattern_match: Input should be a valid number"),
+        ("metrics.json", b'{"pattern_match": NaN}', "pattern_match: Input should be a finite number"),
+        ("metrics.json", b'{"learnt_on_other_units": 5}', "learnt_on_other_units: Input should be a valid"),
     ],
-)
-def test_figures_that_the_program_reads_and_that_are_none_are_refused(bundle: Path, content: bytes, what: str) -> None:
-    seal(bundle, "metrics.json", content)
-    with pytest.raises(BundleError, match=rf"metrics\.json: {what}"):
+)  # fmt: skip
+def test_a_file_that_is_none_is_refused_though_its_checksum_is_right(
+    bundle: Path, name: str, content: bytes, what: str
+) -> None:
+    seal(bundle, name, content)
+    with pytest.raises(BundleError, match=what):
         load_bundle(bundle)
 
 
@@ -277,17 +252,13 @@ def test_an_archive_with_names_that_leave_it_is_refused(bundle: Path, tmp_path: 
 
 
 @pytest.mark.parametrize("cut", [0, 10, 400])
-def test_an_archive_that_is_cut_off_is_refused(bundle: Path, tmp_path: Path, cut: int) -> None:
-    packed = pack_bundle(load_bundle(bundle), tmp_path / "sensor.gelcal")
-    packed.write_bytes(packed.read_bytes()[:cut])
-    with pytest.raises(BundleError, match=r"is not a whole \.gelcal file"):
-        load_bundle(packed)
-
-
-def test_an_archive_with_a_flipped_bit_is_refused(bundle: Path, tmp_path: Path) -> None:
+def test_an_archive_that_is_cut_off_or_has_a_flipped_bit_is_refused(bundle: Path, tmp_path: Path, cut: int) -> None:
     packed = pack_bundle(load_bundle(bundle), tmp_path / "sensor.gelcal")
     content = bytearray(packed.read_bytes())
-    content[content.index(b"reference.png") + 200] ^= 1
+    packed.write_bytes(content[:cut])
+    with pytest.raises(BundleError, match=r"is not a whole \.gelcal file"):
+        load_bundle(packed)
+    content[content.index(b"reference.png") + 200 + cut // 20] ^= 1
     packed.write_bytes(content)
     with pytest.raises(BundleError, match=r"reference\.png"):
         load_bundle(packed)
@@ -298,32 +269,13 @@ def test_a_reference_out_of_range_is_not_written(tmp_path: Path, value: float) -
     reference = reference_image(SHAPE)
     reference[3, 4, 1] = value
     with pytest.raises(BundleError, match="outside 0 to 255 grey levels"):
-        write_bundle(
-            tmp_path / "bundle",
-            sensor="s",
-            reference=reference,
-            reference_frames=1,
-            noise_grey=1,
-            pixel_size_mm=(1, 1),
-            network=b"",
-            metrics={},
-        )
+        bundle_of(tmp_path / "bundle", reference)
     assert not list(tmp_path.iterdir())
 
 
 def test_presses_with_nan_are_not_written_and_missing_presses_are_named(bundle: Path, tmp_path: Path) -> None:
     with pytest.raises(BundleError, match="rows has NaN"):
-        write_bundle(
-            tmp_path / "other",
-            sensor="s",
-            reference=reference_image(SHAPE),
-            reference_frames=1,
-            noise_grey=1,
-            pixel_size_mm=(1, 1),
-            network=b"",
-            metrics={},
-            presses={"rows": np.array([np.nan])},
-        )
+        bundle_of(tmp_path / "other", reference_image(SHAPE), presses={"rows": np.array([np.nan])})
     with pytest.raises(BundleError, match=r"has no presses\.npz"):
         load_bundle(bundle).presses()
 

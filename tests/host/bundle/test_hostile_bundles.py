@@ -28,13 +28,14 @@ from gellight.bundle.bundle import load_bundle
 from gellight.photometric.directions import LightDirections
 taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (taken + (1 << 30), resource.RLIM_INFINITY))
-try:
-    bundle = load_bundle(sys.argv[1])
-    if "directions.npz" in bundle.files:
-        LightDirections.of_content(bundle.files["directions.npz"], "directions.npz")
-    bundle.presses()
-except GellightError as error:
-    print(error)
+for place in sys.argv[1:]:
+    try:
+        bundle = load_bundle(place)
+        if "directions.npz" in bundle.files:
+            LightDirections.of_content(bundle.files["directions.npz"], "directions.npz")
+        print(bundle.presses())
+    except GellightError as error:
+        print(str(error).splitlines()[0])
 """
 
 
@@ -157,13 +158,15 @@ HOSTILE: dict[Callable[[Path], None], str] = {
 }
 
 
-@pytest.mark.parametrize("make_hostile", HOSTILE, ids=lambda function: function.__name__)
-def test_it_is_refused_within_a_gigabyte(make_hostile: Callable[[Path], None], tmp_path: Path) -> None:
-    linear_bundle(tmp_path / "bundle", (24, 32))
-    make_hostile(tmp_path / "bundle")
-    done = run([sys.executable, "-c", LOAD, tmp_path / "bundle"], timeout_s=60)
+def test_each_is_refused_within_a_gigabyte(tmp_path: Path) -> None:
+    places = [tmp_path / make_hostile.__name__ for make_hostile in HOSTILE]
+    for make_hostile, place in zip(HOSTILE, places, strict=True):
+        linear_bundle(place, (24, 32))
+        make_hostile(place)
+    done = run([sys.executable, "-c", LOAD, *places], timeout_s=300)
     assert done.stderr == ""
-    assert HOSTILE[make_hostile] in done.stdout
+    for reason, said in zip(HOSTILE.values(), done.stdout.splitlines(), strict=True):
+        assert reason in said
 
 
 def test_a_packed_bundle_that_lies_about_its_size_is_read_no_further(tmp_path: Path) -> None:

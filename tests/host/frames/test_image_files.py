@@ -130,22 +130,19 @@ def test_a_video_is_read_picture_by_picture_in_order(tmp_path: Path) -> None:
         read_image(video / "press-000040.png")
 
 
-def test_what_is_no_video_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "x.mp4").write_bytes(b"no video")
-    with pytest.raises(InputError, match=r"x\.mp4 is no video that can be decoded: convert it"):
-        open_camera(tmp_path / "x.mp4")
-
-
-def test_a_file_of_another_type_or_damaged_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "x.csv").write_text("1,2")
-    with pytest.raises(InputError, match=r"x\.csv is not an image by its name"):
-        open_camera(tmp_path / "x.csv")
-    (tmp_path / "x.png").write_bytes(b"not an image")
-    with pytest.raises(InputError, match=r"x\.png is not an image or is cut off"):
-        open_camera(tmp_path / "x.png")
-    (tmp_path / "y.png").write_bytes(b"")
-    with pytest.raises(InputError, match=r"y\.png is not an image or is cut off"):
-        open_camera(tmp_path / "y.png")
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("x.mp4", b"no video", r"x\.mp4 is no video that can be decoded: convert it"),
+        ("x.csv", b"1,2", r"x\.csv is not an image by its name"),
+        ("x.png", b"not an image", r"x\.png is not an image or is cut off"),
+        ("y.png", b"", r"y\.png is not an image or is cut off"),
+    ],
+)
+def test_a_file_of_another_type_or_damaged_is_refused(tmp_path: Path, name: str, content: bytes, said: str) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=said):
+        open_camera(tmp_path / name)
 
 
 def test_images_of_two_sizes_are_refused_by_name(tmp_path: Path) -> None:

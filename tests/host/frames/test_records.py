@@ -37,6 +37,7 @@ def holds_arrays(annotation: object) -> bool:
     return origin is np.ndarray or any(map(holds_arrays, typing.get_args(annotation)))
 
 
+@pytest.mark.nightly  # some modules need packages that few have, such as PyTorch
 def test_no_dataclass_that_holds_arrays_compares_them() -> None:
     found = []
     for item in classes():

@@ -1,4 +1,4 @@
-"""The height of a view that is touched all over, from the light alone."""
+"""The height of a view that is touched all over, from the light alone; and whether the scene rested meanwhile."""
 
 from dataclasses import replace
 
@@ -9,6 +9,7 @@ from gellight.lab.simulator.scene import Press
 from gellight.photometric.level import Level, find_level, samples
 from gellight.photometric.light_model import LightGroups, LightModel, Signals, signals_of
 from gellight.photometric.solver import Points, flat_gel
+from gellight.photometric.static_scene import change_of_repetition, misfit, repetition_limit
 from tests.helpers.simulated_gel import GROUPS, PIXEL_MM, RING, SMALL, Gel
 
 
@@ -22,11 +23,15 @@ def model(gel: Gel) -> LightModel:
     return gel.model(16)
 
 
-def measured(gel: Gel, model: LightModel, press: Press | None, wrong_mm: float) -> Level:
-    """The offset that is found when the truth is taken to be `wrong_mm` too high."""
+def measured(
+    gel: Gel, model: LightModel, press: Press | None, wrong_mm: float, most_pixels: int | None = None
+) -> Level:
+    """The offset that is found when the truth is taken to be `wrong_mm` too high, by so many pixels at most."""
     groups = GROUPS[LightGroups.TRIPLES]
     gel.expose(3.0)
     signals = signals_of([[gel.picture(press, group)] for group in groups], groups, model, gel.base.noise_grey)
+    if most_pixels is not None:
+        signals.valid[:, np.setdiff1d(np.arange(signals.valid.shape[1]), samples(signals.valid)[:most_pixels])] = False
     _, surface = gel.scene.show(press)
     gel.expose(1.0)
     points = flat_gel(SMALL.image_shape, PIXEL_MM)
@@ -44,6 +49,17 @@ def test_the_light_tells_how_high_the_gel_stands(
     assert level.offset_mm == pytest.approx(-wrong_mm, abs=0.05)
     assert level.deviation_mm < 0.02
     assert level.correction_mm == (level.offset_mm if wrong_mm else 0.0)
+
+
+@pytest.mark.parametrize(("lights", "seen"), [(7, 0), (8, 4000)])
+def test_a_pixel_is_compared_that_eight_lights_reach(lights: int, seen: int) -> None:
+    valid = np.repeat((np.arange(12) < lights)[:, None], 4000, axis=1)
+    assert len(samples(valid)) == seen
+
+
+@pytest.mark.parametrize(("pixels", "certain"), [(199, False), (200, True)])
+def test_a_height_is_found_by_two_hundred_pixels(gel: Gel, model: LightModel, pixels: int, certain: bool) -> None:
+    assert np.isfinite(measured(gel, model, None, 0.3, pixels).deviation_mm) == certain
 
 
 def test_where_too_few_pixels_see_eight_lights_nothing_is_said() -> None:
@@ -70,6 +86,30 @@ def test_samples_are_spread_over_rows_and_columns() -> None:
 
 
 def test_a_small_or_uncertain_offset_is_left_to_the_gel_at_rest() -> None:
-    assert Level(0.04, 0.001).correction_mm == 0
-    assert Level(0.3, 0.1).correction_mm == 0
-    assert Level(-0.3, 0.01).correction_mm == -0.3
+    found = ((0.049, 0.001), (0.051, 0.001), (0.3, 0.061), (0.3, 0.059), (-0.3, 0.01))
+    assert [Level(*one).correction_mm for one in found] == [0, 0.051, 0, 0.3, -0.3]
+
+
+# ---- the scene at rest ----
+
+
+def test_a_repetition_differs_by_its_noise_and_the_light_by_nothing() -> None:
+    first = np.full((32, 40, 3), 100, np.uint8)
+    last = first + 9
+    last[8:16, 16:24, 1] -= 4
+    change = change_of_repetition(first, last)
+    assert change[1, 2] == 4
+    assert np.count_nonzero(change) == 1
+    assert repetition_limit(1.0) == pytest.approx(1.288, abs=1e-3), "7 deviations of the mean of 64 pixels"
+
+
+@pytest.mark.parametrize(("blocks", "off_grey", "moved"), [(8, 2.8, False), (8, -2.95, True), (7, 50.0, False)])
+def test_a_scene_has_moved_where_eight_blocks_misfit(blocks: int, off_grey: float, moved: bool) -> None:
+    """By more than 7 deviations of a mean, 0.875 grey levels here, and a fiftieth of the signal of 100."""
+    off = np.zeros((12, 64, 64), np.float32)
+    off[3, :8, : 8 * blocks] = off_grey
+    predicted, valid, noise = np.full((12, 4096), 100, np.float32), np.ones((12, 4096), bool), np.ones(12)
+    found = misfit(predicted + off.reshape(12, -1), valid, predicted, noise, (64, 64))
+    assert (found > 1) == moved
+    valid[5] = False
+    assert misfit(predicted + off.reshape(12, -1), valid, predicted, noise, (64, 64)) == 0, "at the edge of a shadow"

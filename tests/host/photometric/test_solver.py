@@ -8,7 +8,6 @@ import pytest
 
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.photometric.solver import (
-    STEEPEST,
     Points,
     inverse,
     light_rows,
@@ -144,6 +143,30 @@ def test_a_half_shadow_is_found_by_its_misfit() -> None:
     np.testing.assert_allclose(found[only_it], gradient[only_it], atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("darker", "deviations", "used"), [(0.09, 99, True), (0.11, 99, False), (0.3, 3.9, True), (0.3, 4.1, False)]
+)
+def test_a_light_is_shadowed_beyond_a_tenth_and_four_deviations(darker: float, deviations: float, used: bool) -> None:
+    """Among 3000 lights, of which one makes next to nothing of the prediction."""
+    rows = np.random.default_rng(6).normal(size=(3000, 3, 1))
+    rows[:, 2] += 4
+    signals = 100 * rows[:, 2]
+    signals[7] *= 1 - darker
+    valid, deviation = np.ones(signals.shape, bool), np.full(3000, 100 * rows[7, 2, 0] * darker / deviations)
+    assert solve_robustly(signals, rows, valid, deviation)[1][7, 0] == used
+
+
+def test_a_point_that_would_keep_two_lights_stays_as_it_is_and_one_that_keeps_three_does_not() -> None:
+    depth, gradient = ball(4.0, 0.3)
+    rows = light_rows(Points(*grid(), depth.ravel()), flat_pictures(), RING)
+    for lit in (3, 4):
+        valid, signals = np.zeros(rows[:, 0].shape, bool), pictures_of(depth, gradient)
+        valid[[0, 4, 8, 2][:lit]] = True
+        signals[0] *= 0.2
+        used = solve_robustly(signals, rows, valid, np.full(12, 1e-6))[1].sum(axis=0)
+        assert set(used) <= ({3} if lit == 3 else {3, 4})
+
+
 def test_noise_alone_shadows_nothing() -> None:
     depth, gradient = ball(4.0, 0.3)
     references = flat_pictures() * 200
@@ -153,11 +176,13 @@ def test_noise_alone_shadows_nothing() -> None:
     assert used.mean() > 0.999
 
 
-def test_with_fewer_than_three_lights_all_are_used() -> None:
+@pytest.mark.parametrize("lit", [2, 3])
+def test_with_fewer_than_three_lights_all_are_used(lit: int) -> None:
     depth, gradient = ball(4.0, 0.3)
     signals = pictures_of(depth, gradient)
     valid = np.zeros(signals.shape, bool)
-    valid[:2] = True
+    valid[:lit] = True
+    signals[3:] *= 1 if lit < 3 else 0.5
     np.testing.assert_allclose(solved(signals, depth, valid), gradient, atol=1e-6)
 
 
@@ -170,7 +195,9 @@ def test_lights_in_one_plane_give_the_gel_at_rest_and_no_infinity() -> None:
 
 def test_slopes_are_bounded() -> None:
     steep = np.array([[3.0, 3.0], [4.0, 4.0], [0.01, -2.0]])
-    np.testing.assert_allclose(np.hypot(*slopes(steep)), STEEPEST)
+    np.testing.assert_allclose(np.hypot(*slopes(steep)), 10.0)
+    gentler = np.array([[0.0], [-9.9], [1.0]])
+    np.testing.assert_allclose(slopes(gentler), [[0.0], [9.9]])
     assert slopes(np.zeros((3, 1))).tolist() == [[0.0], [0.0]]
 
 

@@ -133,6 +133,18 @@ def test_a_contact_cut_by_the_border_is_found() -> None:
     assert contact.area_mm2 == pytest.approx(np.pi * STEEP**2 * 100 * 0.01 / 2, rel=0.08)
 
 
+@pytest.mark.parametrize(("deep_mm", "touched"), [(0.019, False), (0.021, True)])
+def test_a_contact_is_deeper_than_the_noise(deep_mm: float, touched: bool) -> None:
+    depth = np.zeros((60, 80), np.float32)
+    depth[20:40, 20:40] = deep_mm
+    assert (find_contact(depth, 0.1).area_mm2 > 0) == touched
+
+
+def test_of_very_many_patches_a_hundred_are_measured() -> None:
+    mask = (np.indices((88, 88)) % 8 < 6).all(axis=0)
+    assert len(measure_patches(mask, np.ones((88, 88)), np.zeros((88, 88, 2)), 0.1)) == 100
+
+
 def test_nan_counts_as_untouched() -> None:
     depth = np.zeros((20, 30), np.float32)
     depth[3, 4] = np.nan
@@ -180,6 +192,9 @@ def test_crumbs_are_no_patch_and_what_has_no_depth_is_left_out() -> None:
     mask = np.zeros((40, 40), np.bool_)
     mask[3:6, 3:8] = True  # 15 pixels
     assert measure_patches(mask, np.ones((40, 40)), np.zeros((40, 40, 2)), 0.1) == []
+    mask[6, 3] = True
+    assert len(measure_patches(mask, np.ones((40, 40)), np.zeros((40, 40, 2)), 0.1)) == 1
+    mask[3:7] = False
     mask[20:30, 20:30] = True
     depth, gradient = np.ones((40, 40)), np.zeros((40, 40, 2))
     depth[20, 20], gradient[21, 21] = np.nan, np.nan

@@ -1,4 +1,4 @@
-"""What a frame says of its own errors: by slope, depth and rim, each contact by itself."""
+"""What a frame says of its own errors, each contact by itself; and the errors against a true surface."""
 
 from dataclasses import replace
 
@@ -7,9 +7,8 @@ import pytest
 
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
+from gellight.frames.frames import CameraFrame, Contact, GroundTruth, TactileFrame
 from gellight.reconstruction.error_bounds import (
-    DEG_FLOOR,
-    MM_FLOOR,
     TERMS,
     ErrorRecord,
     errors_file,
@@ -17,6 +16,7 @@ from gellight.reconstruction.error_bounds import (
     read_errors,
     signs,
 )
+from gellight.reconstruction.errors import surface_errors
 
 SHAPE = (60, 90)
 Y, X = np.indices(SHAPE)
@@ -31,7 +31,7 @@ def weights(*first: float) -> tuple[float, ...]:
 def record(**changes: object) -> ErrorRecord:
     known = {
         "presses": 9, "steepest": 1.0, "least": (0.0, 0.0, -1.0), "most": (1.0, 1.0, 1.0),
-        "normal_weights": weights(np.log(2 + DEG_FLOOR)), "shape_weights": weights(np.log(0.01 + MM_FLOOR)),
+        "normal_weights": weights(np.log(2 + 0.5)), "shape_weights": weights(np.log(0.01 + 0.003)),
     }  # fmt: skip
     return ErrorRecord.model_validate(known | changes)
 
@@ -78,7 +78,7 @@ def test_steeper_is_worse_where_presses_said_so_and_beyond_their_range_no_better
     told = record(normal_weights=weights(0.0, 2.0), most=(0.5, 1.0, 1.0))
     row = told.bounds(slopes, depth, np.ones_like(touched)).normal_deg[30]
     assert (np.diff(row) >= 0).all()
-    assert row[-1] == pytest.approx(np.exp(2 * 0.5) - DEG_FLOOR, rel=1e-5)
+    assert row[-1] == pytest.approx(np.exp(2 * 0.5) - 0.5, rel=1e-5)
 
 
 def test_the_form_has_every_product_once() -> None:
@@ -93,3 +93,38 @@ def test_a_bundle_keeps_its_errors_and_a_damaged_file_is_named(synthetic: Bundle
     damaged = replace(synthetic, files={**synthetic.files, "errors.json": b'{"presses": 0}'})
     with pytest.raises(BundleError, match=r"errors\.json.*calibrate again"):
         read_errors(damaged)
+
+
+# ---- against a true surface ----
+
+MAP_SHAPE = (6, 8)
+
+
+def frame(depth_mm: np.ndarray, gradient_map: np.ndarray) -> TactileFrame:
+    image = np.zeros((*MAP_SHAPE, 3), np.uint8)
+    return TactileFrame(
+        camera_frame=CameraFrame(image=image, time_s=0.0, sequence=0),
+        difference=image.astype(np.float32),
+        gradient_map=gradient_map,
+        depth_mm=depth_mm,
+        contact=Contact(mask=np.ones(MAP_SHAPE, np.bool_), area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
+    )
+
+
+def test_errors_are_means_over_the_map_and_over_the_true_contact() -> None:
+    contact = np.zeros(MAP_SHAPE, np.bool_)
+    contact[2:4, 2:6] = True
+    true = GroundTruth(
+        depth_mm=np.zeros(MAP_SHAPE, np.float32), gradient_map=np.zeros((*MAP_SHAPE, 2), np.float32), contact=contact
+    )
+    depth = np.where(contact, -0.5, 0.1).astype(np.float32)
+    slopes = np.zeros((*MAP_SHAPE, 2), np.float32)
+    slopes[contact, 0] = np.tan(np.radians(12))
+    error = surface_errors(frame(depth, slopes), true)
+    share = contact.mean()
+    assert error.contact_depth_mm == pytest.approx(0.5)
+    assert error.depth_mm == pytest.approx(0.5 * share + 0.1 * (1 - share))
+    assert error.contact_normal_deg == pytest.approx(12, rel=1e-5)
+    assert error.normal_deg == pytest.approx(12 * share, rel=1e-5)
+    untouched = surface_errors(frame(depth, slopes), replace(true, contact=np.zeros(MAP_SHAPE, np.bool_)))
+    assert (untouched.contact_normal_deg, untouched.contact_depth_mm) == (error.normal_deg, error.depth_mm)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gellight.frames.frames import Patch, TactileFrame
-from gellight.reconstruction.following import APART_S, MISSED_S, ContactFollower
+from gellight.reconstruction.following import ContactFollower
 from tests.helpers.dashboard_source import bump
 
 PERIOD_S = 1 / 30
@@ -70,9 +70,10 @@ def test_noise_of_the_place_is_averaged() -> None:
         ([at(0, (0, 0), (1.5, 0)), at(1, BESIDE)], [[1, 2], [1]]),
         ([at(0, (0, 0)), at(1, (1.5, 0), BESIDE)], [[1], [2, 1]]),
         ([at(0, (0, 0)), at(1), at(2, (0, 0))], [[1], [], [1]]),
-        ([at(0, (0, 0)), at(1), at(2 + MISSED_S / PERIOD_S, (0, 0))], [[1], [], [2]]),
-        ([at(0, (0, 0)), at(0.9 * APART_S / PERIOD_S, (0, 0))], [[1], [1]]),
-        ([at(0, (0, 0)), at(1.1 * APART_S / PERIOD_S, (0, 0))], [[1], [2]]),
+        ([at(0, (0, 0)), at(1), at(2.9, (0, 0))], [[1], [], [1]]),
+        ([at(0, (0, 0)), at(1), at(3.1, (0, 0))], [[1], [], [2]]),
+        ([at(0, (0, 0)), at(29.9, (0, 0))], [[1], [1]]),
+        ([at(0, (0, 0)), at(30.1, (0, 0))], [[1], [2]]),
         ([at(0, (0, 0)), at(0, (0, 0)), at(1, (0, 0))], [[1], [1], [1]]),
     ],
     ids=[
@@ -81,6 +82,7 @@ def test_noise_of_the_place_is_averaged() -> None:
         "grown together",
         "parted",
         "missed once",
+        "missed for less than 0.1 s",
         "touched again",
         "few frames",
         "a break",

@@ -5,12 +5,15 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 import pytest
+from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError
+from gellight.bundle.bundle import load_bundle
 from gellight.reconstruction.gelnet import BLOCK_ROWS, GradientNetwork
 from gellight.reconstruction.integration import integrate, normals
 from gellight.reconstruction.smoothing import NARROWEST_PX, fixed
 from tests.helpers.analytic_surfaces import Surface, centred_grid, gaussian, smooth_cap
+from tests.helpers.light_touches import NOISE_GREY, LightTouches, ball, flat_punch
 from tests.helpers.linear_sensor import (
     GREY_PER_SLOPE,
     gemm_network,
@@ -247,3 +250,42 @@ def test_what_the_gel_at_rest_differs_by_is_no_touch() -> None:
     assert found.mean() < 0.1
     with pytest.raises(ValueError, match="rest_grey -1"):
         GradientNetwork(linear_network(), shape, noise_grey=1.0, rest_grey=-1.0)
+
+
+# ---- what the noise of the camera allows to see ----
+
+PLACE_MM = (2.3, -1.4)
+PICTURES = 10
+
+
+@pytest.fixture(scope="module")
+def touches() -> LightTouches:
+    return LightTouches()
+
+
+def share_marked(touches: LightTouches, grey: NDArray[np.float32]) -> float:
+    """Of some pictures with noise, those in which the mask marks a cell."""
+    bundle, random = load_bundle("synthetic"), np.random.default_rng(3)
+    network = GradientNetwork(bundle.network, bundle.image_shape, noise_grey=NOISE_GREY)
+    taken = [touches.picture(grey, random).image for _ in range(PICTURES)]
+    return float(np.mean([network.touched_cells(image - bundle.reference).any() for image in taken]))
+
+
+@pytest.mark.parametrize(
+    ("height_mm", "depth_um", "gel_um"),
+    [
+        pytest.param(ball(4), 9, 6.6, id="ball of 4 mm"),
+        pytest.param(ball(12), 7, 6.1, id="ball of 12 mm"),
+        pytest.param(flat_punch(2), 5, 5.0, id="flat punch of 2 mm"),
+    ],
+)
+def test_a_touch_of_some_micrometres_is_kept(
+    touches: LightTouches, height_mm: NDArray[np.float64], depth_um: float, gel_um: float
+) -> None:
+    surface = touches.press(height_mm, depth_um, PLACE_MM)
+    assert surface.depth_mm.max() * 1e3 == pytest.approx(gel_um, abs=0.1)
+    assert share_marked(touches, touches.grey(surface)) >= 0.9
+
+
+def test_untouched_gel_is_not_marked(touches: LightTouches) -> None:
+    assert share_marked(touches, touches.untouched) == 0

@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.bundle.bundle import load_bundle, write_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.light_drift import light_drift
 from tests.helpers.analytic_surfaces import gaussian
-from tests.helpers.linear_sensor import linear_bundle, photograph
+from tests.helpers.linear_sensor import bundle_of, photograph, reference_image
 
 SHAPE = (240, 320)
 
@@ -25,22 +24,10 @@ def test_the_drift_is_found_under_a_touch() -> None:
 
 @pytest.mark.parametrize("follow", [True, False])
 def test_a_frame_under_other_light_is_reconstructed_by_a_bundle_that_follows_it(tmp_path: Path, follow: bool) -> None:
-    plain = linear_bundle(tmp_path / "plain", SHAPE)
-    manifest = plain.manifest
-    write_bundle(
-        tmp_path / "bundle",
-        sensor="drifting",
-        reference=plain.reference,
-        reference_frames=1,
-        noise_grey=manifest.noise_grey,
-        pixel_size_mm=manifest.pixel_size_mm,
-        network=plain.network,
-        metrics={},
-        follow_light=follow,
-    )
+    bundle = bundle_of(tmp_path / "bundle", reference_image(SHAPE), follow_light=follow)
     bump = gaussian(SHAPE, 12, (0, 0), height=10)
     frame = photograph(bump.gradient_map, noise_grey=1.0)
     brighter = CameraFrame(image=frame.image + np.array([9, 4, 0], np.uint8), time_s=0.0, sequence=1)
-    felt = Reconstructor(load_bundle(tmp_path / "bundle")).reconstruct(brighter)
-    error_mm = np.abs(felt.depth_mm - bump.depth * manifest.pixel_size_mm[0]).max()
+    felt = Reconstructor(bundle).reconstruct(brighter)
+    error_mm = np.abs(felt.depth_mm - bump.depth * bundle.pixel_size_mm[0]).max()
     assert (error_mm < 0.03) == follow

@@ -98,10 +98,10 @@ def every_form(url: str) -> tuple[CameraFrame, dict[Form, TactileFrame]]:
     return frame, {form: Reconstructor(bundle, form=form).reconstruct(frame) for form in Form}
 
 
-@pytest.mark.parametrize("depth_mm", [0.6, 1.0])
+@pytest.mark.parametrize("depth_mm", [0.6, pytest.param(1.0, marks=pytest.mark.nightly)])
 def test_without_noise_every_form_agrees_with_the_network_at_every_pixel_of_a_ball(depth_mm: float) -> None:
     """Measured: 0.04 degrees at most (0.6 mm), 0.0005 in the mean, 0.21 um (1 mm)."""
-    _, found = every_form(f"sim://?object=BALL&depth={depth_mm}&noise=0")
+    _, found = every_form(f"sim://?board=0&object=BALL&depth={depth_mm}&noise=0")
     pixels = found.pop(Form.PIXELS)
     for tactile in found.values():
         angle = angle_deg(tactile.normal_map.reshape(-1, 3), pixels.normal_map.reshape(-1, 3))
@@ -114,7 +114,7 @@ def test_without_noise_every_form_agrees_with_the_network_at_every_pixel_of_a_ba
 
 def test_with_noise_no_form_is_further_from_the_ball_than_the_network_at_every_pixel() -> None:
     """But for one per cent: the cells average what a bent network answers to noise, and are linear in between."""
-    frame, found = every_form("sim://?object=BALL&depth=1.0")
+    frame, found = every_form("sim://?board=0&object=BALL&depth=1.0")
     assert frame.truth
     where, right = frame.truth.contact, normals(frame.truth.gradient_map)
     errors = {form: angle_deg(one.normal_map[where], right[where]).mean() for form, one in found.items()}
@@ -124,7 +124,7 @@ def test_with_noise_no_form_is_further_from_the_ball_than_the_network_at_every_p
 
 def test_few_questions_are_enough_for_a_ball() -> None:
     """Of 19 200 cells 4993 lie near the ball, and 4800 blocks in the picture: most of both are not asked about."""
-    with open_camera("sim://?object=BALL&depth=1.0") as camera:
+    with open_camera("sim://?board=0&object=BALL&depth=1.0") as camera:
         frame = camera.read()
     reconstructor = Reconstructor(load_bundle("synthetic"), form=Form.NATIVE)
     reconstructor.reconstruct(frame)
@@ -137,7 +137,7 @@ def test_few_questions_are_enough_for_a_ball() -> None:
 def test_between_steep_waves_no_cell_is_taken_for_gentle() -> None:
     """A crest differs little from its own block, but the blocks beside it, which it would be blended from, do."""
     bundle = load_bundle("synthetic")
-    with open_camera("sim://?object=WAVE&depth=0.8") as camera:
+    with open_camera("sim://?board=0&object=WAVE&depth=0.8") as camera:
         frame = camera.read()
     assert frame.truth
     right, where = normals(frame.truth.gradient_map), frame.truth.contact
@@ -166,14 +166,14 @@ def polynomial_planes(quadratic: float, cubic: float, step: float, shape: tuple[
 @pytest.mark.parametrize("step", [4.0, 9.0])
 def test_the_bend_of_a_quadratic_is_its_second_derivative_and_nothing_is_a_misfit(step: float) -> None:
     bend, misfit = np.moveaxis(linearised.doubts(polynomial_planes(0.003, 0, step), np.ones((6, 7), bool)), 2, 0)
-    np.testing.assert_allclose(np.sqrt(bend) * linearised.LIMIT_BEND, 2 * 0.003, rtol=1e-4)
+    np.testing.assert_allclose(np.sqrt(bend) * 0.04, 2 * 0.003, rtol=1e-4)
     np.testing.assert_allclose(misfit, 0, atol=1e-8)
 
 
 def test_the_misfit_of_a_cubic_is_half_of_the_cube_of_the_step() -> None:
     """r_j^3 - r_i^3 - 3 (r_i^2 + r_j^2) (r_j - r_i) / 2 = -(r_j - r_i)^3 / 2."""
     misfit = linearised.doubts(polynomial_planes(0, 1e-4, 9.0), np.ones((6, 7), bool))[..., 1]
-    np.testing.assert_allclose(np.sqrt(misfit) * linearised.LIMIT_MISFIT, 1e-4 * 9.0**3 / 2, rtol=1e-3)
+    np.testing.assert_allclose(np.sqrt(misfit) * 0.4, 1e-4 * 9.0**3 / 2, rtol=1e-3)
 
 
 def test_cells_that_are_not_near_tell_nothing() -> None:

@@ -3,15 +3,18 @@
 import shutil
 import subprocess
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frame_path import pipeline
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
@@ -22,42 +25,55 @@ from gellight.reconstruction.native import build, judge, library
 from gellight.reconstruction.native.native_path import NativePath
 from tests.benchmarks.frame_times import scenes
 from tests.helpers.analytic_surfaces import gaussian
-from tests.helpers.linear_sensor import linear_bundle, photograph
+from tests.helpers.linear_sensor import bundle_of, linear_bundle, photograph
 from tests.helpers.native_forms import agree, both
 from tests.helpers.places import real_picture
 
 ROOT = Path(__file__).parents[3]
 SYNTHETIC = load_bundle("synthetic")
-RUNNABLE = [pytest.param(name, id=name) for name in library.fitting()]
+BEST = next(iter(library.fitting()), None)
+RUNNABLE = [pytest.param(name, marks=[pytest.mark.nightly] * (name != BEST)) for name in library.fitting()]
 needs_a_library = pytest.mark.skipif(not RUNNABLE, reason="no library is built for this machine")
+
+
+def choose(chosen: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pipeline, "fitting_library", lambda: (chosen, library.Library(build.library_file(chosen))))
 
 
 @pytest.fixture(params=RUNNABLE)
 def name(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Each library that runs here, in turn, as the one that is chosen."""
-    chosen = str(request.param)
-    monkeypatch.setattr(pipeline, "fitting_library", lambda: (chosen, library.Library(build.library_file(chosen))))
-    return chosen
+    """Each library that runs here, in turn, as the one that is chosen; by day the best one alone."""
+    choose(request.param, monkeypatch)
+    return str(request.param)
 
 
 def frame_of(image: np.ndarray) -> CameraFrame:
     return CameraFrame(image=image, time_s=0.0, sequence=0)
 
 
+def same(bundle: Bundle, image: np.ndarray, but: float = 0.0, **options: object) -> Reconstructor:
+    """Compute a frame in both forms, which have to agree; return the native one."""
+    native, cells = both(bundle, **options)
+    agree(native.reconstruct(frame_of(image)), cells.reconstruct(frame_of(image)), but=but)
+    return native
+
+
 @needs_a_library
-@pytest.mark.parametrize("seed", range(3))
-def test_every_library_computes_what_numpy_computes(name: str, seed: int) -> None:
-    native, cells = both(SYNTHETIC)
-    frame = frame_of(judge.made_up_image(SYNTHETIC, seed))
-    agree(native.reconstruct(frame), cells.reconstruct(frame))
+def test_no_library_computes_anything_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    for chosen in library.fitting():
+        choose(chosen, monkeypatch)
+        assert same(SYNTHETIC, judge.made_up_image(SYNTHETIC)).status()["computed_by"] == f"C, {chosen}"
+
+
+@needs_a_library
+@pytest.mark.parametrize(("seed", "smoothing_px"), [(0, 0), (1, 2), (2, 3), (0, 6)])
+def test_every_library_computes_what_numpy_computes(name: str, seed: int, smoothing_px: int) -> None:
+    same(SYNTHETIC, judge.made_up_image(SYNTHETIC, seed), smoothing_px=smoothing_px)
 
 
 @needs_a_library
 def test_the_same_pixels_are_asked_about_where_the_gel_is_steep(name: str) -> None:
-    native, cells = both(SYNTHETIC)
-    frame = frame_of(scenes(SYNTHETIC)["all touched, steep"])
-    agree(native.reconstruct(frame), cells.reconstruct(frame), but=1e-3)
-    assert native.network_rows.pixels > 3_000
+    assert same(SYNTHETIC, scenes(SYNTHETIC)["all touched, steep"], but=1e-3).network_rows.pixels > 3_000
 
 
 @needs_a_library
@@ -85,14 +101,6 @@ def test_cells_are_doubted_as_in_numpy(name: str, shape: tuple[int, int], grey: 
 
 
 @needs_a_library
-@pytest.mark.parametrize("smoothing_px", [0, 2, 3, 6])
-def test_any_width_of_the_smoothing(name: str, smoothing_px: int) -> None:
-    native, cells = both(SYNTHETIC, smoothing_px=smoothing_px)
-    frame = frame_of(judge.made_up_image(SYNTHETIC))
-    agree(native.reconstruct(frame), cells.reconstruct(frame))
-
-
-@needs_a_library
 @given(
     height=st.integers(32, 130),
     width=st.integers(32, 130),
@@ -114,20 +122,16 @@ def test_a_press_anywhere_in_an_image_of_any_size(
     shape = (height, width)
     bundle = linear_bundle(tmp_path_factory.mktemp("any") / "b", shape)
     bump = gaussian(shape, sigma_px, (place[0] * width, place[1] * height), height=slope * sigma_px)
-    frame = photograph(bump.gradient_map, noise_grey=1.0, rng=np.random.default_rng(seed))
-    native, cells = both(bundle)
-    agree(native.reconstruct(frame), cells.reconstruct(frame))
+    same(bundle, photograph(bump.gradient_map, noise_grey=1.0, rng=np.random.default_rng(seed)).image)
 
 
 @needs_a_library
 def test_the_mask_goes_by_the_gel_at_rest(name: str) -> None:
     """Limits on both means are those of the NumPy form, which no multiple of one number gives."""
     bundle = replace(SYNTHETIC, manifest=SYNTHETIC.manifest.model_copy(update={"rest_grey": 1.7}))
-    native, cells = both(bundle)
-    frame = frame_of(judge.made_up_image(SYNTHETIC, 1))
-    agree(native.reconstruct(frame), cells.reconstruct(frame))
-    noisy = Reconstructor(SYNTHETIC)
-    noisy.reconstruct(frame)
+    image, noisy = judge.made_up_image(SYNTHETIC, 1), Reconstructor(SYNTHETIC)
+    native = same(bundle, image)
+    noisy.reconstruct(frame_of(image))
     assert 0 < native.network_rows.cells < noisy.network_rows.cells
 
 
@@ -193,19 +197,8 @@ def test_a_press_on_a_real_sensor(tmp_path: Path, name: str, untouched: str, pix
     """Its noise, its compression and its light; the network is another sensor's, which the comparison does not mind."""
     paths = (real_picture(name), real_picture(name).with_name(untouched))
     image, background = (read_image(path) for path in paths)
-    write_bundle(
-        tmp_path / "b",
-        sensor="mini",
-        reference=background.astype(np.float32),
-        reference_frames=1,
-        noise_grey=1.0,
-        pixel_size_mm=(pixel_mm, pixel_mm),
-        network=SYNTHETIC.network,
-        metrics={},
-    )
-    native, cells = both(load_bundle(tmp_path / "b"))
-    frame = frame_of(image)
-    agree(native.reconstruct(frame), cells.reconstruct(frame), but=2e-3)
+    reference, pixel = background.astype(np.float32), (pixel_mm, pixel_mm)
+    same(bundle_of(tmp_path / "b", reference, pixel_size_mm=pixel, network=SYNTHETIC.network), image, but=2e-3)
 
 
 def numpy_because(bundle: Bundle, caplog: pytest.LogCaptureFixture) -> str:
@@ -224,8 +217,25 @@ def test_where_no_library_fits_numpy_computes_and_the_log_says_so(
     assert message.startswith("frames are computed by NumPy, which takes longer: no library is built for darwin on ")
 
 
-def test_small_images_are_left_to_numpy(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    assert "too small" in numpy_because(linear_bundle(tmp_path / "b", (24, 32)), caplog)
+@pytest.mark.parametrize("shape", [(31, 40), (40, 31)])
+def test_small_images_are_left_to_numpy(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, shape: tuple[int, int]
+) -> None:
+    assert "too small" in numpy_because(linear_bundle(tmp_path / "b", shape), caplog)
+
+
+@pytest.mark.parametrize(
+    ("off_deg", "off_mm", "refused"),
+    [(0.049, 0.9e-3, False), (0.051, 0.0, True), (0.0, 1.1e-3, True), (np.nan, 0.0, True), (0.0, np.nan, True)],
+)
+def test_a_path_is_refused_that_differs_in_the_mean(off_deg: float, off_mm: float, refused: bool) -> None:
+    def path(degrees: float, depth_mm: float) -> Any:
+        normal = np.array([np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees))])
+        frame = SimpleNamespace(normal_map=np.tile(normal, (4, 6, 1)), depth_mm=np.full((4, 6), depth_mm))
+        return SimpleNamespace(reconstruct=lambda _: frame)
+
+    with pytest.raises(library.NativePathError) if refused else nullcontext():
+        judge.refuse_disagreement(path(off_deg, off_mm), path(0.0, 0.0), SYNTHETIC)
 
 
 @needs_a_library
@@ -263,6 +273,7 @@ def test_a_library_that_answers_otherwise_is_refused(
     assert "answers otherwise than NumPy on this machine" in numpy_because(SYNTHETIC, caplog)
 
 
+@pytest.mark.nightly
 def test_the_committed_libraries_are_built_from_the_sources() -> None:
     """The same bytes from the same compiler, on any machine."""
     for target in build.TARGETS:
@@ -321,12 +332,14 @@ def run_sanitized(tmp_path: Path, path: Path, **environment: str) -> None:
     assert done.stdout.strip().endswith("clean")
 
 
+@pytest.mark.nightly
 def test_nothing_undefined_happens(tmp_path: Path) -> None:
     if shutil.which("gcc") is None:
         pytest.skip("gcc is missing")
     run_sanitized(tmp_path, sanitized(tmp_path, ["gcc"], "undefined"))
 
 
+@pytest.mark.nightly
 def test_no_memory_is_touched_that_was_not_given(tmp_path: Path) -> None:
     if shutil.which("gcc") is None:
         pytest.skip("gcc is missing")

@@ -15,6 +15,8 @@ from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.native_forms import agree, both
 from tests.helpers.other_processor import OtherProcessor, build_server
 
+pytestmark = pytest.mark.nightly
+
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -56,8 +56,9 @@ def test_in_a_video_it_moves_slowly_and_is_held_where_it_cannot_be_seen() -> Non
     assert share[14] == pytest.approx(1 - np.exp(-1), abs=0.1)
     assert share[-1] > 0.95
     np.testing.assert_array_equal(path.following(depth, everywhere, 12.05), steps[-1])
+    np.testing.assert_array_equal(path.following(depth, everywhere, 13.04), steps[-1])
     # A picture of another time stands for itself.
-    assert not path.following(depth, everywhere, 100.0).any()
+    assert not path.following(depth, everywhere, 14.05).any()
     assert not path.following(depth, everywhere, 0.0).any()
 
 

@@ -10,6 +10,8 @@ import pytest
 from gellight.reconstruction.native import build, library
 from tests.helpers.places import CHECKOUT
 
+pytestmark = pytest.mark.nightly
+
 COMPUTED_BY = """
 import logging
 logging.basicConfig()

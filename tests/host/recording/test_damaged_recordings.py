@@ -6,8 +6,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
@@ -25,16 +23,16 @@ Record = Callable[..., Path]
 
 
 def test_a_recording_that_was_cut_short_gives_its_whole_chunks(record: Record, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recording_file, "CHUNK_BYTES", 1 << 20)
-    path = record([plain(number) for number in range(2000)])
+    monkeypatch.setattr(recording_file, "CHUNK_BYTES", 1 << 17)
+    path = record([plain(number) for number in range(250)])
     content = path.read_bytes()
-    assert len(content) > 8e6
+    assert len(content) > 1e6
     path.write_bytes(content[: len(content) // 2])
     recording = Recording(path)
     numbers = [one.info.sequence for one in recording.frames()]
     assert not recording.whole
     assert numbers == list(range(len(numbers)))
-    assert 600 < len(numbers) < 1000
+    assert 75 < len(numbers) < 125
 
 
 def test_a_whole_recording_says_so(record: Record) -> None:
@@ -139,27 +137,6 @@ def test_an_existing_file_is_not_replaced(record: Record) -> None:
     path = record([plain(0)])
     with pytest.raises(InputError, match="exists"):
         RecordingWriter(path, "finger")
-
-
-@given(data=st.data())
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_hostile_bytes_in_a_file_neither_crash_nor_take_memory(
-    record: Record, tmp_path: Path, data: st.DataObject
-) -> None:
-    """Whatever bytes are changed: frames come, or a refusal."""
-    path = tmp_path / "a.mcap"
-    content = bytearray(
-        path.read_bytes() if path.exists() else record([plain(number) for number in range(2)]).read_bytes()
-    )
-    end = content.index(b"image_raw") + 400
-    for place in data.draw(st.lists(st.integers(0, end), min_size=1, max_size=6)):
-        content[place] = data.draw(st.integers(0, 255))
-    (tmp_path / "b.mcap").write_bytes(content)
-    try:
-        list(Recording(tmp_path / "b.mcap").frames())
-        list(Recording(tmp_path / "b.mcap").depths())
-    except InputError:
-        pass
 
 
 def test_a_recording_brings_its_bundle(record: Record, bundle: Bundle) -> None:

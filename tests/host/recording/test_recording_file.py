@@ -8,9 +8,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import Reader
-from rosbags.typesys import Stores, get_typestore
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
@@ -26,6 +23,7 @@ from gellight.recording.recording_file import (
     depth_image,
     topic_name,
 )
+from gellight.recording.ros_messages import RosImage, encode_compressed, encode_string
 from tests.helpers.recorded import LIGHT, SHAPE, encoded, picture, plain, read_all
 from tests.helpers.streamed import full_frame
 from tests.helpers.weighed import HeavyFrames
@@ -86,7 +84,7 @@ def test_the_contact_of_an_older_recording_is_read() -> None:
     assert ContactInfo.model_validate_json(old.model_dump_json(exclude={"contacts"})) == old
 
 
-def test_maps_come_back_and_open_in_ros(tmp_path: Path, bundle: Bundle) -> None:
+def test_maps_come_back(tmp_path: Path, bundle: Bundle) -> None:
     path, felt, frame = tmp_path / "maps.mcap", replace(full_frame(), measures=HeavyFrames()), plain(1)
     with RecordingWriter(path, "finger", maps=list(MapOnRequest)) as writer:
         writer.add(frame, CaptureStamp(zeroed=bundle, unix_s=1e9))
@@ -96,15 +94,7 @@ def test_maps_come_back_and_open_in_ros(tmp_path: Path, bundle: Bundle) -> None:
         assert (info.force_n, info.force_error_n) == (1.25, 0.1)
         assert np.array_equal(np.frombuffer(image.data, values.dtype).reshape(SHAPE), values)
         assert (image.height, image.width, image.step) == (*SHAPE, SHAPE[1] * values.itemsize)
-    jazzy = get_typestore(Stores.ROS2_JAZZY)
-    with AnyReader([path], default_typestore=jazzy) as reader:
-        seen = {
-            connection.topic: reader.deserialize(content, connection.msgtype)
-            for connection, _, content in reader.messages()
-        }
-    assert {topic: seen[f"/finger/{topic}"].encoding for topic in ("pressure_mpa", "confidence", "quality_flags")} == {
-        "pressure_mpa": "32FC1", "confidence": "32FC1", "quality_flags": "mono8",
-    }  # fmt: skip
+        assert image.encoding == ("mono8" if name == "quality_flags" else "32FC1")
 
 
 def test_depth_that_uint16_cannot_hold_is_clipped() -> None:
@@ -144,11 +134,23 @@ def test_a_wrong_parameter_is_refused(record: Record, query: str) -> None:
 # ---- other programs ----
 
 
+def test_messages_are_the_bytes_that_ros_2_reads() -> None:
+    """CDR in little-endian order: each number at a multiple of its size, texts with their 0."""
+    header = "00010000 01000000 0065cd1d 04000000 63616d00"
+    image = RosImage(height=2, width=1, encoding="mono8", step=1, data=b"ab")
+    sent = "02000000 01000000 06000000 6d6f6e6f3800 00 00 01000000 02000000 6162"
+    assert image.encode(1.5, "cam") == bytes.fromhex(header + sent)
+    assert encode_compressed(b"ab", 1.5, "cam", "png") == bytes.fromhex(header + "04000000 706e6700 02000000 6162")
+    assert encode_string("é") == bytes.fromhex("00010000 03000000 c3a900")
+
+
+@pytest.mark.nightly
 def test_it_opens_as_a_bag_of_ros_2(record: Record) -> None:
     path = record([plain(1), encoded(2, "MJPG"), encoded(3, "YUYV"), encoded(4, "GREY")], depth=DepthKind.FLOAT32)
-    store, seen = get_typestore(Stores.ROS2_HUMBLE), {}
     from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
 
+    store, seen = get_typestore(Stores.ROS2_HUMBLE), {}
     with AnyReader([path], default_typestore=store) as reader:
         for connection, stamp, raw in reader.messages():
             seen.setdefault(connection.topic, []).append((stamp, reader.deserialize(raw, connection.msgtype)))
@@ -168,7 +170,6 @@ def test_it_opens_as_a_bag_of_ros_2(record: Record) -> None:
     assert (depth.encoding, depth.height, depth.width, depth.step) == ("32FC1", *SHAPE, 4 * SHAPE[1])
     assert np.abs(depth.data.view("<f4") * 1e3 - full_frame().depth_mm.ravel()).max() < 1e-6, "metres"
     assert json.loads(seen["/left_finger/frame"][0][1].data)["sequence"] == 1
-    assert Reader is not None
 
 
 @pytest.mark.parametrize(

@@ -2,11 +2,14 @@
 
 import itertools
 import math
+import os
+from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -20,14 +23,16 @@ from gellight.recording.recording_file import Recording, RecordingWriter
 from gellight.tracking.rigid import inverse, pose_of, twist_of
 from tests.helpers.linear_sensor import linear_bundle
 
-json_values = st.recursive(
-    st.none() | st.booleans() | st.integers(-(2**53), 2**53) | st.floats(allow_nan=False, allow_infinity=False)
-    | st.text(max_size=12),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
-    max_leaves=6,
-)  # fmt: skip
 sides = st.integers(2, 40)
 numbers = itertools.count()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def no_loss_of_power() -> Iterator[None]:
+    """Nothing is flushed to the disk, which takes most of the time; `tests/host/base/test_writing.py` looks at that."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda handle: None)
+        yield
 
 
 def reference(shape: tuple[int, int]) -> st.SearchStrategy[np.ndarray]:

@@ -7,7 +7,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import TactileFrame
+from gellight.frames.frames import ExposureSeries, TactileFrame
 from gellight.lab.simulator.scene import Press
 from gellight.photometric.light_model import LightGroups
 from gellight.photometric.solver import LEAST_LIGHTS
@@ -34,6 +34,14 @@ def paths(gel: Gel, bundle: Bundle) -> dict[LightGroups, PhotometricReconstructo
     return {kind: PhotometricReconstructor(bundle, model, kind, smoothing_px=0) for kind in LightGroups}
 
 
+def exposed(gel: Gel, kind: LightGroups, press: Press | list[Press | None] | None) -> ExposureSeries:
+    """A series of three times the exposure of the lights."""
+    gel.expose(3.0)
+    series = gel.series(kind, press)
+    gel.expose(1.0)
+    return series
+
+
 def errors(felt: TactileFrame, gel: Gel, press: Press | None) -> tuple[float, float]:
     """Mean normal error in contact, degrees, and of the depth there, mm; over everything without a contact."""
     _, surface = gel.scene.show(press)
@@ -46,9 +54,7 @@ def errors(felt: TactileFrame, gel: Gel, press: Press | None) -> tuple[float, fl
 def test_a_ball_is_felt_as_it_is(
     gel: Gel, paths: dict[LightGroups, PhotometricReconstructor], kind: LightGroups
 ) -> None:
-    gel.expose(3.0)
-    felt = paths[kind].reconstruct(gel.series(kind, BALL))
-    gel.expose(1.0)
+    felt = paths[kind].reconstruct(exposed(gel, kind, BALL))
     angle, depth = errors(felt, gel, BALL)
     assert angle < 0.5
     assert depth < 0.01
@@ -71,16 +77,12 @@ def test_a_longer_exposure_than_that_of_the_lights_changes_nothing_but_noise(
 ) -> None:
     path = paths[LightGroups.TRIPLES]
     short = errors(path.reconstruct(gel.series(LightGroups.TRIPLES, BALL)), gel, BALL)[0]
-    gel.expose(3.0)
-    long = errors(path.reconstruct(gel.series(LightGroups.TRIPLES, BALL)), gel, BALL)[0]
-    gel.expose(1.0)
+    long = errors(path.reconstruct(exposed(gel, LightGroups.TRIPLES, BALL)), gel, BALL)[0]
     assert long < short / 2
 
 
 def test_the_picture_is_that_of_the_whole_ring(gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]) -> None:
-    gel.expose(3.0)
-    series = replace(gel.series(LightGroups.TRIPLES, BALL), exposure_us=24000.0)
-    gel.expose(1.0)
+    series = replace(exposed(gel, LightGroups.TRIPLES, BALL), exposure_us=24000.0)
     felt = paths[LightGroups.TRIPLES].reconstruct(series)
     whole = gel.picture(BALL, RING.colours).astype(float)
     assert np.abs(felt.camera_frame.image - whole).mean() < 1.5
@@ -90,9 +92,7 @@ def test_the_picture_is_that_of_the_whole_ring(gel: Gel, paths: dict[LightGroups
 
 def test_shadows_of_a_plate_are_left_out(gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]) -> None:
     press = Press("CCONVEX", 0.8)
-    gel.expose(3.0)
-    path, series = paths[LightGroups.TRIPLES], gel.series(LightGroups.TRIPLES, press)
-    gel.expose(1.0)
+    path, series = paths[LightGroups.TRIPLES], exposed(gel, LightGroups.TRIPLES, press)
     felt = path.reconstruct(series)
     shadowed = felt.exposures.lights < 12
     assert 0.01 < shadowed.mean() < 0.6
@@ -123,10 +123,8 @@ def _blind(path: PhotometricReconstructor) -> PhotometricReconstructor:
 def test_a_scene_at_rest_is_never_called_moved(
     gel: Gel, paths: dict[LightGroups, PhotometricReconstructor], kind: LightGroups
 ) -> None:
-    gel.expose(3.0)
     presses = [None, BALL, Press("BALL", 1.5, -7.0, 5.0), Press("TSTEP", 0.8), Press("SINWAVE", 0.8, 1.0)]
-    reports = [paths[kind].reconstruct(gel.series(kind, press)).exposures for press in presses]
-    gel.expose(1.0)
+    reports = [paths[kind].reconstruct(exposed(gel, kind, press)).exposures for press in presses]
     assert not any(report is None or report.moved for report in reports), [r and r.as_json() for r in reports]
 
 
@@ -139,9 +137,7 @@ def test_a_press_that_deepens_slides_or_returns_is_called_moved(
     deeper: list[Press | None] = [BALL] * half + [replace(BALL, depth_mm=1.1)] * (count + 1 - half)
     slides: list[Press | None] = [BALL] * half + [replace(BALL, x_mm=4.2)] * (count + 1 - half)
     returns: list[Press | None] = [BALL, None, *[BALL] * (count - 1)]
-    gel.expose(3.0)
-    reports = [paths[kind].reconstruct(gel.series(kind, presses)).exposures for presses in (deeper, slides, returns)]
-    gel.expose(1.0)
+    reports = [paths[kind].reconstruct(exposed(gel, kind, one)).exposures for one in (deeper, slides, returns)]
     assert all(report is not None and report.moved for report in reports), [r and r.as_json() for r in reports]
     last = reports[-1]
     assert last.repetition_grey < last.repetition_limit_grey, "only the misfit can see what came back"
@@ -153,9 +149,7 @@ def test_motion_is_flagged_where_it_was_and_nowhere_else(
     gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]
 ) -> None:
     there, gone = Press("BALL", 0.8, 10.0, -5.0), Press("BALL", 0.8, 10.5, -5.0)
-    gel.expose(3.0)
-    felt = paths[LightGroups.TRIPLES].reconstruct(gel.series(LightGroups.TRIPLES, [there] * 3 + [gone] * 2))
-    gel.expose(1.0)
+    felt = paths[LightGroups.TRIPLES].reconstruct(exposed(gel, LightGroups.TRIPLES, [there] * 3 + [gone] * 2))
     moving = felt.exposures.moving
     rows, columns = np.nonzero(moving)
     assert moving.shape == felt.depth_mm.shape

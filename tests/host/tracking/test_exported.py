@@ -13,8 +13,8 @@ from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import CaptureStamp
 from gellight.opening import open_camera
 from gellight.recording.recording_file import RecordingWriter
-from tests.helpers import children
 from tests.helpers.children import gellight, run
+from tests.helpers.command_line import invoke, refused
 from tests.helpers.doc_examples import examples
 from tests.helpers.places import CHECKOUT
 
@@ -51,7 +51,7 @@ def slid(motions: np.ndarray) -> None:
 def test_the_arrays_have_the_motion_where_it_is_asked_for(recording: Path, tmp_path: Path) -> None:
     h5py = pytest.importorskip("h5py")
     for name, more in (("asked", ["--track"]), ("plain", [])):
-        children.gellight("export", recording, "--out", tmp_path / name, "--as", "hdf5", *more, check=True)
+        assert invoke("export", recording, "--out", tmp_path / name, "--as", "hdf5", *more).exit_code == 0
     with h5py.File(tmp_path / "asked/frames.h5") as file:
         assert set(file["figures/object"][:]) == {1}
         slid(file["figures/motion"][:])
@@ -60,9 +60,10 @@ def test_the_arrays_have_the_motion_where_it_is_asked_for(recording: Path, tmp_p
         assert set(file["figures/object"][:]) == {0}
 
 
+@pytest.mark.nightly
 def test_the_episode_has_the_motion_as_features_that_are_no_observation(recording: Path, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    children.gellight("export", recording, "--out", tmp_path, "--as", "lerobot", "--track", check=True)
+    assert invoke("export", recording, "--out", tmp_path, "--as", "lerobot", "--track").exit_code == 0
     folder = tmp_path / "lerobot"
     info = json.loads((folder / "meta/info.json").read_text())
     rows = parquet.read_table(folder / "data/chunk-000/file-000.parquet").to_pylist()
@@ -77,12 +78,12 @@ def test_the_episode_has_the_motion_as_features_that_are_no_observation(recordin
 
 
 def test_a_kind_without_a_place_for_the_pose_is_refused(recording: Path, tmp_path: Path) -> None:
-    done = children.gellight("export", recording, "--out", tmp_path / "out", "--as", "ply", "--track")
-    assert done.returncode == 2
-    assert "--as ply has no place for a pose: take one of hdf5, zarr, lerobot, webdataset" in done.stderr
+    said = refused(invoke("export", recording, "--out", tmp_path / "out", "--as", "ply", "--track"))
+    assert "--as ply has no place for a pose: take one of hdf5, zarr, lerobot, webdataset" in said
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.nightly
 def test_the_sequence_is_simulated_and_the_program_tells_where_the_object_is(tmp_path: Path) -> None:
     (tmp_path / "peg.json").write_text(examples(DOCUMENT, "json")[0])
     command = re.search(r"^gellight (simulate sequence .*)$", (CHECKOUT / DOCUMENT).read_text(), re.MULTILINE)

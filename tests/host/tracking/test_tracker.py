@@ -13,10 +13,10 @@ from gellight.frames.frames import CameraFrame, Provenance, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.frames.pose import ObjectPose, PoseFigures
 from gellight.lab.simulator.sequence import read_sequence, write_sequence
-from gellight.tracking.following import GAP_S, ObjectFollower
+from gellight.tracking.following import ObjectFollower
 from gellight.tracking.loss import Loss
 from gellight.tracking.rigid import inverse, twist_of
-from gellight.tracking.tracker import GIVE_UP, Tracker
+from gellight.tracking.tracker import Tracker
 from gellight.tracking.view import touching
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.moving import Height, ball, bar, faint, moved, nothing, other, relief, seen
@@ -65,14 +65,14 @@ def test_another_object_is_announced_at_once_and_gets_another_number() -> None:
     for number in range(4):
         tracker.follow(seen(relief), number)
     poses, why = [], []
-    for number in range(4, 4 + GIVE_UP + 1):
+    for number in range(4, 10):
         poses.append(tracker.follow(seen(other), number))
         why.append(tracker.loss)
-    assert why == [*[Loss.UNLIKE] * (GIVE_UP - 1), None, None]
+    assert why == [*[Loss.UNLIKE] * 4, None, None]
     assert all(pose is not None for pose in poses)
-    assert [pose.lost for pose in poses if pose] == [*[True] * (GIVE_UP - 1), False, False]
-    assert [pose.number for pose in poses if pose] == [*[1] * (GIVE_UP - 1), 2, 2]
-    assert poses[-1].since_sequence == 4 + GIVE_UP - 1
+    assert [pose.lost for pose in poses if pose] == [*[True] * 4, False, False]
+    assert [pose.number for pose in poses if pose] == [*[1] * 4, 2, 2]
+    assert poses[-1].since_sequence == 8
 
 
 def test_a_lifted_object_is_lost_once_and_found_again() -> None:
@@ -191,9 +191,10 @@ def test_after_a_gap_or_with_another_calibration_it_is_another_object(
     felt: list[tuple[np.ndarray, TactileFrame]],
 ) -> None:
     follower, (_, frame) = ObjectFollower(on=True), felt[0]
-    later = replace(frame, camera_frame=replace(frame.camera_frame, time_s=GAP_S + 1))
+    begun_s = frame.camera_frame.time_s
+    soon, later = (replace(frame, camera_frame=replace(frame.camera_frame, time_s=begun_s + s)) for s in (0.99, 2.0))
     other = replace(later, provenance=replace(later.provenance, calibration="b"))
-    assert [follower.follow(one).pose.number for one in (frame, frame, later, other, other)] == [1, 1, 2, 3, 3]
+    assert [follower.follow(one).pose.number for one in (frame, soon, later, other, other)] == [1, 1, 2, 3, 3]
     follower.switch(on=True)
     assert follower.follow(other).pose.number == 3, "it goes on"
     follower.switch(on=False)

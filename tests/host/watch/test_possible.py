@@ -17,8 +17,6 @@ from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.training import Learning, TrainingOptions, fit
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth
-from sim_reference.camera import CameraResponse
-from sim_reference.geometry import SensorGeometry
 from tests.benchmarks.real_sets import SETS
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.places import real
@@ -27,10 +25,10 @@ from tests.helpers.weighed import LAYER, force_files
 NOISE = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
 
 
-def test_the_watch_says_it_at_once_and_no_longer_than_it_lasts(synthetic: Bundle) -> None:
-    watch, path = SensorWatch(synthetic, thickness_mm=gel_thickness_mm(synthetic)), Reconstructor(synthetic)
+def test_the_watch_says_it_at_once_and_no_longer_than_it_lasts(halved: Bundle) -> None:
+    watch, path = SensorWatch(halved, thickness_mm=gel_thickness_mm(halved)), Reconstructor(halved)
     kinds = []
-    for number, image in enumerate((NOISE, synthetic.reference.astype(np.uint8))):
+    for number, image in enumerate((NOISE[:240, :320], halved.reference.astype(np.uint8))):
         watch.note(path.reconstruct(CameraFrame(image=image, time_s=number * PERIOD_S, sequence=number)))
         kinds.append([finding.kind for finding in watch.findings()])
     assert kinds == [["too_deep"], []]
@@ -51,17 +49,19 @@ def test_the_bundle_knows_its_gel_better_than_the_settings(synthetic: Bundle, tm
     assert gel_thickness_mm(plain) is None
 
 
-def test_a_contact_where_the_calibration_has_no_press_is_said_while_it_lasts(synthetic: Bundle, tmp_path: Path) -> None:
-    press = Scene(SensorGeometry(), CameraResponse()).show(Press("BALL", 1.0, -6.0, 0.0))
+def test_a_contact_where_the_calibration_has_no_press_is_said_while_it_lasts(
+    halved_scene: Scene, halved: Bundle, tmp_path: Path
+) -> None:
+    press = halved_scene.show(Press("BALL", 1.0, -6.0, 0.0))
     image = np.clip(press[0], 0, 255).astype(np.uint8)
     y, x = np.nonzero(press[1].contact)
     rows = np.zeros((len(x), 7), np.float32)
-    rows[:, :3], rows[:, 3:5] = (image - synthetic.reference)[y, x], np.stack([x, y], axis=1)
+    rows[:, :3], rows[:, 3:5] = (image - halved.reference)[y, x], np.stack([x, y], axis=1)
     rows[:, 5] = 9.0
-    for side, kinds in ((0, []), (300, ["not_learnt"])):
+    for side, kinds in ((0, []), (150, ["not_learnt"])):
         content = io.BytesIO()
         np.savez(content, rows=rows + np.array([0, 0, 0, side, 0, 0, 0], np.float32))
-        bundle = extend_bundle(synthetic, tmp_path / str(side), {"presses.npz": content.getvalue()})
+        bundle = extend_bundle(halved, tmp_path / str(side), {"presses.npz": content.getvalue()})
         watch, path = SensorWatch(bundle), Reconstructor(bundle)
         watch.note(path.reconstruct(CameraFrame(image=image, time_s=0.0, sequence=0)))
         assert [finding.kind for finding in watch.findings()] == kinds
@@ -70,14 +70,15 @@ def test_a_contact_where_the_calibration_has_no_press_is_said_while_it_lasts(syn
         assert not watch.findings()
 
 
-@pytest.mark.parametrize("name", ["BALL", "PCONVEX", "PINS"])
-def test_the_deepest_presses_of_the_simulated_sensor_can_be(watched_scene: Scene, synthetic: Bundle, name: str) -> None:
-    picture = np.clip(watched_scene.show(Press(name, 2.0, 3.0, -2.0))[0], 0, 255).astype(np.uint8)
-    frame = Reconstructor(synthetic).reconstruct(CameraFrame(image=picture, time_s=0.0, sequence=0))
+@pytest.mark.parametrize("name", ["BALL", "PINS", pytest.param("PCONVEX", marks=pytest.mark.nightly)])
+def test_the_deepest_presses_of_the_simulated_sensor_can_be(halved_scene: Scene, halved: Bundle, name: str) -> None:
+    picture = np.clip(halved_scene.show(Press(name, 2.0, 3.0, -2.0))[0], 0, 255).astype(np.uint8)
+    frame = Reconstructor(halved).reconstruct(CameraFrame(image=picture, time_s=0.0, sequence=0))
     assert frame.contact.indentation_mm > 1
-    assert not [*impossible_depth(frame, gel_thickness_mm(synthetic)), *guessed_contact(frame)]
+    assert not [*impossible_depth(frame, gel_thickness_mm(halved)), *guessed_contact(frame)]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "name",
     [

@@ -1,6 +1,7 @@
 """The zero follows slow drift, never a touch, never far, never a jump; and what a change costs is known beforehand."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ from gellight.lab.simulator.scene import Press
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.watch.cells import spread
 from gellight.watch.expected import ErrorEstimate
+from gellight.watch.explanation import Explanation
 from gellight.watch.findings import WatchFinding
 from gellight.watch.monitor import SensorWatch
+from gellight.watch.rezero import Situation, refusal
 from sim_reference.camera import digitise
 from sim_reference.deformation import NO_OBJECT
 from sim_reference.objects import PROBES, ObjectParameters
@@ -32,25 +35,25 @@ def fade(sensor: WatchedSensor, to: float, seconds: float) -> None:
         sensor.run(1.0)
 
 
-def test_slow_drift_is_followed_and_the_depth_returns_to_zero(new_sensor: New, synthetic: Bundle) -> None:
+def test_slow_drift_is_followed_and_the_depth_returns_to_zero(new_sensor: New, halved: Bundle) -> None:
     sensor = new_sensor(2000)
     sensor.run(3)
     fade(sensor, 0.96, 40)
     sensor.run(4)
     frame = sensor.frame().camera_frame
-    before = Reconstructor(synthetic).reconstruct(frame)
+    before = Reconstructor(halved).reconstruct(frame)
     assert np.abs(before.depth_mm).mean() > 0.04, "four per cent less light is taken for a twentieth of a millimetre"
     zero = sensor.watch.propose_zero(asked=False)
     sensor.watch.accept_zero(zero)
-    after = Reconstructor(synthetic.with_reference(zero.reference, frames=100)).reconstruct(frame)
+    after = Reconstructor(halved.with_reference(zero.reference, frames=100)).reconstruct(frame)
     assert np.abs(after.depth_mm).mean() < 0.002
-    assert np.abs(zero.reference - synthetic.reference * 0.96).mean() < 0.15
+    assert np.abs(zero.reference - halved.reference * 0.96).mean() < 0.15
     assert sensor.watch.refusal(asked=False) == "the zero is right"
 
 
 @pytest.mark.parametrize("press", [Press("BALL", 0.03, 4.0, 2.0), Press("BALL", 1.0, -9.0, 6.0), Press("TSTEP", 0.3)])
-def test_the_zero_is_never_set_in_contact(new_sensor: New, press: Press) -> None:
-    sensor = new_sensor(2100)
+def test_the_zero_is_never_set_in_contact(new_sensor: New, whole_sensor: New, press: Press) -> None:
+    sensor = (whole_sensor if press.depth_mm < 0.1 else new_sensor)(2100)
     sensor.run(3)
     fade(sensor, 0.97, 20)
     assert sensor.watch.refusal(asked=False) == ""
@@ -81,15 +84,15 @@ def test_a_flat_plate_on_the_whole_gel_is_not_taken_for_light(
     assert sensor.watch.refusal(asked=True) == ""
 
 
-def test_a_touch_that_nobody_noticed_is_not_taken_into_the_zero(new_sensor: New, synthetic: Bundle) -> None:
+def test_a_touch_that_nobody_noticed_is_not_taken_into_the_zero(new_sensor: New, halved: Bundle) -> None:
     sensor = new_sensor(2150)
     fade(sensor, 0.97, 20)
     sensor.run(4, Press("BALL", 0.01, 4.0, 2.0))
     zero = sensor.watch.propose_zero(asked=True)
-    at = (slice(240 + 34 - 12, 240 + 34 + 12), slice(320 + 68 - 12, 320 + 68 + 12))
+    at = (slice(120 + 17 - 6, 120 + 17 + 6), slice(160 + 34 - 6, 160 + 34 + 6))
     print_grey = sensor.scene.show(Press("BALL", 0.01, 4.0, 2.0))[0] - sensor.scene.show(None)[0]
     assert np.abs(print_grey[at]).max() > 1.5
-    absorbed = zero.reference - 0.97 * synthetic.reference
+    absorbed = zero.reference - 0.97 * halved.reference
     assert np.ptp(absorbed[at], axis=(0, 1)).max() < 0.02, "a smooth light cannot hold the print of a ball"
 
 
@@ -133,15 +136,15 @@ def test_the_zero_does_not_follow_beyond_its_bound_nor_what_is_not_understood(ne
     sensor.run(5)
     assert "more than 15%: calibrate the sensor again" in sensor.watch.refusal(asked=True)
     strange = new_sensor(2301)
-    shade = 1 - 0.1 * np.sin(np.linspace(0, 3 * np.pi, 640, dtype=np.float32))[None, :, None]
-    strange.spot = np.broadcast_to(shade, (480, 640, 3))
+    shade = 1 - 0.1 * np.sin(np.linspace(0, 3 * np.pi, 320, dtype=np.float32))[None, :, None]
+    strange.spot = np.broadcast_to(shade, (240, 320, 3))
     strange.run(5)
     assert strange.watch.refusal(asked=True) != ""
 
 
-def test_a_watch_may_be_told_to_set_no_zero_by_itself(new_sensor: New, synthetic: Bundle) -> None:
+def test_a_watch_may_be_told_to_set_no_zero_by_itself(new_sensor: New, halved: Bundle) -> None:
     sensor = new_sensor(2350)
-    sensor.watch = SensorWatch(synthetic, rezero=False)
+    sensor.watch = SensorWatch(halved, rezero=False)
     sensor.run(3)
     fade(sensor, 0.97, 20)
     assert "only when asked" in sensor.watch.refusal(asked=False)
@@ -150,7 +153,7 @@ def test_a_watch_may_be_told_to_set_no_zero_by_itself(new_sensor: New, synthetic
 
 @pytest.mark.parametrize(("leds", "gain"), [({}, 0.93), ({0: 0.5}, 1.0), ({5: 0.0}, 1.0)])
 def test_the_expected_error_is_the_error_that_presses_then_show(
-    new_sensor: New, synthetic: Bundle, leds: dict[int, float], gain: float
+    new_sensor: New, halved: Bundle, leds: dict[int, float], gain: float
 ) -> None:
     sensor = new_sensor(2400)
     sensor.leds, sensor.gain = leds, np.full(3, gain)
@@ -158,10 +161,8 @@ def test_the_expected_error_is_the_error_that_presses_then_show(
     expected = sensor.watch.status()["expected"]
     assert isinstance(expected, dict)
     change = sensor.watch._judgement.fitted  # type: ignore[union-attr]
-    zeroed = synthetic.with_reference(
-        np.clip(synthetic.reference + spread(change, synthetic.image_shape), 0, 255), frames=100
-    )
-    plain, again = Reconstructor(synthetic), Reconstructor(zeroed)
+    zeroed = halved.with_reference(np.clip(halved.reference + spread(change, halved.image_shape), 0, 255), frames=100)
+    plain, again = Reconstructor(halved), Reconstructor(zeroed)
     untouched = plain.reconstruct(sensor.frame().camera_frame)
     flat = np.zeros_like(untouched.gradient_map)
     assert expected["zero_deg"] == pytest.approx(angle_deg(untouched.normal_map, normals(flat)).mean(), rel=0.05)
@@ -171,10 +172,10 @@ def test_the_expected_error_is_the_error_that_presses_then_show(
     assert extra / 2 < expected["gain_deg"] < 2 * extra + 0.3
 
 
-def test_a_sound_sensor_expects_no_error(new_sensor: New, synthetic: Bundle) -> None:
-    nothing = np.zeros((60, 80, 3), np.float32)
+def test_a_sound_sensor_expects_no_error(new_sensor: New, halved: Bundle) -> None:
+    nothing = np.zeros((30, 40, 3), np.float32)
     reference = np.full_like(nothing, 100)
-    errors = ErrorEstimate(synthetic).of(nothing, reference, nothing)
+    errors = ErrorEstimate(halved).of(nothing, reference, nothing)
     assert vars(errors) == pytest.approx(dict.fromkeys(vars(errors), 0), abs=1e-4)
 
 
@@ -186,15 +187,15 @@ def fading_camera(sensor: WatchedSensor, to: float, frames: int) -> ScriptedCame
         lit = (bare * gains[min(number, frames - 1)]).astype(np.float32)
         return CameraFrame(image=digitise(lit, NOISE_GREY, sensor._random), time_s=number / 4, sequence=number)
 
-    return ScriptedCamera(picture, shape=(480, 640), period_s=0.02)
+    return ScriptedCamera(picture, shape=(240, 320), period_s=0.02)
 
 
 def test_a_running_daemon_follows_drift_by_itself_and_goes_on_streaming(
-    new_sensor: New, synthetic: Bundle, monkeypatch: pytest.MonkeyPatch
+    new_sensor: New, halved: Bundle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gellight.daemon.session.PERIOD_S", 0.01)
     camera = fading_camera(new_sensor(2500), 0.97, 160)
-    with session_of(camera, Reconstructor(synthetic), watch=SensorWatch(synthetic)) as daemon:
+    with session_of(camera, Reconstructor(halved), watch=SensorWatch(halved)) as daemon:
         frame = daemon.wait_frame(0, 10)
         while frame.camera_frame.sequence < 200 or np.abs(frame.depth_mm).mean() > 0.01:
             frame = daemon.wait_frame(frame.camera_frame.sequence, 10)
@@ -202,11 +203,54 @@ def test_a_running_daemon_follows_drift_by_itself_and_goes_on_streaming(
         status = daemon.status()["watch"]
         assert isinstance(status, dict)
         assert status["zeros"] >= 1
-        assert np.abs(Reconstructor(synthetic).reconstruct(frame.camera_frame).depth_mm).mean() > 0.03
-        assert daemon.bundle.identity == synthetic.identity, "a zero is no other calibration"
+        assert np.abs(Reconstructor(halved).reconstruct(frame.camera_frame).depth_mm).mean() > 0.03
+        assert daemon.bundle.identity == halved.identity, "a zero is no other calibration"
 
 
-def test_a_daemon_without_a_watch_cannot_set_its_zero(synthetic: Bundle, new_sensor: New) -> None:
+def test_a_daemon_without_a_watch_cannot_set_its_zero(halved: Bundle, new_sensor: New) -> None:
     camera = fading_camera(new_sensor(2600), 1.0, 2)
-    with session_of(camera, Reconstructor(synthetic)) as daemon, pytest.raises(InputError, match="not watched"):
+    with session_of(camera, Reconstructor(halved)) as daemon, pytest.raises(InputError, match="not watched"):
         daemon.rezero()
+
+
+@pytest.mark.parametrize(
+    ("situation", "allowed"),
+    [
+        ({}, True),
+        ({"explanation": None}, False),
+        ({"touched": True}, False),
+        ({"gains": (1.149, 0.851, 1.0)}, True),
+        ({"gains": (1.151, 1.0, 1.0)}, False),
+        ({"gains": (1.0, 0.849, 1.0)}, False),
+        ({"left_grey": 0.49}, True),
+        ({"left_grey": 0.51}, False),
+        ({"left_grey": 3.04, "rest_grey": 2.0}, True),
+        ({"left_grey": 3.05, "rest_grey": 2.0}, False),
+        ({"pressed_mm": 0.01}, False),
+    ],
+)
+def test_no_zero_is_set_beyond_a_bound_even_when_asked(situation: dict[str, Any], allowed: bool) -> None:
+    assert [refusal(situated(**situation), asked=asked) == "" for asked in (False, True)] == [allowed, allowed]
+
+
+@pytest.mark.parametrize(
+    ("situation", "allowed"),
+    [
+        ({"since_zero_grey": 0.09}, False),
+        ({"since_zero_grey": 0.11, "since_zero_s": 10.1, "sudden_grey": 0.99}, True),
+        ({"since_zero_s": 9.9}, False),
+        ({"sudden_grey": 1.01}, False),
+    ],
+)
+def test_by_itself_the_zero_follows_what_is_worth_it_seldom_and_never_a_jump(
+    situation: dict[str, Any], allowed: bool
+) -> None:
+    assert [refusal(situated(**situation), asked=asked) == "" for asked in (False, True)] == [allowed, True]
+
+
+def situated(**changes: Any) -> Situation:
+    """A change of the light that a new zero may follow, but for these figures."""
+    known = {"size_grey": 2.0, "left_grey": 0.0, "gains": (0.98, 0.98, 0.98), "pressed_mm": 0.0}
+    explanation = Explanation(**{name: changes.pop(name, value) for name, value in known.items()})
+    sound = {"touched": False, "since_zero_grey": 2.0, "sudden_grey": 0.2, "since_zero_s": 60.0}
+    return Situation(**{**sound, "explanation": explanation, **changes})

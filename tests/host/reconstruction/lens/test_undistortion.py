@@ -1,7 +1,10 @@
-"""A bundle with a lens: what is felt has its true shape and size, and without one nothing changes."""
+"""A bundle with a lens: what is felt has its true shape and size; and the lens as a pinhole camera of OpenCV."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -11,10 +14,11 @@ from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.daemon.configuration import mode_config
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import TactileFrame
+from gellight.reconstruction.lens import intrinsics as module
+from gellight.reconstruction.lens.intrinsics import intrinsics
 from gellight.reconstruction.lens.lens_file import FILE_NAME, LensRecord, has_lens
 from gellight.reconstruction.lens.model import Lens
 from gellight.reconstruction.lens.undistortion import Undistortion, circle_on_gel
-from tests.benchmarks.frame_times import frame_times
 from tests.helpers.distorted import TrueLens
 from tests.helpers.linear_sensor import linear_bundle, photograph
 
@@ -31,21 +35,11 @@ STRAIGHT = TrueLens(centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), shape=SHAPE
 
 def with_lens(bundle: Bundle, folder: Path, lens: TrueLens, *, from_circles: bool = False) -> Bundle:
     record = LensRecord(
-        image_width_px=SHAPE[1],
-        image_height_px=SHAPE[0],
-        centre_px=lens.centre_px,
-        k1=lens.k1,
-        k2=lens.k2,
-        px_per_mm=(1 / PIXEL_MM, 0.0, 1 / PIXEL_MM),
-        origin_mm=(0.0, 0.0),
-        learnt_from_circles=from_circles,
-        pitch_mm=2.0,
-        images=("grid.png",),
-        pins=200,
-        rms_before_px=2.0,
-        rms_after_px=0.02,
+        image_width_px=SHAPE[1], image_height_px=SHAPE[0], centre_px=lens.centre_px, k1=lens.k1, k2=lens.k2,
+        px_per_mm=(1 / PIXEL_MM, 0.0, 1 / PIXEL_MM), origin_mm=(0.0, 0.0), learnt_from_circles=from_circles,
+        pitch_mm=2.0, images=("grid.png",), pins=200, rms_before_px=2.0, rms_after_px=0.02,
         created="2026-01-01T00:00:00Z",
-    )
+    )  # fmt: skip
     return extend_bundle(bundle, folder, {FILE_NAME: record.model_dump_json().encode()})
 
 
@@ -135,11 +129,6 @@ def test_without_the_file_there_is_no_such_stage(plain: Bundle, tmp_path: Path) 
     assert "lens" in felt(with_lens(plain, tmp_path / "lens", BARREL), flat).stage_seconds
 
 
-def test_a_bundle_with_a_lens_can_be_timed(plain: Bundle, tmp_path: Path) -> None:
-    times = frame_times(with_lens(plain, tmp_path / "lens", BARREL), rounds=1)
-    assert all("lens" in scene.stages for scene in times)
-
-
 def test_what_the_camera_does_not_see_is_not_felt(plain: Bundle, tmp_path: Path) -> None:
     pincushion = TrueLens(k1=0.1, centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), shape=SHAPE)
     slopes = cap_slopes(pincushion.gel_of_pixels() - (14.0, 10.5), BALL_MM, CONTACT_MM)
@@ -207,5 +196,29 @@ def test_a_small_contact_keeps_its_slopes_between_the_pixels() -> None:
     assert abs(int(moved_touch.sum()) - int(touched.sum())) < 0.02 * touched.sum()
 
 
-def test_the_lens_takes_part_in_the_identity_of_the_bundle(plain: Bundle, tmp_path: Path) -> None:
-    assert with_lens(plain, tmp_path / "lens", BARREL).identity != plain.identity
+# ---- the same lens in OpenCV ----
+
+LENS = Lens(
+    image_shape=(480, 640), centre_px=(322.5, 236.25), k1=-0.08, k2=0.01, px_per_mm=(17.0, 0.0, 17.0),
+    origin_mm=(0.4, -0.3),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("distance_mm", [25.0, 40.0])
+def test_opencv_projects_with_it_as_the_lens_does(monkeypatch: pytest.MonkeyPatch, distance_mm: float) -> None:
+    monkeypatch.setattr(module, "read_record", lambda bundle: None)
+    monkeypatch.setattr(module, "lens_of", lambda record: LENS)
+    bundle: Any = SimpleNamespace(files={"lens.json": b""})
+    camera = intrinsics(bundle, distance_mm)
+    gel_mm = np.random.default_rng(3).uniform([-18, -13], [18, 13], (50, 2))
+    points = np.column_stack([gel_mm + LENS.origin_mm, np.full(50, distance_mm)])
+    coefficients = np.array([*camera.distortion, 0, 0, 0])
+    projected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.matrix, coefficients)
+    assert projected[:, 0] == pytest.approx(LENS.to_picture(gel_mm), abs=1e-6)
+
+
+def test_without_a_lens_the_pixel_size_tells_the_focal_length() -> None:
+    bundle: Any = SimpleNamespace(files={}, pixel_size_mm=(0.05, 0.04), image_shape=(480, 640))
+    camera = intrinsics(bundle, 40.0)
+    assert camera.matrix.tolist() == [[800, 0, 319.5], [0, 1000, 239.5], [0, 0, 1]]
+    assert camera.distortion == (0, 0)

@@ -118,23 +118,29 @@ Step = tuple[float, float, float]
 """mm along x of imprint and gel, mm2"""
 AGAIN = Slip(state=SlipState.UNKNOWN, why="it has only begun")
 GROWS = Slip(state=SlipState.UNKNOWN, why="the contact grows or shrinks")
+STICKS = Slip(state=SlipState.STICK, confidence=1.0)
+
+
+@pytest.fixture(scope="module")
+def pressed(scene: Scene, bundle: Bundle) -> TactileFrame:
+    return next(frames(scene, bundle, [0.0], (1.0, 0.5)))[0]
 
 
 @pytest.mark.parametrize(
     ("then", "after_s", "told"),
     [
-        ((0.0, 0.0, 20.0), FRAME_S, Slip(state=SlipState.STICK, confidence=1.0)),
+        ((0.0, 0.0, 20.0), FRAME_S, STICKS),
         ((2.6, 0.0, 20.0), FRAME_S, AGAIN),
+        ((0.0, 0.0, 20.0), 0.99, STICKS),
         ((0.0, 0.0, 20.0), 1.01, AGAIN),
-        ((0.0, 0.0, 23.0), FRAME_S, GROWS),
+        ((0.0, 0.0, 22.1), FRAME_S, STICKS),
+        ((0.0, 0.0, 22.3), FRAME_S, GROWS),
     ],
-    ids=["goes on", "is elsewhere", "is later", "grows"],
+    ids=["goes on", "is elsewhere", "is late", "is later", "grows by less than a tenth", "grows"],
 )
-def test_one_contact_is_compared_with_itself(
-    scene: Scene, bundle: Bundle, then: Step, after_s: float, told: Slip
-) -> None:
+def test_one_contact_is_compared_with_itself(pressed: TactileFrame, then: Step, after_s: float, told: Slip) -> None:
     """One that is farther away than the radius of 2.5 mm is another one."""
-    assert told_of(scene, bundle, [(0.0, 0.0, 20.0)] * 6 + [then], after_s)[-1] == told
+    assert told_of(pressed, [(0.0, 0.0, 20.0)] * 6 + [then], after_s)[-1] == told
 
 
 CREEPING = [(0.013 * step, 0.4 * 0.013 * step, 20.0) for step in range(8)]
@@ -152,14 +158,34 @@ CREEPING = [(0.013 * step, 0.4 * 0.013 * step, 20.0) for step in range(8)]
     ids=["it creeps", "it has grown meanwhile", "it slid before, and sticks since"],
 )  # fmt: skip
 def test_creep_is_sought_as_far_back_as_the_contact_is_the_same(
-    scene: Scene, bundle: Bundle, steps: list[Step], state: SlipState
+    pressed: TactileFrame, steps: list[Step], state: SlipState
 ) -> None:
-    assert told_of(scene, bundle, steps)[-1].state is state
+    assert told_of(pressed, steps)[-1].state is state
 
 
-def told_of(scene: Scene, bundle: Bundle, steps: list[Step], last_s: float = FRAME_S) -> list[Slip]:
+@pytest.mark.parametrize(
+    ("imprint_mm", "gel_mm", "state"),
+    [
+        (0.019, 0.0, SlipState.STICK),
+        (0.021, 0.0, SlipState.FULL),
+        (1.0, 0.86, SlipState.STICK),
+        (1.0, 0.84, SlipState.PARTIAL),
+        (1.0, 0.31, SlipState.PARTIAL),
+        (1.0, 0.29, SlipState.FULL),
+        (0.29, 1.0, SlipState.FULL),
+    ],
+)
+def test_what_the_gel_does_not_go_along_with_is_slip(
+    pressed: TactileFrame, imprint_mm: float, gel_mm: float, state: SlipState
+) -> None:
+    slip = told_of(pressed, [(0.0, 0.0, 20.0)] * 2 + [(imprint_mm, gel_mm, 20.0)])[-1]
+    assert slip.state is state
+    if slip.velocity_mm_s is not None:
+        assert slip.velocity_mm_s == pytest.approx(((imprint_mm - gel_mm) / (2 * FRAME_S), 0.0))
+
+
+def told_of(frame: TactileFrame, steps: list[Step], last_s: float = FRAME_S) -> list[Slip]:
     """What is told of a contact that goes so, frame by frame; last_s: before the last one."""
-    ((frame, _),) = frames(scene, bundle, [0.0], (1.0, 0.5))
     row, slips, told = np.stack([np.linspace(-8, 8, 63), np.zeros(63)], axis=1), SlipFollower(), []
     for number, (imprint_mm, gel_mm, area_mm2) in enumerate(steps):
         moved = row, np.tile([gel_mm, 0.0], (63, 1))
@@ -178,14 +204,13 @@ def test_nothing_is_said_where_no_dot_is_under_the_contact(scene: Scene, bundle:
     assert {(slip.state, slip.why) for slip, _ in told} == {(SlipState.UNKNOWN, "no dot is under the contact")}
 
 
-def test_a_gel_without_dots_has_no_slip_and_another_gel_says_why(scene: Scene, bundle: Bundle) -> None:
-    ((frame, _),) = frames(scene, bundle, [0.0], (1.0, 0.5))
-    dots = frame.camera_frame.dots
+def test_a_gel_without_dots_has_no_slip_and_another_gel_says_why(pressed: TactileFrame) -> None:
+    dots = pressed.camera_frame.dots
     assert dots is not None
     contacts, slips = ContactFollower(), SlipFollower()
-    plain = replace(frame, camera_frame=replace(frame.camera_frame, dots=None))
+    plain = replace(pressed, camera_frame=replace(pressed.camera_frame, dots=None))
     assert slips.follow(contacts.follow(plain)).slip is None
-    other = replace(frame, camera_frame=replace(frame.camera_frame, dots=replace(dots, problem="another gel")))
+    other = replace(pressed, camera_frame=replace(pressed.camera_frame, dots=replace(dots, problem="another gel")))
     slip = slips.follow(contacts.follow(other)).slip
     assert slip is not None
     assert (slip.state, slip.why, slip.confidence) == (SlipState.UNKNOWN, "another gel", 0)
