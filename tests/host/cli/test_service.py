@@ -15,7 +15,7 @@ from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import load_settings
 from gellight.cli.service import unit
 from tests.helpers import children
-from tests.helpers.command_line import invoke
+from tests.helpers.command_line import invoke, refused
 
 SENSOR = "sim://?object=BALL&depth=0.5&board=0"
 
@@ -96,28 +96,33 @@ def test_the_unit_starts_this_installation_and_is_watched() -> None:
 
 
 NO_NAMES = ["", "**", "../../x", "a/b", "a b", "a\n", ".a", "-a", "ä", 65 * "a"]
-SERVICE = ["service install --print", "service remove"]
+VERBS = ["service remove", "service install --print", "run --sensor sim:// --frames 1", "record --out x.mcap"]
 
 
-@pytest.mark.parametrize("name", NO_NAMES)
-@pytest.mark.parametrize("verb", ["run --sensor sim:// --frames 1", "record --out x.mcap", *SERVICE])
-def test_what_is_no_name_of_a_sensor_is_refused_wherever_it_is_given(verb: str, name: str, tmp_path: Path) -> None:
-    result = invoke(*verb.replace("x.mcap", str(tmp_path / "x.mcap")).split(), f"--name={name}")
+@pytest.mark.parametrize(
+    ("verb", "name"), [(VERBS[0], name) for name in NO_NAMES] + [(verb, "a b") for verb in VERBS[1:]]
+)
+def test_what_is_no_name_of_a_sensor_is_refused_wherever_it_is_given(
+    verb: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = invoke(*verb.split(), f"--name={name}")
     assert (result.exit_code, result.stdout, list(tmp_path.iterdir())) == (1, "", [])
     assert isinstance(result.exception, InputError)
     reason = "is not possible: give at most 64 letters" if name else "is empty: give it a value"
     assert reason in str(result.exception)
 
 
-@pytest.mark.parametrize("name", NO_NAMES[1:])
-def test_settings_take_the_same_names(name: str) -> None:
-    with pytest.raises(ConfigError, match="is not allowed: give at most 64 letters"):
-        load_settings({"stream.name": name})
+def test_settings_take_the_same_names() -> None:
+    for name in NO_NAMES[1:]:
+        with pytest.raises(ConfigError):
+            load_settings({"stream.name": name})
+    assert load_settings({"stream.name": 64 * "a"}).stream.name == 64 * "a"
 
 
 @pytest.mark.parametrize("sensor", ["a\nExecStart=/bin/evil", "a\r", "\x1b[1m", "", " "])
 def test_a_sensor_that_would_break_the_unit_file_is_refused(sensor: str) -> None:
-    done = children.gellight("service", "install", "--sensor", sensor, "--print")
-    assert (done.returncode, done.stdout) == (2, "")
+    done = invoke("service", "install", "--sensor", sensor, "--print")
+    assert done.stdout == ""
     reason = "is not possible" if sensor else "is empty"
-    assert re.fullmatch(rf"gellight: --sensor .* {reason}: .*\n", done.stderr)
+    assert re.fullmatch(rf"--sensor .* {reason}: .*", refused(done))
