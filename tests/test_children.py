@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from subprocess import PIPE
 
-from tests.helpers.children import GELLIGHT, run, started
+from tests.helpers.children import run, started
 
 
 def runs(process: int) -> bool:
@@ -28,15 +28,6 @@ def test_a_test_that_fails_leaves_neither_its_program_nor_what_that_started() ->
     while runs(below) and time.monotonic() < end_s:
         time.sleep(0.01)
     assert not runs(below)
-
-
-def test_ctrl_c_ends_what_was_started_even_where_the_tests_themselves_ignore_it() -> None:
-    code = f"import os, signal; signal.signal(signal.SIGINT, signal.SIG_IGN); os.execv({sys.executable!r}, {GELLIGHT!r}"
-    wait = "+ ('sim', '--seconds', '60'))"
-    with started([sys.executable, "-c", code + wait], stdout=PIPE, text=True) as program:
-        assert "a simulated board" in program.stdout.readline()
-        program.send_signal(signal.SIGINT)
-        assert program.wait(30) == 0
 
 
 def test_a_program_that_fails_is_returned_with_its_status() -> None:

@@ -1,10 +1,8 @@
 """A ring that cannot be used, and the verb `run`: one line that says what to do, status 2, dark LEDs."""
 
 import errno
-import json
 import os
 import pty
-import signal
 import sys
 import time
 from pathlib import Path
@@ -26,7 +24,7 @@ from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
 from gellight.ring.wire import Packet, decode, encode
 from gellight.sensor.opencv_camera import OpenCvCamera
-from tests.helpers.children import GELLIGHT, gellight, started
+from tests.helpers.children import gellight, started
 from tests.helpers.sensor_bench import Bench
 from tests.helpers.sessions import session_of
 from tests.helpers.settings import loaded
@@ -182,17 +180,6 @@ def test_a_run_without_a_sensor_ends_with_status_2_and_one_line() -> None:
     assert run.stdout == ""
     assert len(run.stderr.splitlines()) == 1
     assert "no sensor is called GL0404" in run.stderr
-
-
-def test_a_run_of_any_sensor_tells_its_status_and_a_termination_ends_it_properly() -> None:
-    command = [*GELLIGHT, "run", "--sensor", "sim://?object=BALL&depth=1", "--no-dashboard", "--json"]
-    with started(command, stdout=PIPE, stderr=PIPE, text=True) as run:
-        status = json.loads(run.stdout.readline())
-        assert status["sensor"].startswith("sim://")
-        assert {"frames", "fps", "lost", "error", "camera"} <= set(status)
-        run.send_signal(signal.SIGTERM)
-        assert run.wait(timeout=30) == 0
-        assert "Traceback" not in run.stderr.read()
 
 
 def test_without_a_sensor_in_the_settings_the_one_that_is_plugged_in_is_meant(

@@ -292,6 +292,7 @@ def test_the_angle_of_nearly_equal_normals_keeps_its_digits() -> None:
     np.testing.assert_allclose(angle_deg(a, b), [np.degrees(1e-7), 90.0], rtol=1e-6)
 
 
+@pytest.mark.nightly
 @pytest.mark.timeout(900)
 @pytest.mark.real_images("gelsight_mini_ball")
 def test_on_real_presses_the_error_is_what_it_is_worth() -> None:
