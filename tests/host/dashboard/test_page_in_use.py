@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.frames import Contact
-from tests.helpers.browsing import PATIENCE_MS, SIZES, Open, draw
+from tests.helpers.browsing import PATIENCE_MS, SIZES, Open, draw, paint, wait_until
 from tests.helpers.dashboard_source import PIXEL_MM, WIDTH, FormulaSource, bump
 
 pytestmark = pytest.mark.browser
@@ -20,31 +20,28 @@ IMAGES = ("image", "difference", "normal", "depth")
 
 
 def wait_for_calls(source: FormulaSource, page: Page, count: int) -> list[tuple[str, float, float, float] | None]:
-    waited = 0
-    while len(source.stage.calls) < count and waited < PATIENCE_MS:
-        page.wait_for_timeout(50)
-        waited += 50
+    wait_until(page, lambda: len(source.stage.calls) >= count)
     return source.stage.calls
 
 
-@pytest.mark.parametrize(("canvas", "size"), list(zip(IMAGES, 2 * SIZES, strict=True)), ids=IMAGES)
-def test_a_press_of_the_mouse_arrives_where_it_points(
-    opened: Open, source: FormulaSource, canvas: str, size: dict[str, int]
-) -> None:
+def test_a_press_of_the_mouse_arrives_where_it_points(opened: Open, source: FormulaSource) -> None:
     page = opened()
-    page.set_viewport_size(size)  # type: ignore[arg-type]
     draw(page, source, 0.5)
-    box = page.get_by_test_id(canvas).bounding_box()
-    mm_per_pixel = WIDTH * PIXEL_MM / min(box["width"], box["height"] * 4 / 3)
-    right, down = 41, -23
-    page.mouse.move(box["x"] + box["width"] / 2 + right, box["y"] + box["height"] / 2 + down)
-    page.mouse.down()
-    name, depth, x_mm, y_mm = wait_for_calls(source, page, 1)[0] or ("", 0.0, 0.0, 0.0)
-    assert (name, depth) == ("BALL", 0.8)
-    assert x_mm == pytest.approx(right * mm_per_pixel, abs=mm_per_pixel)
-    assert y_mm == pytest.approx(down * mm_per_pixel, abs=mm_per_pixel)
-    page.mouse.up()
-    assert wait_for_calls(source, page, 2)[-1] is None, "letting go releases"
+    for number, (canvas, size) in enumerate(zip(IMAGES, 2 * SIZES, strict=True)):
+        page.set_viewport_size(size)  # type: ignore[arg-type]
+        paint(page)
+        page.get_by_test_id(canvas).scroll_into_view_if_needed()
+        box = page.get_by_test_id(canvas).bounding_box()
+        mm_per_pixel = WIDTH * PIXEL_MM / min(box["width"], box["height"] * 4 / 3)
+        right, down = 41 + number, -23
+        page.mouse.move(box["x"] + box["width"] / 2 + right, box["y"] + box["height"] / 2 + down)
+        page.mouse.down()
+        name, depth, x_mm, y_mm = wait_for_calls(source, page, 2 * number + 1)[-1] or ("", 0.0, 0.0, 0.0)
+        assert (name, depth) == ("BALL", 0.8), canvas
+        assert x_mm == pytest.approx(right * mm_per_pixel, abs=mm_per_pixel), canvas
+        assert y_mm == pytest.approx(down * mm_per_pixel, abs=mm_per_pixel), canvas
+        page.mouse.up()
+        assert wait_for_calls(source, page, 2 * number + 2)[-1] is None, "letting go releases"
 
 
 def test_dragging_moves_the_press_and_stays_inside_the_view(opened: Open, source: FormulaSource) -> None:
