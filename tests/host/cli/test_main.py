@@ -130,7 +130,7 @@ def test_a_path_without_a_name_is_refused_and_this_folder_is_left_alone(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("typed", ["nan", "inf", "-inf", "1e300", "99999999999999999999"])
+@pytest.mark.parametrize("typed", ["nan", "inf", "-inf", "1e300", "1000000001", "-1000000001"])
 def test_no_verb_takes_a_number_that_nothing_can_have(typed: str) -> None:
     options = [option for verb in VERBS for option in verb.params]
     numbers = [one for one in options if re.search(r"\b(int|float)\b", str(one.type_descriptor.annotation))]

@@ -57,6 +57,7 @@ def test_the_address_that_is_printed_becomes_a_cookie(server: DashboardServer) -
     cookie = headers["Set-Cookie"]
     assert cookie.startswith(f"{COOKIE}={TOKEN};")
     assert "HttpOnly" in cookie
+    assert "Max-Age=2592000" in cookie, "a month"
     assert "SameSite=Strict" in cookie
     assert get(base(server) + "status", cookies={COOKIE: TOKEN})[0] == 200
 
