@@ -24,7 +24,8 @@ from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
 from gellight.ring.wire import Packet, decode, encode
 from gellight.sensor.opencv_camera import OpenCvCamera
-from tests.helpers.children import gellight, started
+from tests.helpers.children import started
+from tests.helpers.command_line import invoke, refused
 from tests.helpers.sensor_bench import Bench
 from tests.helpers.sessions import session_of
 from tests.helpers.settings import loaded
@@ -174,12 +175,11 @@ def test_opencv_itself_delivers_rgb_frames_until_the_camera_ends(tmp_path: Path)
 # ---- gellight run ----
 
 
-def test_a_run_without_a_sensor_ends_with_status_2_and_one_line() -> None:
-    run = gellight("run", "--sensor", "sensor://GL0404", "--frames", "3")
-    assert run.returncode == 2
-    assert run.stdout == ""
-    assert len(run.stderr.splitlines()) == 1
-    assert "no sensor is called GL0404" in run.stderr
+def test_a_run_without_a_sensor_is_refused_in_one_line() -> None:
+    run = invoke("run", "--sensor", "sensor://GL0404", "--frames", "3")
+    assert (run.stdout, run.stderr) == ("", "")
+    assert "GL0404" in refused(run)
+    assert "\n" not in refused(run)
 
 
 def test_without_a_sensor_in_the_settings_the_one_that_is_plugged_in_is_meant(

@@ -2,7 +2,6 @@
 
 import json
 import re
-import socket
 from pathlib import Path
 
 import cv2
@@ -24,18 +23,6 @@ def test_a_bounded_demo_ends_with_its_statistics() -> None:
     assert statistics["selfcheck"]["passed"], statistics["selfcheck"]
     assert statistics["error"] is None
     assert re.search(r"http://127\.0\.0\.1:\d+/", run.stderr), "the address of the dashboard is printed"
-
-
-def test_a_port_in_use_is_named_with_the_remedy() -> None:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        run = gellight("demo", "--no-browser", "--port", str(port))
-    assert run.returncode == 2
-    assert f"port {port}" in run.stderr
-    assert "--port" in run.stderr
-    assert "Traceback" not in run.stderr
 
 
 @pytest.mark.parametrize(
