@@ -4,7 +4,6 @@ import re
 import shlex
 import sys
 from collections.abc import Iterator
-from importlib.metadata import version
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -138,10 +137,6 @@ def test_every_option_in_the_text_exists() -> None:
 @pytest.mark.parametrize("name", gellight.__all__)
 def test_every_public_name_can_be_had(name: str) -> None:
     assert getattr(gellight, name).__doc__
-
-
-def test_the_version_is_that_of_the_installed_package() -> None:
-    assert gellight.__version__ == version("gellight")
 
 
 def test_importing_the_package_imports_nothing_heavy() -> None:

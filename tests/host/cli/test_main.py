@@ -12,6 +12,7 @@ from unittest.mock import Mock
 import pytest
 from typer.main import get_command
 
+import gellight
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import load_bundle
@@ -19,7 +20,7 @@ from gellight.cli import main
 from gellight.cli.main import app
 from gellight.cli.one_sensor import warn_of_foreign_bundle
 from gellight.cli.options import between
-from tests.helpers.children import gellight, run
+from tests.helpers import children
 from tests.helpers.command_line import invoke, refused, verbs
 
 VERBS = list(verbs(get_command(app)))
@@ -27,8 +28,9 @@ HEAVY = {"numpy", "cv2", "scipy", "onnxruntime", "aiohttp", "sim_reference", "ze
 
 
 def test_the_version_is_that_of_the_installed_package() -> None:
+    assert gellight.__version__ == importlib.metadata.version("gellight")
     result = invoke("--version")
-    assert (result.exit_code, result.output) == (0, f"gellight {importlib.metadata.version('gellight')}\n")
+    assert (result.exit_code, result.output) == (0, f"gellight {gellight.__version__}\n")
 
 
 NO_PYDANTIC = HEAVY | {"pydantic"}
@@ -64,7 +66,7 @@ for words in sys.argv[1:]:
 
 
 def test_a_verb_imports_only_what_it_needs(tmp_path: Path) -> None:
-    done = run([sys.executable, "-c", IMPORTS, *NEEDS], cwd=tmp_path, check=True)
+    done = children.run([sys.executable, "-c", IMPORTS, *NEEDS], cwd=tmp_path, check=True)
     imported = dict(map(json.loads, done.stdout.splitlines()))
     assert set(imported) == set(NEEDS)
     assert {words: found for words, own in NEEDS.items() if (found := own.intersection(imported[words]))} == {}
@@ -147,7 +149,7 @@ def test_an_empty_text_is_refused_but_for_what_may_be_empty(verb: tuple[str, ...
 
 
 def test_the_help_prints_the_groups() -> None:
-    said = gellight("calibrate", "--help", check=True).stdout
+    said = children.gellight("calibrate", "--help", check=True).stdout
     first, _, rest = said.partition(" Files ")
     assert "--ball-radius-mm" in first
     assert "--resume" not in first
