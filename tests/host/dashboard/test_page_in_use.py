@@ -1,5 +1,6 @@
 """The page in a real browser: what a visitor does reaches the stage, and what is lost is told and comes back."""
 
+import json
 import threading
 from dataclasses import replace
 from typing import Any
@@ -7,12 +8,14 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
+from gellight.daemon.assembly import open_session
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.frames import Contact
-from tests.helpers.browsing import PATIENCE_MS, SIZES, Open, draw, paint, wait_until
+from tests.helpers.browsing import PATIENCE_MS, SIZES, Open, becomes_live, draw, opening, paint, wait_until
 from tests.helpers.dashboard_source import PIXEL_MM, WIDTH, FormulaSource, bump
+from tests.helpers.settings import loaded
 
 pytestmark = pytest.mark.browser
 
@@ -111,14 +114,13 @@ def test_a_real_sensor_offers_no_press(opened: Open, source: FormulaSource) -> N
 def test_frames_that_stop_are_shown_as_old(opened: Open, source: FormulaSource) -> None:
     page = opened()
     draw(page, source, 0.5)
-    expect(page.get_by_test_id("state")).to_have_text("live")
+    becomes_live(page, source)
     page.wait_for_function("() => gellight.state === 'stale'")
     assert page.evaluate("gellight.age_ms") > 1000
     before = page.get_by_test_id("state").text_content() or ""
     assert before.startswith("no frame ")
     expect(page.get_by_test_id("state")).not_to_have_text(before)
-    draw(page, source, 0.6)
-    page.wait_for_function("() => gellight.state === 'live'")
+    becomes_live(page, source)
 
 
 def test_a_page_opened_on_a_dead_camera_does_not_call_its_last_frame_live(opened: Open, source: FormulaSource) -> None:
@@ -139,7 +141,7 @@ def test_the_page_comes_back_after_the_server(opened: Open, source: FormulaSourc
     with DashboardServer(source, port=int(server.url.split(":")[2].strip("/"))):
         page.wait_for_function("() => gellight.state !== 'lost'")
         draw(page, source, 0.7)
-        expect(page.get_by_test_id("state")).to_have_text("live")
+        becomes_live(page, source)
         page.get_by_test_id("press-here").click()
         assert wait_for_calls(source, page, 1)[-1] == ("BALL", 0.8, 0.0, 0.0)
 
@@ -187,3 +189,29 @@ def test_a_frame_without_depth_shows_its_picture_and_no_figures(opened: Open, so
     page.get_by_test_id("pause").click()
     page.wait_for_function("sequence => gellight.sequence === sequence", arg=draw_after)
     expect(page.get_by_test_id("indentation")).to_have_text("0.750")
+
+
+def test_a_visitor_of_the_demo_presses_the_ball_and_sees_its_true_depth(browser: Browser) -> None:
+    settings = loaded({"sensor.url": "sim://?programme=0"})
+    with (
+        open_session(settings) as daemon,
+        DashboardServer(daemon, port=0) as server,
+        opening(browser, server) as open_page,
+    ):
+        page = open_page()
+        expect(page.get_by_test_id("state")).to_have_text("live")
+        page.get_by_test_id("object-BALL").click()
+        page.get_by_test_id("press-depth").fill("1")
+        box = page.get_by_test_id("image").bounding_box()
+        page.mouse.move(box["x"] + 0.65 * box["width"], box["y"] + 0.4 * box["height"])
+        page.mouse.down()
+        page.wait_for_function("() => window.gellight.indentation_mm > 0.9")
+        seen = json.loads(page.evaluate("() => JSON.stringify(window.gellight)"))
+        truth = daemon.wait_frame(0, 20).camera_frame.truth
+        page.mouse.up()
+        page.wait_for_function("() => window.gellight.indentation_mm === 0")
+    assert seen["indentation_mm"] == pytest.approx(float(truth.depth_mm.max()), rel=0.10)
+    assert seen["centroid_mm"] == pytest.approx([0.15 * 640 * 0.0588, -0.1 * 480 * 0.0588], abs=0.25), (
+        "it is felt where the pointer is"
+    )
+    assert seen["fps"] > 0

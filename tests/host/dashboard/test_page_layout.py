@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from gellight.dashboard.server import DashboardServer
+from tests.helpers.browsing import becomes_live
 from tests.helpers.dashboard_source import FormulaSource, two_bumps
 from tests.helpers.windows import SIZES, Resize, window, wrong
 
@@ -100,8 +101,8 @@ def test_text_can_be_read_and_controls_have_edges(
         for scheme in ("dark", "light"):
             page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
             if state == "live":
-                source.put(two_bumps(truth_factor=1.02))
-            if state != "troubled":
+                becomes_live(page, source, two_bumps(truth_factor=1.02))
+            elif state != "troubled":
                 page.wait_for_function("state => gellight.state === state", arg=state)
             assert wrong(page, "weakText", "weakEdges", "smallText") == {}, (state, scheme)
             ground = page.evaluate("getComputedStyle(document.documentElement).backgroundColor")
