@@ -19,48 +19,13 @@ from gellight.cli import one_sensor as run_verb
 from gellight.cli.options import simulated_settings
 from gellight.daemon import assembly
 from gellight.opening import open_camera
-from gellight.ring import protocol
-from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
-from gellight.ring.wire import Packet, decode, encode
 from gellight.sensor.opencv_camera import OpenCvCamera
 from tests.helpers.children import started
 from tests.helpers.command_line import invoke, refused
 from tests.helpers.sensor_bench import Bench
 from tests.helpers.sessions import session_of
 from tests.helpers.settings import loaded
-
-
-class OtherFirmware:
-    """A board that says hello in another version of the protocol, and nothing else."""
-
-    url = "/dev/ttyACM9"
-
-    def __init__(self, version: tuple[int, int]) -> None:
-        self.version, self.answers, self.closed = version, b"", False
-
-    def write(self, data: bytes) -> None:
-        for stuffed in filter(None, data.split(b"\0")):
-            asked = decode(stuffed)
-            hello = protocol.HelloReply(*self.version, 0xDEAD, 1, 0, 0, 0, 0, bytes(8), 0, 12, 16, 64, 128, 10**6, 0)
-            self.answers += encode(Packet(asked.type | protocol.REPLY, asked.sequence, bytes(5) + hello.pack()))
-
-    def read(self, timeout_s: float) -> bytes:
-        answers, self.answers = self.answers, b""
-        return answers
-
-    def close(self) -> None:
-        self.closed = True
-
-
-@pytest.mark.parametrize(
-    ("step", "words"), [(-1, "too old: .*: run `gellight firmware flash`"), (1, "too new: .*: update GelLight, or run")]
-)
-def test_a_firmware_too_old_or_too_new_is_told_with_the_way_out(step: int, words: str) -> None:
-    board = OtherFirmware((protocol.VERSION[0] + step, protocol.VERSION[1]))
-    with pytest.raises(BoardError, match=words):
-        LightRing(board)
-    assert board.closed, "the board darkens its LEDs when its port is closed"
 
 
 def test_a_ring_that_is_not_there_or_in_use_is_told(tmp_path: Path) -> None:

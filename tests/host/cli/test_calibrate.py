@@ -1,7 +1,6 @@
 """`gellight calibrate`: from labelled presses to a bundle, and what it is worth."""
 
 import json
-import os
 import re
 import signal
 import sys
@@ -255,22 +254,6 @@ def test_an_unknown_recipe_is_refused(pressed: Path, tmp_path: Path) -> None:
     for found in (result, run("synthetic", "--out", tmp_path / "out", "--recipe", "slow")):
         assert isinstance(found.exception, InputError)
         assert "recipe 'slow': give one of fast, thorough, fine, paper" in str(found.exception)
-
-
-def test_an_interrupt_ends_the_child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    script = (
-        'import os, time; print(\'{"epoch": %d, "epochs": 9, "loss": 0}\' % os.getpid(), flush=True); time.sleep(99)'
-    )
-    children: list[int] = []
-
-    def interrupt(epoch: int, epochs: int, loss: float) -> None:
-        children.append(epoch)
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        child._run_child([sys.executable, "-c", script], interrupt)
-    with pytest.raises(ProcessLookupError):
-        os.kill(children[0], 0)
 
 
 @pytest.mark.parametrize(
