@@ -52,24 +52,27 @@ def test_without_a_manager_nobody_is_told(monkeypatch: pytest.MonkeyPatch) -> No
     ServiceManager().ready()
 
 
-def test_what_runs_tells_systemd_and_is_shown_by_status_and_ends_with_0(tmp_path: Path) -> None:
-    surroundings = {**os.environ, "NOTIFY_SOCKET": str(tmp_path / "notify"), "XDG_RUNTIME_DIR": str(tmp_path)}
-    assert children.gellight("status", env=surroundings).returncode == 1, "nothing runs"
+def test_what_runs_tells_systemd_and_is_shown_by_status_and_ends_with_0(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    surroundings = os.environ | {"NOTIFY_SOCKET": str(tmp_path / "notify")}
+    assert invoke("status").exit_code == 1, "nothing runs"
     command = [*children.GELLIGHT, "run", "--sensor", SENSOR, "--port", "0", "--name", "finger"]
     with listening(tmp_path) as systemd, children.started(command, env=surroundings, stderr=-3) as daemon:
         assert systemd.recv(100) == b"READY=1"
         assert systemd.recv(100) == b"WATCHDOG=1"
-        shown = children.gellight("status", "--json", env=surroundings)
-        assert shown.returncode == 0, shown.stderr
+        shown = invoke("status", "--json")
+        assert shown.exit_code == 0, shown.output
         status = json.loads(shown.stdout)["finger"]
         assert (status["process"], status["error"], status["mode"]) == (daemon.pid, None, "network")
-        assert "finger (process" in children.gellight("status", env=surroundings).stdout
+        assert "finger (process" in invoke("status").stdout
         second = children.gellight(*command[len(children.GELLIGHT) :], "--frames", "1", env=surroundings)
         assert second.returncode == 2
         assert f"published already by process {daemon.pid}" in second.stderr
         os.kill(daemon.pid, signal.SIGTERM)
         assert daemon.wait(60) == 0
-    assert children.gellight("status", env=surroundings).stdout.startswith("no daemon runs")
+    assert invoke("status").stdout.startswith("no daemon runs")
 
 
 def test_the_unit_file_is_written_once_and_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
