@@ -27,7 +27,7 @@ from tests.helpers.watched_sensor import NOISE_GREY, WatchedSensor
 
 @pytest.fixture(scope="session")
 def playwright() -> Iterator[tuple[Callable[..., Browser], AbstractEventLoop]]:
-    """What returns Chromium with these flags, which is started once, and the event loop that Playwright leaves running."""
+    """What starts Chromium, once for each set of flags, and the event loop that Playwright leaves running."""
     path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     if path is None:
         pytest.skip("needs Chromium: sudo apt-get install chromium")
