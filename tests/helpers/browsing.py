@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from playwright.sync_api import Browser, Page, expect
 
 from gellight.dashboard.server import DashboardServer
+from gellight.frames.frames import TactileFrame
 from tests.helpers.dashboard_source import FormulaSource, bump, moving_bump
 
 SOFTWARE_GL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -48,15 +49,21 @@ def opening(browser: Browser, server: DashboardServer, place: str = "") -> Itera
 
 
 @contextmanager
-def playing(source: FormulaSource, fps: float = 10) -> Iterator[None]:
+def playing(source: FormulaSource, *frames: TactileFrame) -> Iterator[None]:
     stop = threading.Event()
-    thread = threading.Thread(target=source.play, args=(moving_bump(20), fps, stop))
+    thread = threading.Thread(target=source.play, args=(list(frames) or moving_bump(20), 10, stop))
     thread.start()
     try:
         yield
     finally:
         stop.set()
         thread.join()
+
+
+def becomes_live(page: Page, source: FormulaSource, *frames: TactileFrame) -> None:
+    """Wait until the page calls itself live, while frames come: one alone is old before a busy machine looks."""
+    with playing(source, *frames):
+        expect(page.get_by_test_id("state")).to_have_text("live")
 
 
 def draw(page: Page, source: FormulaSource, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, Page
 
-from tests.helpers.browsing import PATIENCE_MS
+from tests.helpers.browsing import PATIENCE_MS, paint
 
 MEASURES = (Path(__file__).parent / "page_measures.js").read_text()
 SIZES = {
@@ -21,28 +21,30 @@ SIZES = {
     "desk at 150 %": (1920, 1080, 1.5),
 }
 """width and height of the window, and the zoom, which makes the window smaller in CSS pixels"""
-OpenAt = Callable[..., Page]
+Resize = Callable[[int, int, float], None]
 
 
 @contextmanager
-def windows(browser: Browser, url: str, ready: str) -> Iterator[OpenAt]:
-    """Open `url` in a window of a size, zoomed, in a colour scheme; wait until the script `ready` is true."""
-    contexts = []
+def window(browser: Browser, url: str, ready: str) -> Iterator[tuple[Page, Resize]]:
+    """Open `url` and wait until the script `ready` is true; give the page, and what makes its window another."""
+    context = browser.new_context()
+    page = context.new_page()
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto(url)
+    page.wait_for_function(ready)
+    page.evaluate(MEASURES)
+    metrics = context.new_cdp_session(page)
 
-    def open_at(width: int, height: int, zoom: float = 1.0, scheme: str = "dark") -> Page:
-        size = {"width": round(width / zoom), "height": round(height / zoom)}
-        context = browser.new_context(viewport=size, device_scale_factor=zoom, color_scheme=scheme)  # type: ignore[arg-type]
-        contexts.append(context)
-        page = context.new_page()
-        page.set_default_timeout(PATIENCE_MS)
-        page.goto(url)
-        page.wait_for_function(ready)
-        page.evaluate(MEASURES)
-        return page
+    def resize(width: int, height: int, zoom: float = 1.0) -> None:
+        size = {"width": round(width / zoom), "height": round(height / zoom), "deviceScaleFactor": zoom}
+        metrics.send("Emulation.setDeviceMetricsOverride", {**size, "mobile": False})
+        page.wait_for_function(
+            "([width, zoom]) => innerWidth === width && devicePixelRatio === zoom", arg=[size["width"], zoom]
+        )
+        paint(page)
 
-    yield open_at
-    for context in contexts:
-        context.close()
+    yield page, resize
+    context.close()
 
 
 def wrong(page: Page, *kinds: str) -> dict[str, list[object]]:

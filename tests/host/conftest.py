@@ -1,10 +1,13 @@
-"""Browsers, started once a module: Playwright keeps an event loop running in the thread as long as it is there.
+"""Browsers, started once a process.
 
 And the bundle that comes with GelLight, and a computer into which sensors are plugged.
 """
 
+import asyncio
 import shutil
+from asyncio import AbstractEventLoop
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -17,27 +20,37 @@ from tests.helpers.dashboard_source import FormulaSource, RecordingStage
 from tests.helpers.sensor_bench import Bench
 
 
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Callable[[list[str]], Browser]]:
+@pytest.fixture(scope="session")
+def playwright() -> Iterator[tuple[Callable[..., Browser], AbstractEventLoop]]:
+    """What starts Chromium, once for each set of flags, and the event loop that Playwright leaves running."""
     path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     if path is None:
         pytest.skip("needs Chromium: sudo apt-get install chromium")
     with sync_playwright() as playwright:
-        yield lambda flags: playwright.chromium.launch(executable_path=path, args=FLAGS + flags)
+        loop = asyncio.get_running_loop()
+        yield cache(lambda *flags: playwright.chromium.launch(executable_path=path, args=[*FLAGS, *flags])), loop
+        asyncio._set_running_loop(loop)
 
 
-@pytest.fixture(scope="module")
-def browser(chromium: Callable[[list[str]], Browser]) -> Iterator[Browser]:
+@pytest.fixture
+def chromium(playwright: tuple[Callable[..., Browser], AbstractEventLoop]) -> Iterator[Callable[..., Browser]]:
+    """The loop counts as running during the tests of a browser alone: others have loops of their own."""
+    launched, loop = playwright
+    asyncio._set_running_loop(loop)
+    yield launched
+    asyncio._set_running_loop(None)
+
+
+@pytest.fixture
+def browser(chromium: Callable[..., Browser]) -> Browser:
     """A browser without 3D, as quick as it gets."""
-    with chromium(NO_GL) as browser:
-        yield browser
+    return chromium(*NO_GL)
 
 
-@pytest.fixture(scope="module")
-def browser_3d(chromium: Callable[[list[str]], Browser]) -> Iterator[Browser]:
+@pytest.fixture
+def browser_3d(chromium: Callable[..., Browser]) -> Browser:
     """A browser that draws 3D without a graphics card."""
-    with chromium(SOFTWARE_GL) as browser:
-        yield browser
+    return chromium(*SOFTWARE_GL)
 
 
 @pytest.fixture(scope="session")

@@ -1,31 +1,36 @@
 """`gellight calibrate`: from labelled presses to a bundle, and what it is worth."""
 
 import json
-import os
 import re
 import signal
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gellight.base.errors import InputError, TrainingError
-from gellight.bundle.bundle import load_bundle
+from gellight.base.errors import BundleError, InputError, TrainingError
+from gellight.bundle.bundle import Bundle, load_bundle, save_bundle
 from gellight.cli.calibrate import training
-from gellight.cli.calibrate.training import Recorded, ball_warning, which_ball
+from gellight.cli.calibrate.training import Recorded, ball_warning, depth_line, which_ball
+from gellight.frame_path.pipeline import Reconstructor
+from gellight.frames.frames import CameraFrame
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training import child, cross_validation, folds
 from gellight.lab.training.cross_validation import cross_validate
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.training import Learning, TrainingOptions, read_reference
+from gellight.photometric.lights_file import read_lights
+from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.integration import angle_deg
-from sim_reference.camera import CameraResponse
+from sim_reference.camera import CameraResponse, digitise
 from tests.helpers.command_line import refused
 from tests.helpers.places import real
 from tests.helpers.pressed_pictures import BALL, GEOMETRY, photograph, press_into, run, sources
 from tests.helpers.pressed_unit import pressed_unit
+from tests.helpers.small_bundles import ordinary
 
 REAL = real("gelsight_mini_ball")
 
@@ -277,22 +282,6 @@ def test_an_unknown_recipe_is_refused(pressed: Path, tmp_path: Path) -> None:
         assert "recipe 'slow': give one of fast, thorough, fine, paper" in str(found.exception)
 
 
-def test_an_interrupt_ends_the_child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    script = (
-        'import os, time; print(\'{"epoch": %d, "epochs": 9, "loss": 0}\' % os.getpid(), flush=True); time.sleep(99)'
-    )
-    children: list[int] = []
-
-    def interrupt(epoch: int, epochs: int, loss: float) -> None:
-        children.append(epoch)
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        child._run_child([sys.executable, "-c", script], interrupt)
-    with pytest.raises(ProcessLookupError):
-        os.kill(children[0], 0)
-
-
 @pytest.mark.parametrize(
     ("script", "message"),
     [
@@ -318,6 +307,64 @@ def test_the_angle_of_nearly_equal_normals_keeps_its_digits() -> None:
     np.testing.assert_allclose(angle_deg(a, b), [np.degrees(1e-7), 90.0], rtol=1e-6)
 
 
+# ---- fit --lights ----
+
+
+@pytest.fixture(scope="module")
+def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bundle of the same unit that knows the light of its LEDs."""
+    return Path(save_bundle(ordinary(), tmp_path_factory.mktemp("earlier") / "earlier").source)
+
+
+def test_the_lights_of_an_earlier_bundle_take_the_light_of_depth_off(
+    bundle: Path, earlier: Path, pressed: Path, tmp_path: Path
+) -> None:
+    how = ["--recipe", "fast", "--width", "16"]
+    result = run("fit", *sources(pressed), "--lights", earlier, "--out", tmp_path / "out", *how)
+    assert result.exit_code == 0, result.output
+    assert "learnt in the light that the gel has at rest" in result.output
+    assert "learnt in the light" not in run("fit", *sources(pressed), "--out", tmp_path / "b", "--epochs", "1").output
+    made = load_bundle(tmp_path / "out")
+    assert made.manifest.light_by_depth
+    assert read_lights(made).pattern_residual == read_lights(load_bundle(earlier)).pattern_residual
+    # The balls to learn from lay 1.5 mm deep: gentle slopes there are nearer to the LEDs than those of a light touch.
+    with_lights, without = (light_touch_deg(one) for one in (made, load_bundle(bundle)))
+    assert with_lights < 0.85 * without
+
+
+def test_prisms_leave_the_light_of_depth_as_it_is_and_the_user_is_told() -> None:
+    known = ordinary()
+    without = replace(known, manifest=known.manifest.model_copy(update={"light_by_depth": False}))
+    assert "at rest" in depth_line(known)[0]
+    assert "how deep a prism lies nobody knows" in depth_line(without)[0]
+    unlit = {name: content for name, content in without.files.items() if name != "lights.json"}
+    assert depth_line(replace(without, files=unlit)) == []
+
+
+def light_touch_deg(bundle: Bundle) -> float:
+    """Return the error on balls 0.4 mm deep, degrees in contact."""
+    scene, reconstructor = Scene(GEOMETRY, CameraResponse()), Reconstructor(bundle)
+    errors = []
+    for number, (x, y) in enumerate([(0, 0), (-6, 5), (7, -4), (3, 6)]):
+        grey, surface = scene.show(Press("BALL", 0.4, x, y))
+        image = digitise(grey, 1.0, np.random.default_rng(number))
+        depth = reconstructor.reconstruct(CameraFrame(image=image, time_s=0.0, sequence=0, source="balls"))
+        errors.append(surface_errors(depth, surface).contact_normal_deg)
+    return float(np.mean(errors))
+
+
+def test_lights_of_another_unit_are_refused(bundle: Path, earlier: Path, pressed: Path, tmp_path: Path) -> None:
+    other = load_bundle(earlier)
+    save_bundle(other.with_reference(np.ascontiguousarray(other.reference[..., ::-1]), frames=30), tmp_path / "other")
+    for given, said in ((bundle, "has no lights.json"), (tmp_path / "other", "was made with another unit"),
+                        ("synthetic", "the untouched gel delivers 160x120 pixels")):  # fmt: skip
+        result = run("fit", *sources(pressed), "--lights", given, "--out", tmp_path / "out")
+        assert isinstance(result.exception, BundleError)
+        assert said in str(result.exception)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.nightly
 @pytest.mark.timeout(900)
 @pytest.mark.real_images("gelsight_mini_ball")
 def test_on_real_presses_the_error_is_what_it_is_worth() -> None:

@@ -108,6 +108,7 @@ def test_group_lights_only_the_leds_that_are_named(board: BenchBoard) -> None:
         (("set", "red"), "is no colour"),
         (("set", "101010", "--seconds", "-1"), "--seconds -1 is not possible"),
         (("set", "101010", "--seconds", "nan"), "--seconds nan is not possible"),
+        (("set", "101010", "--seconds", "1000001"), "--seconds 1e+06 is not possible"),
         (("group", "12"), "names no LEDs"),
         (("group", "x"), "names no LEDs"),
         (("sequence", "--dwell-ms", "0.5"), "give 2 to 60000 ms"),

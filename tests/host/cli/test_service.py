@@ -15,7 +15,7 @@ from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import load_settings
 from gellight.cli.service import unit
 from tests.helpers import children
-from tests.helpers.command_line import invoke
+from tests.helpers.command_line import invoke, refused
 
 SENSOR = "sim://?object=BALL&depth=0.5&board=0"
 
@@ -52,37 +52,39 @@ def test_without_a_manager_nobody_is_told(monkeypatch: pytest.MonkeyPatch) -> No
     ServiceManager().ready()
 
 
-def test_what_runs_tells_systemd_and_is_shown_by_status_and_ends_with_0(tmp_path: Path) -> None:
-    surroundings = {**os.environ, "NOTIFY_SOCKET": str(tmp_path / "notify"), "XDG_RUNTIME_DIR": str(tmp_path)}
-    assert children.gellight("status", env=surroundings).returncode == 1, "nothing runs"
+def test_what_runs_tells_systemd_and_is_shown_by_status_and_ends_with_0(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    surroundings = os.environ | {"NOTIFY_SOCKET": str(tmp_path / "notify")}
+    assert invoke("status").exit_code == 1, "nothing runs"
     command = [*children.GELLIGHT, "run", "--sensor", SENSOR, "--port", "0", "--name", "finger"]
     with listening(tmp_path) as systemd, children.started(command, env=surroundings, stderr=-3) as daemon:
         assert systemd.recv(100) == b"READY=1"
         assert systemd.recv(100) == b"WATCHDOG=1"
-        shown = children.gellight("status", "--json", env=surroundings)
-        assert shown.returncode == 0, shown.stderr
+        shown = invoke("status", "--json")
+        assert shown.exit_code == 0, shown.output
         status = json.loads(shown.stdout)["finger"]
         assert (status["process"], status["error"], status["mode"]) == (daemon.pid, None, "network")
-        assert "finger (process" in children.gellight("status", env=surroundings).stdout
+        assert "finger (process" in invoke("status").stdout
         second = children.gellight(*command[len(children.GELLIGHT) :], "--frames", "1", env=surroundings)
         assert second.returncode == 2
         assert f"published already by process {daemon.pid}" in second.stderr
         os.kill(daemon.pid, signal.SIGTERM)
         assert daemon.wait(60) == 0
-    assert children.gellight("status", env=surroundings).stdout.startswith("no daemon runs")
+    assert invoke("status").stdout.startswith("no daemon runs")
 
 
-def test_the_unit_file_is_written_once_and_removed(tmp_path: Path) -> None:
-    surroundings = {**os.environ, "XDG_CONFIG_HOME": str(tmp_path)}
+def test_the_unit_file_is_written_once_and_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     path = tmp_path / "systemd/user/gellight-left.service"
-    done = children.gellight("service", "install", "--name", "left", env=surroundings)
-    assert f"systemctl --user enable --now {path.name}" in done.stdout, done.stderr
+    done = invoke("service", "install", "--name", "left")
+    assert f"systemctl --user enable --now {path.name}" in done.stdout, done.output
     assert path.read_text() == unit("auto", "left", 8420)
-    again = children.gellight("service", "install", "--name", "left", env=surroundings)
-    assert (again.returncode, "exists" in again.stderr) == (2, True)
-    assert children.gellight("service", "remove", "--name", "left", env=surroundings).returncode == 0
+    assert "exists" in refused(invoke("service", "install", "--name", "left"))
+    assert invoke("service", "remove", "--name", "left").exit_code == 0
     assert not path.exists()
-    assert children.gellight("service", "remove", "--name", "left", env=surroundings).returncode == 2
+    assert "left" in refused(invoke("service", "remove", "--name", "left"))
 
 
 def test_the_unit_starts_this_installation_and_is_watched() -> None:
@@ -96,28 +98,33 @@ def test_the_unit_starts_this_installation_and_is_watched() -> None:
 
 
 NO_NAMES = ["", "**", "../../x", "a/b", "a b", "a\n", ".a", "-a", "ä", 65 * "a"]
-SERVICE = ["service install --print", "service remove"]
+VERBS = ["service remove", "service install --print", "run --sensor sim:// --frames 1", "record --out x.mcap"]
 
 
-@pytest.mark.parametrize("name", NO_NAMES)
-@pytest.mark.parametrize("verb", ["run --sensor sim:// --frames 1", "record --out x.mcap", *SERVICE])
-def test_what_is_no_name_of_a_sensor_is_refused_wherever_it_is_given(verb: str, name: str, tmp_path: Path) -> None:
-    result = invoke(*verb.replace("x.mcap", str(tmp_path / "x.mcap")).split(), f"--name={name}")
+@pytest.mark.parametrize(
+    ("verb", "name"), [(VERBS[0], name) for name in NO_NAMES] + [(verb, "a b") for verb in VERBS[1:]]
+)
+def test_what_is_no_name_of_a_sensor_is_refused_wherever_it_is_given(
+    verb: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = invoke(*verb.split(), f"--name={name}")
     assert (result.exit_code, result.stdout, list(tmp_path.iterdir())) == (1, "", [])
     assert isinstance(result.exception, InputError)
     reason = "is not possible: give at most 64 letters" if name else "is empty: give it a value"
     assert reason in str(result.exception)
 
 
-@pytest.mark.parametrize("name", NO_NAMES[1:])
-def test_settings_take_the_same_names(name: str) -> None:
-    with pytest.raises(ConfigError, match="is not allowed: give at most 64 letters"):
-        load_settings({"stream.name": name})
+def test_settings_take_the_same_names() -> None:
+    for name in NO_NAMES[1:]:
+        with pytest.raises(ConfigError):
+            load_settings({"stream.name": name})
+    assert load_settings({"stream.name": 64 * "a"}).stream.name == 64 * "a"
 
 
 @pytest.mark.parametrize("sensor", ["a\nExecStart=/bin/evil", "a\r", "\x1b[1m", "", " "])
 def test_a_sensor_that_would_break_the_unit_file_is_refused(sensor: str) -> None:
-    done = children.gellight("service", "install", "--sensor", sensor, "--print")
-    assert (done.returncode, done.stdout) == (2, "")
+    done = invoke("service", "install", "--sensor", sensor, "--print")
+    assert done.stdout == ""
     reason = "is not possible" if sensor else "is empty"
-    assert re.fullmatch(rf"gellight: --sensor .* {reason}: .*\n", done.stderr)
+    assert re.fullmatch(rf"--sensor .* {reason}: .*", refused(done))

@@ -6,12 +6,14 @@ import time
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from subprocess import PIPE, STDOUT
 
 import pytest
 
 from tests.helpers.children import GELLIGHT, started
+from tests.helpers.waiting import eventually
 
 GUARD_S = READY_S = 60.0
 """2 s are promised to end of a machine that is not busy with other tests; the time is printed"""
@@ -73,27 +75,43 @@ CASES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
+pause = partial(time.sleep, 0.05)
+"""between looks through all processes"""
+BY_CTRL_C = (CASES[0], CASES[4], CASES[11])
+"""one that runs until it is ended, one with a board, one with a child: a keyboard's signal takes the same way in all"""
+
+
+def name(value: object) -> str:
+    return " ".join(value) if isinstance(value, tuple) else ""
+
+
 @pytest.mark.parametrize(
-    ("arguments", "statuses", "ready"), CASES, ids=lambda value: " ".join(value) if isinstance(value, tuple) else ""
+    ("arguments", "statuses", "ready", "number"),
+    [(*case, signal.SIGTERM) for case in CASES] + [(*case, signal.SIGINT) for case in BY_CTRL_C],
+    ids=lambda value: getattr(value, "name", name(value)),
 )
 def test_a_signal_ends_a_verb(
     arguments: tuple[str, ...], statuses: dict[int, int], ready: Ready, number: int, tmp_path: Path
 ) -> None:
+    """Where the tests run in the background, and so ignore Ctrl-C, too."""
     mark, shown = f"gellight-{uuid.uuid4().hex}", tmp_path / "shown"
     environment = os.environ | {"TEST_MARK": mark, "PYTHONUNBUFFERED": "1"}
     environment |= {f"XDG_{kind}_HOME": str(tmp_path / kind) for kind in ("CACHE", "DATA", "STATE")}
     with (
         shown.open("wb") as output,
         started(
-            [*GELLIGHT, *arguments], stdin=PIPE, stdout=output, stderr=STDOUT, env=environment, cwd=tmp_path
-        ) as verb,
+            [*GELLIGHT, *arguments],
+            stdin=PIPE,
+            stdout=output,
+            stderr=STDOUT,
+            env=environment,
+            cwd=tmp_path,
+            preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_IGN),
+        ) as verb,  # fmt: skip
     ):
-        end_s = time.monotonic() + READY_S
-        while not ready(Running(verb.pid, mark, shown)):
-            assert verb.poll() is None, shown.read_text()
-            assert time.monotonic() < end_s, shown.read_text()
-            time.sleep(0.05)
+        running = Running(verb.pid, mark, shown)
+        eventually(lambda: ready(running) or verb.poll() is not None or pause(), READY_S)
+        assert verb.poll() is None, shown.read_text()
         begun_s = time.monotonic()
         verb.send_signal(number)
         status = verb.wait(GUARD_S)
@@ -102,26 +120,31 @@ def test_a_signal_ends_a_verb(
         assert status == statuses[number], text
         assert "Traceback" not in text
         assert "Error:" not in text
-        wait_for(lambda: not family(mark))  # a child may be ending
+        eventually(lambda: not family(mark) or pause(), READY_S)  # a child may be ending
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
 @pytest.mark.parametrize(
-    "verb", [("set", "102030"), ("group", "0-3"), ("sequence", "--dwell-ms", "20")], ids=lambda verb: verb[0]
+    ("verb", "number"),
+    [
+        (("set", "102030"), signal.SIGTERM),
+        (("group", "0-3"), signal.SIGINT),
+        (("sequence", "--dwell-ms", "20"), signal.SIGTERM),
+    ],
+    ids=["set", "group", "sequence"],
 )
 def test_a_signal_makes_the_leds_of_a_board_dark(verb: tuple[str, ...], number: int, tmp_path: Path) -> None:
     """The board is another process, which prints what its LEDs show."""
     shown = tmp_path / "shown"
     with shown.open("wb") as output, started([*GELLIGHT, "sim"], stdout=output) as board:
-        wait_for(lambda: "a simulated board at " in shown.read_text() and "\n" in shown.read_text())
+        eventually(lambda: "a simulated board at " in shown.read_text() and "\n" in shown.read_text())
         path = shown.read_text().split()[4].rstrip(":")
         with started([*GELLIGHT, "ring", *verb, "--url", path], stdout=PIPE, text=True) as ring:
-            wait_for(lambda: lit(shown))
+            eventually(lambda: lit(shown))
             assert "Ctrl-C ends" in ring.stdout.readline()
             ring.send_signal(number)
             assert ring.wait(GUARD_S) == 0
         # Not by the rule that a board darkens its LEDs when the computer is silent: that takes a second.
-        wait_for(lambda: not lit(shown))
+        eventually(lambda: not lit(shown))
         board.send_signal(signal.SIGTERM)
         assert board.wait(GUARD_S) == 0
 
@@ -130,10 +153,3 @@ def lit(shown: Path) -> bool:
     """Whether the last line that a simulated board printed shows light."""
     colours = shown.read_text().rstrip("\n").splitlines()[-1].partition(" s  ")[2]
     return bool(set(colours) - set("0 "))
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
-    end_s = time.monotonic() + READY_S
-    while not condition():
-        assert time.monotonic() < end_s
-        time.sleep(0.02)

@@ -14,6 +14,8 @@ from gellight.bundle.bundle import load_bundle
 from gellight.lab.report.pictures import write_png
 from tests.helpers.children import gellight, run
 
+pytestmark = pytest.mark.nightly
+
 SMALL = (
     '[sensor]\nurl = "sim://?fps=500&board=0"\n[geometry]\nimage_width_px = 320\nimage_height_px = 240\n'
     "pixel_size_mm = 0.1176\n"
@@ -93,10 +95,3 @@ def test_doctor_says_what_trains(environment: dict[str, str], tmp_path: Path) ->
     findings = {finding["check"]: finding for finding in json.loads(done.stdout)["findings"]}
     assert findings["training"]["level"] == "ok"
     assert findings["training"]["text"] == f"numpy {np.__version__} trains networks"
-
-
-def test_a_torch_that_is_asked_for_and_missing_is_named(environment: dict[str, str], tmp_path: Path) -> None:
-    done = gellight("calibrate", "synthetic", "--trainer", "torch", "--out", "x", cwd=tmp_path, env=environment)
-    assert done.returncode == 2
-    assert 'pip install "gellight[torch]"' in done.stderr
-    assert list(tmp_path.iterdir()) == []

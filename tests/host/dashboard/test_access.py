@@ -4,13 +4,13 @@ from collections.abc import Iterator
 
 import aiohttp
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser
 
 from gellight.base.errors import ConfigError, ServerError
 from gellight.base.settings import load_settings
 from gellight.dashboard.access import COOKIE, is_loopback
 from gellight.dashboard.server import DashboardServer
-from tests.helpers.browsing import draw, opening
+from tests.helpers.browsing import becomes_live, draw, opening
 from tests.helpers.dashboard_source import FormulaSource
 from tests.helpers.page_client import get, pages
 
@@ -57,6 +57,7 @@ def test_the_address_that_is_printed_becomes_a_cookie(server: DashboardServer) -
     cookie = headers["Set-Cookie"]
     assert cookie.startswith(f"{COOKIE}={TOKEN};")
     assert "HttpOnly" in cookie
+    assert "Max-Age=2592000" in cookie, "a month"
     assert "SameSite=Strict" in cookie
     assert get(base(server) + "status", cookies={COOKIE: TOKEN})[0] == 200
 
@@ -119,7 +120,7 @@ def test_a_browser_opens_the_address_once_and_then_without_the_token(
     with opening(browser, server) as opened:
         page = opened()
         draw(page, source, 0.5)
-        expect(page.get_by_test_id("state")).to_have_text("live")
+        becomes_live(page, source)
         assert TOKEN not in page.url
         page.goto(base(server))
         draw(page, source, 0.6)

@@ -99,6 +99,13 @@ def test_the_header_numbers_the_contacts_by_depth() -> None:
     assert larger["slope_rad"] == pytest.approx(np.arctan(np.sqrt(2)))
 
 
+def test_the_header_carries_the_first_twelve_contacts() -> None:
+    (patch,) = FRAME.contacts
+    frame = replace(FRAME, contacts=tuple(replace(patch, number=number) for number in range(1, 14)))
+    told = decode(encode(frame, pixel_size_mm=PIXEL)).header["contacts"]
+    assert [one["number"] for one in told] == list(range(1, 13))
+
+
 def with_truth(depth_mm: np.ndarray, contact: np.ndarray) -> TactileFrame:
     truth = GroundTruth(depth_mm=depth_mm.astype(np.float32), gradient_map=FRAME.gradient_map, contact=contact)
     return replace(FRAME, camera_frame=replace(FRAME.camera_frame, truth=truth))

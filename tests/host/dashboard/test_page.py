@@ -47,15 +47,6 @@ def test_frames_are_drawn_as_they_come(opened_3d: Open, source: FormulaSource) -
         page.wait_for_function("drawn => gellight.sequence > drawn + 3", arg=drawn)
 
 
-def test_the_force_is_shown_where_the_bundle_knows_it(opened: Open, source: FormulaSource) -> None:
-    page = opened()
-    draw(page, source, 0.5)
-    expect(page.get_by_test_id("force-row")).to_be_hidden()
-    source.put(replace(bump(0.5, 0.0, 0.0), measures=HeavyFrames()))
-    expect(page.get_by_test_id("force-row")).to_have_text("force1.25 ±0.10 N")
-    expect(page.get_by_test_id("force-row")).to_have_attribute("title", "heavier than calibrated")
-
-
 def test_the_numbers_are_the_sensors(opened: Open, source: FormulaSource) -> None:
     page = opened()
     draw(page, source, 0.8764, 4.0, -3.0)
@@ -81,51 +72,54 @@ def test_the_numbers_are_the_sensors(opened: Open, source: FormulaSource) -> Non
     expect(page.get_by_test_id("stages")).to_contain_text("gelnet")
 
 
-def test_the_header_names_the_bundle_and_its_verified_error(opened: Open, source: FormulaSource) -> None:
-    verified: dict[str, object] = {"presses": 6, "depth_mm": 0.0031, "normal_deg": 0.243}
-    calibration = {"sensor": "S1", "identity": "9cb18a19860f7702", "verified": None}
-    source.figures["calibration"] = calibration
-    page = opened()
-    bundle = page.get_by_test_id("bundle")
-    expect(bundle).to_have_text("S1 9cb18a, not verified")
-    source.figures["calibration"] = {**calibration, "verified": verified}
-    expect(bundle).to_have_text("S1 9cb18a, shape ±3 µm, normals ±0.2°")
-    source.figures["calibration"] = {**calibration, "verified": {**verified, "true_depth_mm": 0.0123}}
-    expect(bundle).to_have_text("S1 9cb18a, depth ±12 µm, normals ±0.2°")
+CALIBRATION: dict[str, object] = {"sensor": "S1", "identity": "9cb18a19860f7702", "verified": None}
+VERIFIED: dict[str, object] = {"presses": 6, "depth_mm": 0.0031, "normal_deg": 0.243}
+WARM = {"chip_c": 41.4, "ring_c": 33.6, "dimmed": 0, "mean_ma": 120}
+FAILED = {"verdict": "failed", "depth_error_mm": 0.02, "bounds": {"depth_error_mm": 0.01}}
+NOT_JUDGED = {"verdict": "not judged", "not_judged": "not judged beyond 2 mm", "bounds": {}}
+SHOWN = [
+    ({}, "mode", ""),
+    ({"calibration": CALIBRATION}, "bundle", "S1 9cb18a, not verified"),
+    ({"calibration": CALIBRATION | {"verified": VERIFIED}}, "bundle", "S1 9cb18a, shape ±3 µm, normals ±0.2°"),
+    ({"calibration": CALIBRATION | {"verified": VERIFIED | {"true_depth_mm": 0.0123}}}, "bundle",
+     "S1 9cb18a, depth ±12 µm, normals ±0.2°"),
+    ({"mode": "photometric", "exposures": {"exposures": 4, "moved": False}}, "mode", "photometric, 4 exposures"),
+    ({"mode": "photometric", "exposures": {"exposures": 4, "moved": True}}, "mode",
+     "photometric, 4 exposures, scene moved"),
+    ({"ring": WARM}, "heat", "34 °C, chip 41 °C"),
+    ({"ring": WARM | {"chip_c": 66.0, "ring_c": None, "dimmed": 2}}, "heat", "chip 66 °C, dimmed to 1/4"),
+    ({"selfcheck": FAILED}, "verdict", "failed"),
+    ({"selfcheck": NOT_JUDGED}, "verdict", "not judged"),
+    ({"selfcheck": None}, "checks", "no reference to compare with"),
+    ({"selfcheck": None}, "verdict", ""),
+    ({"recording": "press.mcap"}, "recording", "recording press.mcap"),
+]  # fmt: skip
+ALSO = {
+    "dimmed to 1/4": ("heat-row", "class", "notice"),
+    "failed": ("verdict", "class", "verdict failed"),
+    "not judged": ("verdict", "title", "not judged beyond 2 mm"),
+}
 
 
-def test_the_mode_is_shown_with_what_the_last_series_said(opened: Open, source: FormulaSource) -> None:
-    page = opened()
-    expect(page.get_by_test_id("mode")).to_be_empty()
-    source.figures |= {"mode": "photometric", "exposures": {"exposures": 4, "moved": False}}
-    expect(page.get_by_test_id("mode")).to_have_text("photometric, 4 exposures")
-    source.figures["exposures"] = {"exposures": 4, "moved": True}
-    expect(page.get_by_test_id("mode")).to_have_text("photometric, 4 exposures, scene moved")
-
-
-def test_the_warmth_of_the_light_is_shown_where_the_board_knows_it(opened: Open, source: FormulaSource) -> None:
-    page = opened()
+def test_what_the_sensor_says_of_itself_is_shown(opened: Open, source: FormulaSource) -> None:
+    page, plain = opened(), source.figures
     page.get_by_test_id("diagnostics").locator("summary").click()
     draw(page, source, 0.5)
-    expect(page.get_by_test_id("heat-row")).to_be_hidden()
-    source.figures["ring"] = {"chip_c": 41.4, "ring_c": 33.6, "dimmed": 0, "mean_ma": 120}
-    expect(page.get_by_test_id("heat")).to_have_text("34 °C, chip 41 °C")
-    source.figures["ring"] = {"chip_c": 66.0, "ring_c": None, "dimmed": 2, "mean_ma": 120}
-    expect(page.get_by_test_id("heat")).to_have_text("chip 66 °C, dimmed to 1/4")
-    expect(page.get_by_test_id("heat-row")).to_have_class("notice")
-
-
-def test_a_failed_self_check_is_shown_as_failed(opened: Open, source: FormulaSource) -> None:
-    source.figures["selfcheck"] = {"verdict": "failed", "depth_error_mm": 0.02, "bounds": {"depth_error_mm": 0.01}}
-    page = opened()
-    expect(page.get_by_test_id("verdict")).to_have_class("verdict failed")
-    expect(page.get_by_test_id("check-depth_error_mm")).to_have_class("failed")
-    source.figures["selfcheck"] = {"verdict": "not judged", "not_judged": "not judged beyond 2 mm", "bounds": {}}
-    expect(page.get_by_test_id("verdict")).to_have_text("not judged")
-    expect(page.get_by_test_id("verdict")).to_have_attribute("title", "not judged beyond 2 mm")
-    source.figures["selfcheck"] = None
-    expect(page.get_by_test_id("checks")).to_have_text("no reference to compare with")
-    expect(page.get_by_test_id("verdict")).to_be_empty()
+    for hidden in ("force-row", "heat-row", "recording"):
+        expect(page.get_by_test_id(hidden)).to_be_hidden()
+    for figures, name, text in SHOWN:
+        source.figures = plain | figures
+        expect(page.get_by_test_id(name)).to_have_text(text)
+        for mark, (place, attribute, value) in ALSO.items():
+            if text.endswith(mark):
+                expect(page.get_by_test_id(place)).to_have_attribute(attribute, value)
+        if text == "failed":
+            expect(page.get_by_test_id("check-depth_error_mm")).to_have_class("failed")
+    source.figures = plain
+    expect(page.get_by_test_id("recording")).to_be_hidden()
+    source.put(replace(bump(0.5, 0.0, 0.0), measures=HeavyFrames()))
+    expect(page.get_by_test_id("force-row")).to_have_text("force1.25 ±0.10 N")
+    expect(page.get_by_test_id("force-row")).to_have_attribute("title", "heavier than calibrated")
 
 
 def test_what_the_sensor_says_is_text_never_markup(opened: Open, source: FormulaSource) -> None:
@@ -200,30 +194,20 @@ def test_the_ring_shows_each_led_as_it_is_lit(opened: Open, source: FormulaSourc
     assert float(third.get_attribute("cy") or "nan") < -40, "anticlockwise: LED 3 is at the top"
 
 
-def test_detail_falls_when_pictures_take_long_and_can_be_fixed(opened: Open) -> None:
-    page = opened()
-    levels = page.evaluate("""async () => {
+def test_detail_falls_when_pictures_take_long_rises_when_there_is_time_and_does_not_swing(opened: Open) -> None:
+    """After two falls it waits for 160 easy pictures; a fall that follows doubles the wait. It can be fixed."""
+    levels = opened().evaluate("""async () => {
         const { Detail } = await import("./detail.js");
         const feed = (detail, ms, count) => { for (let i = 0; i < count; i++) detail.note(ms); return detail.level; };
         const slow = new Detail(0), quick = new Detail(0), fixed = new Detail(0), asleep = new Detail(0);
         fixed.choose(0);
-        return [feed(slow, 300, 7), feed(slow, 300, 7), feed(slow, 300, 50), feed(quick, 30, 200), feed(fixed, 300, 50),
-                feed(asleep, 60000, 50)];
+        const falls = [feed(slow, 300, 7), feed(slow, 300, 7), feed(slow, 300, 50), feed(quick, 30, 200),
+                       feed(fixed, 300, 50), feed(asleep, 60000, 50)];
+        const detail = new Detail(0), middling = new Detail(1, 1);
+        return [falls, [feed(detail, 300, 14), feed(detail, 10, 161), feed(detail, 10, 1), feed(detail, 300, 7),
+                        feed(detail, 10, 321), feed(detail, 10, 1), feed(middling, 10, 500)]];
     }""")
-    assert levels == [1, 2, 2, 0, 0, 0]
-
-
-def test_detail_rises_again_when_there_is_time_but_does_not_swing(opened: Open) -> None:
-    """After two falls it waits for 160 easy pictures; a fall that follows doubles the wait."""
-    levels = opened().evaluate("""async () => {
-        const { Detail } = await import("./detail.js");
-        const feed = (detail, ms, count) => { for (let i = 0; i < count; i++) detail.note(ms); return detail.level; };
-        const detail = new Detail(0);
-        const middling = new Detail(1, 1);
-        return [feed(detail, 300, 14), feed(detail, 10, 161), feed(detail, 10, 1), feed(detail, 300, 7),
-                feed(detail, 10, 321), feed(detail, 10, 1), feed(middling, 10, 500)];
-    }""")
-    assert levels == [2, 2, 1, 2, 2, 1, 1]
+    assert levels == [[1, 2, 2, 0, 0, 0], [2, 2, 1, 2, 2, 1, 1]]
 
 
 def test_without_webgl_the_surface_is_a_relief(opened: Open, source: FormulaSource) -> None:
@@ -233,15 +217,14 @@ def test_without_webgl_the_surface_is_a_relief(opened: Open, source: FormulaSour
     expect(page.get_by_test_id("detail")).to_be_disabled()
 
 
-@pytest.mark.parametrize("detail", ["0", "1", "2"])
-def test_the_surface_is_drawn_at_every_level(opened_3d: Open, source: FormulaSource, detail: str) -> None:
+def test_the_surface_is_drawn_at_every_level(opened_3d: Open, source: FormulaSource) -> None:
     page = opened_3d()
-    page.get_by_test_id("detail").select_option(detail)
-    draw(page, source, 1.0)
-    name = ("320 × 240 mesh", "160 × 120 mesh", "2D relief")[int(detail)]
-    assert page.evaluate("gellight.level") == name
     shown = page.get_by_test_id("surface")
-    paint(page)
-    bumped = shown.screenshot()
-    draw(page, source, 0.0)
-    wait_until(page, lambda: shown.screenshot() != bumped)
+    for detail, name in enumerate(("320 × 240 mesh", "160 × 120 mesh", "2D relief")):
+        page.get_by_test_id("detail").select_option(str(detail))
+        draw(page, source, 1.0)
+        assert page.evaluate("gellight.level") == name
+        paint(page)
+        bumped = shown.screenshot()
+        draw(page, source, 0.0)
+        wait_until(page, lambda bumped=bumped: shown.screenshot() != bumped)  # type: ignore[misc]

@@ -10,7 +10,7 @@ from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import FormulaSource, two_bumps
 from tests.helpers.firefox import Firefox, firefox
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.nightly
 
 
 @pytest.fixture

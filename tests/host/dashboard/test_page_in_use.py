@@ -1,5 +1,6 @@
 """The page in a real browser: what a visitor does reaches the stage, and what is lost is told and comes back."""
 
+import json
 import threading
 from dataclasses import replace
 from typing import Any
@@ -7,12 +8,14 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
+from gellight.daemon.assembly import open_session
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.frames import Contact
-from tests.helpers.browsing import PATIENCE_MS, SIZES, Open, draw
+from tests.helpers.browsing import PATIENCE_MS, SIZES, Open, becomes_live, draw, opening, paint, wait_until
 from tests.helpers.dashboard_source import PIXEL_MM, WIDTH, FormulaSource, bump
+from tests.helpers.settings import loaded
 
 pytestmark = pytest.mark.browser
 
@@ -20,31 +23,28 @@ IMAGES = ("image", "difference", "normal", "depth")
 
 
 def wait_for_calls(source: FormulaSource, page: Page, count: int) -> list[tuple[str, float, float, float] | None]:
-    waited = 0
-    while len(source.stage.calls) < count and waited < PATIENCE_MS:
-        page.wait_for_timeout(50)
-        waited += 50
+    wait_until(page, lambda: len(source.stage.calls) >= count)
     return source.stage.calls
 
 
-@pytest.mark.parametrize(("canvas", "size"), list(zip(IMAGES, 2 * SIZES, strict=True)), ids=IMAGES)
-def test_a_press_of_the_mouse_arrives_where_it_points(
-    opened: Open, source: FormulaSource, canvas: str, size: dict[str, int]
-) -> None:
+def test_a_press_of_the_mouse_arrives_where_it_points(opened: Open, source: FormulaSource) -> None:
     page = opened()
-    page.set_viewport_size(size)  # type: ignore[arg-type]
     draw(page, source, 0.5)
-    box = page.get_by_test_id(canvas).bounding_box()
-    mm_per_pixel = WIDTH * PIXEL_MM / min(box["width"], box["height"] * 4 / 3)
-    right, down = 41, -23
-    page.mouse.move(box["x"] + box["width"] / 2 + right, box["y"] + box["height"] / 2 + down)
-    page.mouse.down()
-    name, depth, x_mm, y_mm = wait_for_calls(source, page, 1)[0] or ("", 0.0, 0.0, 0.0)
-    assert (name, depth) == ("BALL", 0.8)
-    assert x_mm == pytest.approx(right * mm_per_pixel, abs=mm_per_pixel)
-    assert y_mm == pytest.approx(down * mm_per_pixel, abs=mm_per_pixel)
-    page.mouse.up()
-    assert wait_for_calls(source, page, 2)[-1] is None, "letting go releases"
+    for number, (canvas, size) in enumerate(zip(IMAGES, 2 * SIZES, strict=True)):
+        page.set_viewport_size(size)  # type: ignore[arg-type]
+        paint(page)
+        page.get_by_test_id(canvas).scroll_into_view_if_needed()
+        box = page.get_by_test_id(canvas).bounding_box()
+        mm_per_pixel = WIDTH * PIXEL_MM / min(box["width"], box["height"] * 4 / 3)
+        right, down = 41 + number, -23
+        page.mouse.move(box["x"] + box["width"] / 2 + right, box["y"] + box["height"] / 2 + down)
+        page.mouse.down()
+        name, depth, x_mm, y_mm = wait_for_calls(source, page, 2 * number + 1)[-1] or ("", 0.0, 0.0, 0.0)
+        assert (name, depth) == ("BALL", 0.8), canvas
+        assert x_mm == pytest.approx(right * mm_per_pixel, abs=mm_per_pixel), canvas
+        assert y_mm == pytest.approx(down * mm_per_pixel, abs=mm_per_pixel), canvas
+        page.mouse.up()
+        assert wait_for_calls(source, page, 2 * number + 2)[-1] is None, "letting go releases"
 
 
 def test_dragging_moves_the_press_and_stays_inside_the_view(opened: Open, source: FormulaSource) -> None:
@@ -114,14 +114,13 @@ def test_a_real_sensor_offers_no_press(opened: Open, source: FormulaSource) -> N
 def test_frames_that_stop_are_shown_as_old(opened: Open, source: FormulaSource) -> None:
     page = opened()
     draw(page, source, 0.5)
-    expect(page.get_by_test_id("state")).to_have_text("live")
+    becomes_live(page, source)
     page.wait_for_function("() => gellight.state === 'stale'")
     assert page.evaluate("gellight.age_ms") > 1000
     before = page.get_by_test_id("state").text_content() or ""
     assert before.startswith("no frame ")
     expect(page.get_by_test_id("state")).not_to_have_text(before)
-    draw(page, source, 0.6)
-    page.wait_for_function("() => gellight.state === 'live'")
+    becomes_live(page, source)
 
 
 def test_a_page_opened_on_a_dead_camera_does_not_call_its_last_frame_live(opened: Open, source: FormulaSource) -> None:
@@ -142,7 +141,7 @@ def test_the_page_comes_back_after_the_server(opened: Open, source: FormulaSourc
     with DashboardServer(source, port=int(server.url.split(":")[2].strip("/"))):
         page.wait_for_function("() => gellight.state !== 'lost'")
         draw(page, source, 0.7)
-        expect(page.get_by_test_id("state")).to_have_text("live")
+        becomes_live(page, source)
         page.get_by_test_id("press-here").click()
         assert wait_for_calls(source, page, 1)[-1] == ("BALL", 0.8, 0.0, 0.0)
 
@@ -190,3 +189,29 @@ def test_a_frame_without_depth_shows_its_picture_and_no_figures(opened: Open, so
     page.get_by_test_id("pause").click()
     page.wait_for_function("sequence => gellight.sequence === sequence", arg=draw_after)
     expect(page.get_by_test_id("indentation")).to_have_text("0.750")
+
+
+def test_a_visitor_of_the_demo_presses_the_ball_and_sees_its_true_depth(browser: Browser) -> None:
+    settings = loaded({"sensor.url": "sim://?programme=0"})
+    with (
+        open_session(settings) as daemon,
+        DashboardServer(daemon, port=0) as server,
+        opening(browser, server) as open_page,
+    ):
+        page = open_page()
+        expect(page.get_by_test_id("state")).to_have_text("live")
+        page.get_by_test_id("object-BALL").click()
+        page.get_by_test_id("press-depth").fill("1")
+        box = page.get_by_test_id("image").bounding_box()
+        page.mouse.move(box["x"] + 0.65 * box["width"], box["y"] + 0.4 * box["height"])
+        page.mouse.down()
+        page.wait_for_function("() => window.gellight.indentation_mm > 0.9")
+        seen = json.loads(page.evaluate("() => JSON.stringify(window.gellight)"))
+        truth = daemon.wait_frame(0, 20).camera_frame.truth
+        page.mouse.up()
+        page.wait_for_function("() => window.gellight.indentation_mm === 0")
+    assert seen["indentation_mm"] == pytest.approx(float(truth.depth_mm.max()), rel=0.10)
+    assert seen["centroid_mm"] == pytest.approx([0.15 * 640 * 0.0588, -0.1 * 480 * 0.0588], abs=0.25), (
+        "it is felt where the pointer is"
+    )
+    assert seen["fps"] > 0

@@ -3,11 +3,12 @@
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, expect
 
 from gellight.dashboard.server import DashboardServer
+from tests.helpers.browsing import becomes_live
 from tests.helpers.dashboard_source import FormulaSource, two_bumps
-from tests.helpers.windows import SIZES, OpenAt, windows, wrong
+from tests.helpers.windows import SIZES, Resize, window, wrong
 
 pytestmark = pytest.mark.browser
 
@@ -15,44 +16,40 @@ COLUMNS = {
     "phone": 1, "tablet": 2, "tablet on its side": 2, "laptop": 3, "laptop at 125 %": 2, "laptop at 150 %": 2,
     "desk": 3, "desk at 125 %": 3, "desk at 150 %": 3,
 }  # fmt: skip
-TROUBLE = "/dev/video0 delivers nothing: " + "check the cable " * 5
 DRIFT = {"kind": "drift", "severity": "notice", "text": "the light has changed " * 5, "figures": {}}
 
 
-@pytest.fixture
-def troubled(source: FormulaSource) -> FormulaSource:
-    """A sensor with long names, and everything wrong that has a place on the page."""
-    source.error = TROUBLE
+def trouble(source: FormulaSource) -> None:
+    """Give the sensor long names, and make everything wrong that has a place on the page."""
+    source.error = "/dev/video0 delivers nothing: " + "check the cable " * 5
     source.figures |= {
         "sensor": "sim://?" + "object=BALL&" * 10,
         "calibration": {"sensor": "a sensor with a long name", "identity": "9cb18a19860f7702", "verified": None},
         "watch": {"state": "at rest", "findings": [DRIFT]},
         "stage_ms": dict.fromkeys(("difference", "mask", "gradient", "depth", "normals", "contact"), 2.0),
     }
-    return source
 
 
 @pytest.fixture
-def window(browser: Browser, server: DashboardServer) -> Iterator[OpenAt]:
-    drawn = "() => gellight.drawn > 0 && document.getElementById('contacts').rows.length === 2"
-    with windows(browser, server.url, drawn) as open_at:
-        yield open_at
-
-
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("state", ["well", "troubled"])
-def test_nothing_is_cut_and_nothing_overlaps(
-    request: pytest.FixtureRequest, source: FormulaSource, window: OpenAt, size: str, state: str
-) -> None:
-    if state == "troubled":
-        request.getfixturevalue("troubled")
+def opened(browser: Browser, server: DashboardServer, source: FormulaSource) -> Iterator[tuple[Page, Resize]]:
     source.put(two_bumps(truth_factor=1.02))
-    page = window(*SIZES[size])
-    page.get_by_test_id("diagnostics").locator("summary").click()
-    page.get_by_test_id("banner-error").wait_for(state="visible" if source.error else "detached")
+    drawn = "() => gellight.drawn > 0 && document.getElementById('contacts').rows.length === 2"
+    with window(browser, server.url, drawn) as page_and_size:
+        page_and_size[0].get_by_test_id("diagnostics").locator("summary").click()
+        yield page_and_size
+
+
+def test_nothing_is_cut_and_nothing_overlaps(opened: tuple[Page, Resize], source: FormulaSource) -> None:
+    page, resize = opened
     draw_a_line(page)
-    assert wrong(page, "overlaps", "cut", "beyond") == {}
-    assert columns(page) == COLUMNS[size]
+    for state in ("well", "troubled"):
+        if state == "troubled":
+            trouble(source)
+            page.get_by_test_id("banner-error").wait_for()
+        for name, size in SIZES.items():
+            resize(*size)
+            assert wrong(page, "overlaps", "cut", "beyond") == {}, (state, name)
+            assert columns(page) == COLUMNS[name], (state, name)
 
 
 def draw_a_line(page: Page) -> None:
@@ -74,58 +71,50 @@ def columns(page: Page) -> int:
     return len(set(lefts))
 
 
-@pytest.mark.parametrize("size", ["phone", "laptop", "desk"])
-def test_every_picture_keeps_its_proportions_and_is_no_stamp(source: FormulaSource, window: OpenAt, size: str) -> None:
-    source.put(two_bumps(truth_factor=1.02))
-    page = window(*SIZES[size])
-    for name in ("depth", "truth", "image", "difference", "normal"):
-        box = page.get_by_test_id(name).bounding_box()
-        assert box["width"] / box["height"] == pytest.approx(4 / 3, rel=0.02)
-        assert box["width"] >= 140
-
-
-def test_a_laptop_sees_the_surface_the_depth_and_the_contact_without_scrolling(
-    source: FormulaSource, window: OpenAt
-) -> None:
-    source.put(two_bumps(truth_factor=1.02))
-    page = window(*SIZES["laptop"])
-    for name in ("surface", "depth", "truth", "indentation", "contacts"):
-        box = page.get_by_test_id(name).bounding_box()
-        assert box["y"] + box["height"] <= 625
-
-
-def test_a_page_without_a_truth_gives_its_place_to_the_depth(source: FormulaSource, window: OpenAt) -> None:
+def test_every_picture_has_its_place(opened: tuple[Page, Resize], source: FormulaSource) -> None:
+    page, resize = opened
+    page.get_by_test_id("diagnostics").locator("summary").click()
+    for size in ("phone", "laptop", "desk"):
+        resize(*SIZES[size])
+        for name in ("depth", "truth", "image", "difference", "normal"):
+            box = page.get_by_test_id(name).bounding_box()
+            assert box["width"] / box["height"] == pytest.approx(4 / 3, rel=0.02), (size, name)
+            assert box["width"] >= 140, (size, name)
+        if size == "laptop":
+            for name in ("surface", "depth", "truth", "indentation", "contacts"):
+                box = page.get_by_test_id(name).bounding_box()
+                assert box["y"] + box["height"] <= 625, f"{name} is seen without scrolling"
     source.put(two_bumps())
-    page = window(*SIZES["desk"])
-    assert not page.get_by_test_id("truth-panel").is_visible()
+    expect(page.get_by_test_id("truth-panel")).to_be_hidden()
     depth, camera = (page.locator(f".panel.{name}").bounding_box() for name in ("depth", "raw"))
-    assert depth["width"] > 1.9 * camera["width"]
+    assert depth["width"] > 1.9 * camera["width"], "without a truth its place is the depth's"
 
 
-@pytest.mark.parametrize("scheme", ["dark", "light"])
-@pytest.mark.parametrize("state", ["live", "stale", "lost", "paused", "troubled"])
 def test_text_can_be_read_and_controls_have_edges(
-    request: pytest.FixtureRequest,
-    source: FormulaSource,
-    server: DashboardServer,
-    window: OpenAt,
-    scheme: str,
-    state: str,
+    opened: tuple[Page, Resize], source: FormulaSource, server: DashboardServer
 ) -> None:
     """WCAG 2.2 AA: text 4.5 to 1 (1.4.3), edges of controls 3 to 1 (1.4.11); and no text under 12 px."""
-    if state == "troubled":
-        request.getfixturevalue("troubled")
-    source.put(two_bumps(truth_factor=1.02))
-    page = window(1280, 800, 1.0, scheme)
-    page.get_by_test_id("diagnostics").locator("summary").click()
-    if state == "lost":
-        server.stop()
-    if state == "paused":
-        page.get_by_test_id("pause").click()
-    if state == "live":
-        source.put(two_bumps(truth_factor=1.02))
-    if state != "troubled":
-        page.wait_for_function("state => gellight.state === state", arg=state)
-    assert wrong(page, "weakText", "weakEdges", "smallText") == {}
-    ground = page.evaluate("getComputedStyle(document.documentElement).backgroundColor")
-    assert (sum(map(int, ground[4:-1].split(","))) < 200) == (scheme == "dark")
+    page, resize = opened
+    resize(1280, 800)
+
+    def judge(state: str) -> None:
+        for scheme in ("dark", "light"):
+            page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+            if state == "live":
+                becomes_live(page, source, two_bumps(truth_factor=1.02))
+            elif state != "troubled":
+                page.wait_for_function("state => gellight.state === state", arg=state)
+            assert wrong(page, "weakText", "weakEdges", "smallText") == {}, (state, scheme)
+            ground = page.evaluate("getComputedStyle(document.documentElement).backgroundColor")
+            assert (sum(map(int, ground[4:-1].split(","))) < 200) == (scheme == "dark")
+
+    judge("live")
+    judge("stale")
+    page.get_by_test_id("pause").click()
+    judge("paused")
+    page.get_by_test_id("pause").click()
+    trouble(source)
+    page.get_by_test_id("banner-error").wait_for()
+    judge("troubled")
+    server.stop()
+    judge("lost")

@@ -36,12 +36,6 @@ def phone(browser: Browser, server: DashboardServer, source: FormulaSource) -> I
     context.close()
 
 
-def test_the_first_screen_of_a_phone_has_depth_indentation_and_press(phone: Page) -> None:
-    for name in ("depth", "indentation", "press-here", "release"):
-        box = phone.get_by_test_id(name).bounding_box()
-        assert box["y"] + box["height"] <= PHONE["height"], name
-
-
 def test_a_finger_that_is_dragged_presses_and_does_not_scroll(phone: Page, source: FormulaSource) -> None:
     box = phone.get_by_test_id("depth").bounding_box()
     finger = phone.context.new_cdp_session(phone)
@@ -59,7 +53,10 @@ def test_a_finger_that_is_dragged_presses_and_does_not_scroll(phone: Page, sourc
     assert phone.evaluate("scrollY") == 0
 
 
-def test_every_target_is_large_enough_for_a_finger(phone: Page) -> None:
+def test_a_phone_has_depth_indentation_and_press_on_its_first_screen_and_targets_for_fingers(phone: Page) -> None:
+    for name in ("depth", "indentation", "press-here", "release"):
+        box = phone.get_by_test_id(name).bounding_box()
+        assert box["y"] + box["height"] <= PHONE["height"], name
     small = phone.evaluate(
         """least => [...document.querySelectorAll("button, select, input, a, summary")]
             .filter((e) => e.checkVisibility())
@@ -97,17 +94,6 @@ def test_escape_closes_one_thing_at_a_time(opened: Open, source: FormulaSource) 
     assert left == [[True, True, True], [False, True, True], [False, False, True], [False, False, False]]
 
 
-def test_a_recording_is_shown_while_it_goes_on(opened: Open, source: FormulaSource) -> None:
-    page = opened()
-    draw(page, source, 1.0)
-    light = page.get_by_test_id("recording")
-    expect(light).to_be_hidden()
-    source.figures["recording"] = "press.mcap"
-    expect(light).to_have_text("recording press.mcap")
-    source.figures["recording"] = None
-    expect(light).to_be_hidden()
-
-
 def test_the_surface_in_2d_says_why(opened: Open, source: FormulaSource) -> None:
     page = opened()
     draw(page, source, 1.0)
@@ -128,24 +114,24 @@ def lightness_a_b(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=1)
 
 
-@pytest.mark.parametrize("name", ["ocean", "viridis", "cividis", "grey"])
-def test_every_eye_tells_the_depths_of_a_map_apart(opened: Open, source: FormulaSource, name: str) -> None:
+def test_every_eye_tells_the_depths_of_a_map_apart(opened: Open, source: FormulaSource) -> None:
     """For each defect: deeper is brighter, every tenth of the scale is another colour, and none is that beyond it."""
     page = opened()
     draw(page, source, 1.0)
-    page.get_by_test_id("map").select_option(name)
-    colours = page.evaluate("""async () => {
-        const { depthColour } = await import("./colour.js");
-        return Array.from({ length: 12 }, (_, i) => depthColour(i / 10));
-    }""")
-    grey = np.array(colours) / 255
-    linear = np.where(grey <= 0.04045, grey / 12.92, ((grey + 0.055) / 1.055) ** 2.4)
-    for defect in (np.eye(3), *map(np.array, DEFECTS.values())):
-        seen = lightness_a_b(linear @ defect.T)
-        steps, beyond = seen[:11], seen[11]
-        assert (np.diff(steps[:, 0]) > 2).all()
-        assert (np.linalg.norm(np.diff(steps, axis=0), axis=1) > 5).all()
-        assert (np.linalg.norm(steps - beyond, axis=1) > 30).all()
+    for name in ("ocean", "viridis", "cividis", "grey"):
+        page.get_by_test_id("map").select_option(name)
+        colours = page.evaluate("""async () => {
+            const { depthColour } = await import("./colour.js");
+            return Array.from({ length: 12 }, (_, i) => depthColour(i / 10));
+        }""")
+        grey = np.array(colours) / 255
+        linear = np.where(grey <= 0.04045, grey / 12.92, ((grey + 0.055) / 1.055) ** 2.4)
+        for defect in (np.eye(3), *map(np.array, DEFECTS.values())):
+            seen = lightness_a_b(linear @ defect.T)
+            steps, beyond = seen[:11], seen[11]
+            assert (np.diff(steps[:, 0]) > 2).all(), name
+            assert (np.linalg.norm(np.diff(steps, axis=0), axis=1) > 5).all(), name
+            assert (np.linalg.norm(steps - beyond, axis=1) > 30).all(), name
 
 
 def test_the_chosen_map_colours_depth_truth_and_legend(opened: Open, source: FormulaSource) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.dashboard.reference_views import KEPT, ReferenceViews
+from gellight.dashboard.reference_views import ReferenceViews
 from gellight.frames.frames import TactileFrame
 from tests.helpers.dashboard_source import bump
 from tests.helpers.view_messages import decode_image
@@ -61,11 +61,22 @@ def test_another_zero_is_another_reference() -> None:
     assert not np.array_equal(decode_image(views.picture(first)), decode_image(views.picture(second)))
 
 
+@pytest.mark.parametrize(
+    ("size_px", "grey", "another"), [(8, 0.3, True), (8, 0.2, False), (8, -0.3, True), (240, -0.2, False)]
+)
+def test_a_spot_of_eight_pixels_tells_another_zero_and_noise_does_not(size_px: int, grey: float, another: bool) -> None:
+    image, reference = scene(1)
+    views, spot = ReferenceViews(), reference.copy()
+    spot[205 : 205 + size_px, 301 : 301 + size_px] += grey
+    first, second = (views.of(seen(image, one))[0] for one in (reference, spot))
+    assert (second != first) == another
+
+
 def test_old_references_are_forgotten_and_asking_for_one_says_what_to_do() -> None:
     image, reference = scene(1)
     views = ReferenceViews()
     names = []
-    for number in range(KEPT + 1):
+    for number in range(5):
         reference = reference.copy()
         reference[:100] += 1 + number
         names.append(views.of(seen(image, reference))[0])

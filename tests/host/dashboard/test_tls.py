@@ -6,14 +6,14 @@ from pathlib import Path
 
 import aiohttp
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser
 
 from gellight.base.errors import ConfigError
 from gellight.base.settings import load_settings
 from gellight.cli.run_options import RunOptions
 from gellight.cli.several_sensors import SensorProcess
 from gellight.dashboard.server import DashboardServer
-from tests.helpers.browsing import draw
+from tests.helpers.browsing import becomes_live, draw
 from tests.helpers.children import run
 from tests.helpers.dashboard_source import FormulaSource
 from tests.helpers.page_client import get, pages
@@ -63,7 +63,7 @@ def test_a_browser_shows_frames_over_tls(browser: Browser, server: DashboardServ
         page = context.new_page()
         page.goto(server.url)
         draw(page, source, 0.5)
-        expect(page.get_by_test_id("state")).to_have_text("live")
+        becomes_live(page, source)
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,14 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Page
 
 from gellight.daemon.needs import Need
 from gellight.dashboard.server import DashboardServer
+from tests.helpers.browsing import wait_until
 from tests.helpers.dashboard_source import FormulaSource
 from tests.helpers.scripted_calibration import Scripted, pressing, snapshot, stored
-from tests.helpers.windows import SIZES, OpenAt, windows, wrong
+from tests.helpers.windows import SIZES, Resize, window, wrong
 
 pytestmark = pytest.mark.browser
 
@@ -49,36 +50,45 @@ def server(source: FormulaSource, calibration: Scripted) -> Iterator[DashboardSe
 
 
 @pytest.fixture
-def window(browser: Browser, server: DashboardServer) -> Iterator[OpenAt]:
-    with windows(browser, server.url + "calibrate.html", "() => wizard.shown > 1") as open_at:
-        yield open_at
+def opened(browser: Browser, server: DashboardServer) -> Iterator[tuple[Page, Resize]]:
+    with window(browser, server.url + "calibrate.html", "() => wizard.shown > 1") as page_and_size:
+        yield page_and_size
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_nothing_is_cut_and_nothing_overlaps(calibration: Scripted, window: OpenAt, size: str) -> None:
-    page = window(*SIZES[size])
-    for name, routine in STATES.items():
-        calibration.routine = routine
-        page.wait_for_function("step => document.body.dataset.step === step", arg=routine["step"] if routine else "")
+def states(calibration: Scripted, page: Page) -> Iterator[str]:
+    """Bring the wizard into one state after the other; yield the names."""
+    for name, calibration.routine in STATES.items():
+        step = calibration.routine["step"] if calibration.routine else ""
+        page.wait_for_function("step => document.body.dataset.step === step", arg=step)
         page.wait_for_timeout(400)
-        assert wrong(page, "overlaps", "cut", "beyond") == {}, name
-        guide = page.get_by_test_id("instruction").bounding_box()
-        assert guide["y"] + guide["height"] <= SIZES[size][1] / SIZES[size][2], "what is to be done needs no scrolling"
+        yield name
 
 
-@pytest.mark.parametrize("scheme", ["dark", "light"])
-def test_text_can_be_read_and_controls_have_edges(calibration: Scripted, window: OpenAt, scheme: str) -> None:
+def test_nothing_is_cut_and_nothing_overlaps(calibration: Scripted, opened: tuple[Page, Resize]) -> None:
+    page, resize = opened
+    for name in states(calibration, page):
+        for size, (width, height, zoom) in SIZES.items():
+            resize(width, height, zoom)
+            assert wrong(page, "overlaps", "cut", "beyond") == {}, (name, size)
+            guide = page.get_by_test_id("instruction").bounding_box()
+            assert guide["y"] + guide["height"] <= height / zoom, "what is to be done needs no scrolling"
+
+
+def test_text_can_be_read_and_controls_have_edges(calibration: Scripted, opened: tuple[Page, Resize]) -> None:
     """WCAG 2.2 AA: text 4.5 to 1 (1.4.3), edges of controls 3 to 1 (1.4.11); and no text under 12 px."""
-    page = window(1280, 800, 1.0, scheme)
-    for name, routine in STATES.items():
-        calibration.routine = routine
-        page.wait_for_function("step => document.body.dataset.step === step", arg=routine["step"] if routine else "")
-        page.wait_for_timeout(400)
-        assert wrong(page, "weakText", "weakEdges", "smallText") == {}, name
+    page, resize = opened
+    resize(1280, 800)
+    for name in states(calibration, page):
+        for scheme in ("dark", "light"):
+            page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+            assert wrong(page, "weakText", "weakEdges", "smallText") == {}, (name, scheme)
 
 
-def test_everything_is_reached_with_the_keyboard_and_seen_there(calibration: Scripted, window: OpenAt) -> None:
-    page = window(1280, 800)
+def test_everything_is_reached_with_the_keyboard_and_seen_there(
+    calibration: Scripted, opened: tuple[Page, Resize]
+) -> None:
+    page, resize = opened
+    resize(1280, 800)
     reached = []
     for _ in range(14):
         page.keyboard.press("Tab")
@@ -89,5 +99,5 @@ def test_everything_is_reached_with_the_keyboard_and_seen_there(calibration: Scr
     assert reached[:2] == ["back", "which"]
     assert {"ball", "cylinder", "pins", "presses", "hand", "anew", "action-begin"} <= set(reached)
     page.keyboard.press("Enter")
-    page.wait_for_timeout(300)
+    wait_until(page, lambda: bool(calibration.asked))
     assert [what for what, *_ in calibration.asked] == ["begin"]

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.cli.calibrate.training_options import Like, SizedTraining, Threads, Trainer, check_recipe
+from gellight.cli.calibrate.training_options import Like, SizedTraining, Threads, Trainer, check_training
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
 from gellight.cli.showing import progress, show
@@ -176,7 +176,7 @@ def synthetic(
     as_json: AsJson = False,
 ) -> None:
     """Make the bundle of the simulated sensor that comes with GelLight."""
-    check_recipe(recipe)
+    check_training(recipe, trainer)
     lights = lights_of_simulated_sensor(PIXEL_SIZE_MM, frames=LIGHT_FRAMES)
     with progress("training") as report:
         written = make_synthetic(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gellight.base.errors import InputError
-from gellight.lab.training.trainer import RECIPES, TrainerName
+from gellight.lab.training.trainer import RECIPES, TrainerName, checked_trainer
 
 if TYPE_CHECKING:
     from gellight.lab.training.training import TrainingOptions
@@ -26,8 +26,8 @@ class Training:
     trainer: Trainer = "numpy"
 
     def __post_init__(self) -> None:
-        """Refuse a recipe that does not exist."""
-        check_recipe(self.recipe)
+        """Refuse what cannot train, before anything is computed."""
+        check_training(self.recipe, self.trainer)
 
     def options(self) -> "TrainingOptions":
         """Return them as the training takes them."""
@@ -44,7 +44,8 @@ class SizedTraining(Training):
     epochs: Annotated[int | None, typer.Option(min=1, help="instead of the recipe's number")] = None
 
 
-def check_recipe(name: str) -> None:
-    """Refuse a recipe that there is not; raises InputError."""
-    if name not in RECIPES:
-        raise InputError(f"recipe {name!r}: give one of {', '.join(RECIPES)}")
+def check_training(recipe: str, trainer: TrainerName) -> None:
+    """Refuse a recipe that there is not, and a trainer that is not installed; raises InputError."""
+    if recipe not in RECIPES:
+        raise InputError(f"recipe {recipe!r}: give one of {', '.join(RECIPES)}")
+    checked_trainer(trainer)
