@@ -17,7 +17,7 @@ from gellight.daemon.frame_threads import FrameThreads
 from gellight.daemon.session import SensorSession
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera, EndOfStream
-from gellight.frames.frames import TactileFrame
+from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.watch.findings import WatchFinding
 from gellight.watch.monitor import Zero
 from tests.helpers.linear_sensor import linear_bundle, reference_image
@@ -71,6 +71,31 @@ def test_a_frame_that_is_being_read_when_the_light_changes_is_not_delivered() ->
         gate.set()
         changing.join(10)
         assert daemon.wait_frame(0, 10).camera_frame.sequence > 1
+
+
+def test_a_frame_that_is_being_reconstructed_when_all_before_is_flushed_is_not_delivered() -> None:
+    second, begun = threading.Event(), threading.Event()
+    slow = CountingReconstructor()
+    slow.gate.clear()
+
+    def picture(number: int) -> np.ndarray:
+        assert number == 1 or second.wait(20)
+        return np.zeros((2, 2, 3), np.uint8)
+
+    def reconstruct(frame: CameraFrame) -> TactileFrame:
+        begun.set()
+        return slow.reconstruct(frame)
+
+    threads = FrameThreads(ScriptedCamera(picture), reconstruct, lambda: placeholder((2, 2)))
+    threads.start()
+    assert begun.wait(20)
+    threads.flush()  # the frame in hand is the newest of all
+    slow.gate.set()
+    with pytest.raises(TimeoutError):
+        threads.delivered.take(0, 0.3)
+    second.set()
+    assert threads.delivered.take(0, 20)[1].camera_frame.sequence > 1
+    threads.stop()
 
 
 def test_the_pictures_of_files_wait_for_their_reader() -> None:
