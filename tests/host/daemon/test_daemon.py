@@ -188,24 +188,6 @@ def test_the_status_says_what_fresh_presses_have_shown_of_the_bundle(tmp_path: P
         assert calibration["verified"] == {"presses": 6, "depth_mm": 0.003, "normal_deg": 0.2}
 
 
-def test_a_running_daemon_takes_another_calibration_between_two_frames(tmp_path: Path) -> None:
-    first = linear_bundle(tmp_path / "first", (24, 32))
-    second = linear_bundle(tmp_path / "second", (24, 32), pixel_size_mm=(0.07, 0.08))
-    camera: Any = flat_camera()
-    with session_of(camera, Reconstructor(first)) as daemon:
-        before = daemon.wait_frame(0, 10).camera_frame.sequence
-        daemon.replace_bundle(second)
-        assert daemon.wait_frame(before, 10).camera_frame.sequence > before, "the stream went on"
-        assert (daemon.bundle.identity, daemon.pixel_size_mm) == (second.identity, (0.07, 0.08))
-        with pytest.raises(BundleError, match=r"32x24 pixels.*is for 64x48"):
-            daemon.replace_bundle(linear_bundle(tmp_path / "large", (48, 64)))
-        broken = linear_bundle(tmp_path / "broken", (24, 32), network=b"no network")
-        with pytest.raises(BundleError, match="cannot be loaded"):
-            daemon.replace_bundle(broken)
-        assert daemon.bundle.identity == second.identity
-        assert daemon.status()["error"] is None
-
-
 class ScriptedWatch:
     """A watch that does as a test says."""
 

@@ -43,7 +43,7 @@ def test_frames_that_wait_for_the_disk_keep_the_zero_that_they_were_taken_under(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nor is one of them lost, though the daemon delivers none from before another bundle."""
-    with gellight.connect("sim://?programme=0&fps=5") as sensor:
+    with gellight.connect("sim://?programme=0&fps=5", patience_s=120) as sensor:
         sensor.next_frame()
         before = sensor.bundle
         after = before.with_reference(before.reference + 1, frames=before.manifest.reference_frames)
@@ -90,7 +90,7 @@ def test_a_disk_that_fills_ends_the_recording_whole(tmp_path: Path, monkeypatch:
     free = [10 * RESERVE_BYTES]
     monkeypatch.setattr(recorder_module, "_free_bytes", lambda folder: free[0])
     monkeypatch.setattr(recorder_module, "LOOK_S", 0.3)
-    with gellight.connect("sim://?object=BALL&depth=1&fps=5") as sensor:
+    with gellight.connect("sim://?object=BALL&depth=1&fps=5", patience_s=120) as sensor:
         with Recorder(sensor.daemon, tmp_path / "a.mcap") as recorder:
             while not recorder.ended:
                 time.sleep(0.05)
@@ -106,7 +106,7 @@ def test_a_disk_that_fills_ends_the_recording_whole(tmp_path: Path, monkeypatch:
 def test_a_disk_that_refuses_ends_the_recording_and_nothing_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with gellight.connect("sim://?object=BALL&depth=1&fps=5") as sensor:
+    with gellight.connect("sim://?object=BALL&depth=1&fps=5", patience_s=120) as sensor:
         with Recorder(sensor.daemon, tmp_path / "a.mcap") as recorder:
             while not recorder.status.frames:
                 time.sleep(0.05)
@@ -127,7 +127,7 @@ def test_a_recorder_that_is_slower_than_the_camera_ends_all_the_same(
     frames: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It wrote on for as long as frames came: 20 were asked for, and 1,200 written."""
-    with gellight.connect("sim://?programme=0&fps=60&board=0") as sensor:
+    with gellight.connect("sim://?programme=0&fps=60&board=0", patience_s=120) as sensor:
         sensor.next_frame()
         with Recorder(sensor.daemon, tmp_path / "a.mcap", frames=frames) as recorder:
             add = recorder._writer.add

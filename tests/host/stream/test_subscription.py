@@ -334,7 +334,7 @@ def test_every_frame_of_a_sensor_in_this_process_on_request() -> None:
 
 
 def test_the_simulated_sensor_is_lit_pressed_and_released() -> None:
-    with gellight.connect("sim://?programme=0") as sensor:
+    with gellight.connect("sim://?programme=0", patience_s=120) as sensor:
         flat = sensor.next_frame()
         assert flat.contact.indentation_mm < 0.05
         assert flat.camera_frame.image.mean() > 20, "its LEDs are on"

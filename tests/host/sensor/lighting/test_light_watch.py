@@ -92,7 +92,7 @@ ROW_ERROR_GREY = 7 * np.hypot(NOISE_GREY, np.sqrt(1 / 12)) / np.sqrt(ROW_PX)
 exceeded once in 1e11 rows"""
 
 
-@pytest.mark.parametrize("stands_still", [False, True])
+@pytest.mark.parametrize("stands_still", [pytest.param(False, marks=pytest.mark.nightly), True])
 def test_on_the_simulated_sensor_no_clean_label_is_wrong_even_if_the_board_stands_still(
     monkeypatch: pytest.MonkeyPatch, stands_still: bool
 ) -> None:
