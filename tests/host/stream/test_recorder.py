@@ -18,7 +18,7 @@ from gellight.recording.depth_kind import DepthKind
 from gellight.recording.recording_file import Recording, depth_image
 from gellight.recording.replay_camera import open_replay
 from gellight.stream import recorder as recorder_module
-from gellight.stream.recorder import RESERVE_BYTES, Recorder
+from gellight.stream.recorder import Recorder
 from tests.helpers.streamed import bump_daemon
 
 
@@ -79,15 +79,19 @@ def test_what_is_recorded_of_one_frame_has_one_time(recording: Path) -> None:
 
 
 def test_a_disk_that_is_nearly_full_is_told_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recorder_module, "_free_bytes", lambda folder: RESERVE_BYTES)
+    monkeypatch.setattr(recorder_module, "_free_bytes", lambda folder: 209_000_000)
     daemon, _ = bump_daemon()
-    with daemon, pytest.raises(InputError, match="free some space"):
-        Recorder(daemon, tmp_path / "a.mcap")
-    assert list(tmp_path.iterdir()) == []
+    with daemon:
+        with pytest.raises(InputError, match="free some space"):
+            Recorder(daemon, tmp_path / "a.mcap")
+        assert list(tmp_path.iterdir()) == []
+        monkeypatch.setattr(recorder_module, "_free_bytes", lambda folder: 210_000_000)
+        with Recorder(daemon, tmp_path / "a.mcap") as recorder:
+            assert not recorder.ended
 
 
 def test_a_disk_that_fills_ends_the_recording_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    free = [10 * RESERVE_BYTES]
+    free = [10**9]
     monkeypatch.setattr(recorder_module, "_free_bytes", lambda folder: free[0])
     monkeypatch.setattr(recorder_module, "LOOK_S", 0.3)
     with gellight.connect("sim://?object=BALL&depth=1&fps=5", patience_s=120) as sensor:
@@ -95,7 +99,7 @@ def test_a_disk_that_fills_ends_the_recording_whole(tmp_path: Path, monkeypatch:
             while not recorder.ended:
                 time.sleep(0.05)
                 if recorder.status.frames:
-                    free[0] = RESERVE_BYTES
+                    free[0] = 104_000_000
         assert recorder.status.ended == "the recording stopped: the disk is nearly full"
         sensor.next_frame()  # the sensor goes on
     recorded = Recording(tmp_path / "a.mcap")

@@ -82,6 +82,19 @@ def test_a_camera_that_repeats_one_picture_is_stalled_unless_it_is_dark_all_over
         assert [camera.read().image.max() for _ in range(3)] == [0, 0, 0]
 
 
+@pytest.mark.parametrize(("luma", "stalled"), [(134, False), (136, True)])
+def test_a_picture_of_eight_grey_levels_may_come_again(luma: int, stalled: bool) -> None:
+    """By BT.601 these are 7 and 10 levels above 128."""
+    kernel, _ = fake(payload=lambda number: bytes([luma, 128]) + b"\x80" * (32 * 24 * 2 - 2))
+    with open_v4l2(f"v4l2://{PATH}?width=32&height=24", kernel) as camera:
+        assert 7 <= np.ptp(camera.read().image) <= 10
+        if not stalled:
+            camera.read()
+            return
+        with pytest.raises(StalledError):
+            camera.read()
+
+
 def test_a_camera_that_never_sends_a_whole_picture_is_stalled() -> None:
     kernel, _ = fake()
     camera = open_v4l2(f"v4l2://{PATH}?width=640&height=480", kernel)
