@@ -3,11 +3,9 @@
 import asyncio
 import builtins
 import json
-import os
 import re
 import runpy
 import struct
-import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -16,8 +14,9 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import StreamError
+from gellight.base.settings import load_settings
+from gellight.cli.one_sensor import published
 from gellight.stream.foxglove import FoxgloveServer
-from tests.helpers import children
 from tests.helpers.cdr import decoded
 from tests.helpers.places import CHECKOUT
 from tests.helpers.streamed import SHAPE, BumpReconstructor, bump_daemon
@@ -161,17 +160,12 @@ def test_without_the_package_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch)
         FoxgloveServer(bump_daemon()[0], name="finger", port=0).__enter__()
 
 
-def test_the_verb_serves_it() -> None:
-    command = [*children.GELLIGHT, "run", "--sensor", "sim://", "--no-dashboard", "--foxglove"]
-    environment = {"GELLIGHT_STREAM_FOXGLOVE_PORT": "0"}
-    with children.started(command, stderr=-1, text=True, env={**os.environ, **environment}) as verb:
-        assert verb.stderr is not None
-        until_s = time.monotonic() + 60
-        found = None
-        while not found and time.monotonic() < until_s:
-            found = re.search(r"Foxglove: open (ws://\S+)", verb.stderr.readline())
-        assert found
-        assert looked_at(found[1], {"/gellight/image_raw"})["/gellight/image_raw"].height == 480
+def test_a_sensor_that_is_to_be_shown_is_and_says_where(capsys: pytest.CaptureFixture[str]) -> None:
+    settings = load_settings({"stream.foxglove": True, "stream.foxglove_port": 0})
+    daemon, _ = bump_daemon(period_s=0.02)
+    with daemon, published(daemon, settings):
+        (url,) = re.findall(r"Foxglove: open (ws://\S+)", capsys.readouterr().err)
+        assert looked_at(url, {"/gellight/image_raw"})["/gellight/image_raw"].height == 48
 
 
 def test_the_layout_is_current_and_shows_topics_that_are_there() -> None:

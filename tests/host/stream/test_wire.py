@@ -236,12 +236,3 @@ def test_hostile_bytes_neither_crash_nor_take_memory(data: st.DataObject) -> Non
         return
     assert frame.depth_mm.base is not None, "a view of the message"
     assert frame.depth_mm.nbytes <= len(message)
-
-
-@given(st.binary(max_size=400))
-@settings(max_examples=100, deadline=None)
-def test_any_bytes_are_refused(content: bytes) -> None:
-    with pytest.raises(StreamError):
-        decode(content, no_bundle)
-    with pytest.raises(StreamError):
-        decode(MESSAGE[: PREFIX.size] + content, no_bundle)
