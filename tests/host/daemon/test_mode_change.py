@@ -1,12 +1,15 @@
 """The mode of a running sensor is changed: frames go on, numbered on; what cannot be leaves everything as it was."""
 
 from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from gellight.base.errors import CameraError, InputError
+from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.base.settings import load_settings
+from gellight.bundle.placeholder import placeholder
 from gellight.daemon import switched_camera
 from gellight.daemon.assembly import open_session
 from gellight.daemon.configuration import STILL, LightPlan
@@ -16,6 +19,8 @@ from gellight.daemon.switched_camera import SwitchedCamera
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
+from gellight.frames.picture import PictureSteps
+from gellight.frames.view import View
 from gellight.stream.publisher import Publisher
 from gellight.stream.subscription import subscribe
 from tests.helpers.scripted_camera import ScriptedCamera
@@ -102,3 +107,21 @@ def test_the_numbers_go_on_and_what_was_in_front_is_released(monkeypatch: pytest
     with pytest.raises(CameraError, match="no ring"):
         camera.switch(inner, REFUSED, dark)
     assert camera.read().sequence == 8
+
+
+@pytest.mark.parametrize(("waits", "read", "refused"), [(True, True, True), (True, False, False), (False, True, False)])
+def test_pictures_of_files_that_are_on_their_way_are_not_prepared_otherwise(
+    waits: bool, read: bool, refused: bool
+) -> None:
+    inner: Any = ScriptedCamera(shape=(24, 32))
+    inner.waits = waits
+    camera = SwitchedCamera(inner)
+    if read:
+        camera.read()
+    steps = PictureSteps.with_view(View.of_box((0, 0, 16, 12), (24, 32)))
+    config: Any = SimpleNamespace(pictures=steps, bundle=placeholder((12, 16)))
+    if refused:
+        with pytest.raises(BundleError):
+            camera.prepared(config)
+        return
+    assert camera.prepared(config).image_shape == (12, 16)
