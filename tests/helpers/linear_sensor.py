@@ -1,6 +1,7 @@
 """A sensor with a known answer: its colours are linear in the slope, so a network of one Gemm inverts it exactly."""
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
 from gellight.frames.frames import CameraFrame
+from gellight.photometric.directions import LightDirections
 
 GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])
 """(3, 2) three lights 120 degrees apart"""
@@ -137,3 +139,18 @@ def verified_bundle(
 def _leds(rgb: tuple[int, int, int]) -> tuple[LedSetting, ...]:
     ring = [("R", (rgb[0], 0, 0)), ("G", (0, rgb[1], 0)), ("B", (0, 0, rgb[2]))]
     return tuple(LedSetting.model_validate({"colour": name, "rgb": light}) for name, light in ring for _ in range(4))
+
+
+def with_lights_of_its_own(bundle: Bundle) -> Bundle:
+    """The bundle as one of four single lights, in memory."""
+    angles = np.arange(4) * np.pi / 2
+    vectors, groups = np.zeros((4, 3, 3)), np.zeros((4, 12, 3), np.uint8)
+    groups[np.arange(4), 3 * np.arange(4), 0] = 255
+    vectors[:, :, 0] = np.stack([0.7 * np.cos(angles), 0.7 * np.sin(angles), np.full(4, 0.7)], axis=1)
+    lights = LightDirections(
+        vectors=vectors, untouched=np.full((4, *bundle.image_shape), 100, np.float32), groups=groups,
+        noise_grey=1.0, pixel_size_mm=bundle.pixel_size_mm[0],
+    )  # fmt: skip
+    network = gemm_network(np.zeros((6, 2)), np.zeros(2))
+    files = {**bundle.files, "directions.npz": lights.content(), bundle.manifest.network: network}
+    return replace(bundle, files=files, source="single lights")

@@ -2,10 +2,9 @@
 
 import errno
 import os
-from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
-from unittest.mock import Mock
 
 import pytest
 
@@ -43,8 +42,6 @@ class Service:
     def state(self) -> dict[str, Any]:
         """What must not change."""
         return {
-            "bundle": self.daemon.bundle.identity if self.daemon else None,
-            "watch": self.daemon.watch if self.daemon else None,
             "in service": self.store.current(SENSOR).identity,
             "history": self.store.history(SENSOR),
             "setting": self.camera.setting(),
@@ -52,14 +49,10 @@ class Service:
         }
 
 
-@pytest.fixture(params=[True, False], ids=["streaming", "camera alone"])
-def service(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Service]:
-    service = Service(tmp_path, request.param)
-    if service.daemon is None:
-        yield service
-        return
-    with service.daemon:
-        yield service
+@pytest.fixture
+def service(tmp_path: Path) -> Service:
+    """The camera alone: with a daemon `test_running_states.py` says the same."""
+    return Service(tmp_path, streams=False)
 
 
 def refuse(*arguments: Any) -> None:
@@ -116,17 +109,6 @@ def test_a_history_that_was_renamed_but_not_flushed_is_put_back(
     assert service.state() == before
 
 
-def test_a_network_that_cannot_be_run_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    service = Service(tmp_path, streams=True)
-    before = service.state()
-    monkeypatch.setattr(
-        "gellight.daemon.active_pipeline.path_for", Mock(side_effect=BundleError("the network cannot be loaded"))
-    )
-    with pytest.raises(BundleError, match="cannot be loaded"):
-        service.install(service.new)
-    assert service.state() == before
-
-
 def test_restoring_fails_the_same_way(service: Service) -> None:
     service.install(service.new)
     before = service.state()
@@ -136,8 +118,15 @@ def test_restoring_fails_the_same_way(service: Service) -> None:
     assert service.state() == before
 
 
-def test_what_cannot_be_taken_back_is_named(service: Service) -> None:
+@pytest.mark.parametrize("with_daemon", [True, False])
+def test_what_cannot_be_taken_back_is_named(tmp_path: Path, with_daemon: bool) -> None:
     """The board is pulled while it writes its flash: it cannot be asked any more, and cannot be lit."""
+    service = Service(tmp_path, with_daemon)
+    with service.daemon or nullcontext():
+        named_what_cannot_be_taken_back(service)
+
+
+def named_what_cannot_be_taken_back(service: Service) -> None:
     service.camera.failures.reset("configured", "configuration 3", "light 2", "light 3", "light 4")
     with pytest.raises(BundleError) as caught:
         service.install(service.new)

@@ -122,27 +122,6 @@ def test_the_running_bundle_is_lit_again(daemon: SensorSession, camera: LitCamer
         assert daemon.status()["error"] is None
 
 
-def test_an_installed_bundle_is_lit_after_the_calibration_that_made_it(
-    daemon: SensorSession, camera: LitCamera, tmp_path: Path
-) -> None:
-    bundle = verified_bundle(tmp_path / "new", sensor=SENSOR, rgb=(80, 80, 80), exposure_us=20000)
-    with served(daemon, tmp_path, lambda routine: routine.install(bundle)) as service:
-        service.begin(CalibrationRequest())
-        finish(service)
-    assert daemon.bundle.identity == bundle.identity
-    assert camera.controls.read("exposure_us") == 20000
-    assert np.array_equal(camera.ring.lit, bundle.colours)
-
-
-def test_leaving_the_page_lights_the_running_bundle_again(
-    daemon: SensorSession, camera: LitCamera, tmp_path: Path
-) -> None:
-    before = camera.setting()
-    with served(daemon, tmp_path, fail) as service:
-        service.begin(CalibrationRequest())
-    assert camera.setting() == before
-
-
 def test_a_routine_that_cannot_start_leaves_nothing_changed(
     daemon: SensorSession, camera: LitCamera, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

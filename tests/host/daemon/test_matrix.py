@@ -57,6 +57,7 @@ ROWS = {
     "photometric, free": ("ordinary", "photometric", "free"),
 }
 """bundle, mode and light mode of what runs"""
+BY_DAY = ("network", "network, view", "no bundle", "photometric")
 BUNDLES = ("ordinary", "lens", "view", "dots", "directions", "none")
 COLUMNS = (
     *BUNDLES, "zero", "light", "calibrated", "aborted", "unplugged", "unheard", "to network", "to photometric"
@@ -289,7 +290,9 @@ def goes_on(running: OpenRow) -> None:
         running.open()
 
 
-@pytest.mark.parametrize("row", ROWS)
+@pytest.mark.parametrize(
+    "row", [row if row in BY_DAY else pytest.param(row, marks=pytest.mark.nightly) for row in ROWS]
+)
 def test_what_runs_takes_what_is_put_in_or_refuses_it_and_feels_on(
     row: str, bundles: dict[str, Bundle], table: dict[str, dict[str, str]]
 ) -> None:

@@ -1,13 +1,15 @@
 """The mode of a running sensor is changed: frames go on, numbered on; what cannot be leaves everything as it was."""
 
 from collections.abc import Iterator
-from unittest.mock import Mock
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.base.settings import load_settings
+from gellight.bundle.placeholder import placeholder
 from gellight.daemon import switched_camera
 from gellight.daemon.assembly import open_session
 from gellight.daemon.configuration import STILL, LightPlan
@@ -17,10 +19,11 @@ from gellight.daemon.switched_camera import SwitchedCamera
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
+from gellight.frames.picture import PictureSteps
+from gellight.frames.view import View
 from gellight.stream.publisher import Publisher
 from gellight.stream.subscription import subscribe
 from tests.helpers.scripted_camera import ScriptedCamera
-from tests.helpers.streamed import bump_daemon
 
 HELD = "sim://?object=BALL&depth=1.0&x=3&y=-2"
 
@@ -57,28 +60,6 @@ def test_another_program_changes_the_mode_and_the_frames_go_on(running: SensorSe
         assert after.contact.indentation_mm == pytest.approx(1.0, abs=0.05), "under the light of the bundle again"
         assert frames.status()["error"] is None
         assert frames.status()["watch"] is not None
-
-
-def test_a_mode_that_cannot_be_leaves_the_sensor_as_it_was(
-    running: SensorSession, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        "gellight.daemon.configuration.read_lights", Mock(side_effect=BundleError("it has no lights.json"))
-    )
-    with pytest.raises(BundleError, match="no lights"):
-        running.change_mode("photometric")
-    assert running.mode == "network"
-    assert running.wait_frame(-1, 60).exposures is None
-    running.begin_calibration()
-    with pytest.raises(InputError, match="a calibration goes on"):
-        running.change_mode("photometric")
-    running.end_calibration()
-
-
-def test_a_bundle_without_lights_has_no_photometric_mode() -> None:
-    daemon, _ = bump_daemon()
-    with pytest.raises(BundleError, match=r"lights.json"):
-        daemon.change_mode("photometric")
 
 
 class Renumbering(CameraWrapper):
@@ -126,3 +107,21 @@ def test_the_numbers_go_on_and_what_was_in_front_is_released(monkeypatch: pytest
     with pytest.raises(CameraError, match="no ring"):
         camera.switch(inner, REFUSED, dark)
     assert camera.read().sequence == 8
+
+
+@pytest.mark.parametrize(("waits", "read", "refused"), [(True, True, True), (True, False, False), (False, True, False)])
+def test_pictures_of_files_that_are_on_their_way_are_not_prepared_otherwise(
+    waits: bool, read: bool, refused: bool
+) -> None:
+    inner: Any = ScriptedCamera(shape=(24, 32))
+    inner.waits = waits
+    camera = SwitchedCamera(inner)
+    if read:
+        camera.read()
+    steps = PictureSteps.with_view(View.of_box((0, 0, 16, 12), (24, 32)))
+    config: Any = SimpleNamespace(pictures=steps, bundle=placeholder((12, 16)))
+    if refused:
+        with pytest.raises(BundleError):
+            camera.prepared(config)
+        return
+    assert camera.prepared(config).image_shape == (12, 16)

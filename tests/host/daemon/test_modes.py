@@ -5,10 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from gellight.base.errors import GellightError
-from gellight.base.settings import ReconstructionSettings, Settings
+from gellight.base.errors import CameraError, ConfigError, GellightError
+from gellight.base.settings import ReconstructionSettings, Settings, load_settings
 from gellight.bundle.bundle import load_bundle
 from gellight.daemon.active_pipeline import path_for
+from gellight.daemon.assembly import open_session
 from gellight.daemon.configuration import mode_config
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.lab.training.synthetic import ball_presses
@@ -34,25 +35,17 @@ def test_the_photometric_demo_works_at_once_and_feels_the_ball() -> None:
 
 
 def test_a_camera_without_a_ring_says_how_to_go_on() -> None:
-    run = gellight("demo", "--mode", "photometric", "--frames", "1", "--sensor", "sim://?board=0")
-    assert run.returncode == 2
-    assert "no light ring" in run.stderr
-    assert "--mode network" in run.stderr
-    assert "Traceback" not in run.stderr
+    settings = load_settings({"sensor.url": "sim://?board=0", "reconstruction.mode": "photometric"})
+    with pytest.raises(CameraError, match="no light ring"):
+        open_session(settings)
 
 
 def test_an_unknown_mode_lists_the_modes() -> None:
-    run = gellight("demo", "--mode", "magic", "--frames", "1")
-    assert run.returncode == 2
-    assert "network, photometric" in run.stderr
+    with pytest.raises(ConfigError, match="network, photometric"):
+        load_settings({"reconstruction.mode": "magic"})
 
 
-def test_an_existing_bundle_is_not_overwritten(tmp_path) -> None:
-    run = gellight("calibrate", "lights", "--out", str(tmp_path))
-    assert run.returncode == 2
-    assert "--overwrite" in run.stderr
-
-
+@pytest.mark.nightly
 def test_a_second_look_under_other_lights_errs_by_little_more_than_half_as_much() -> None:
     """Over four balls; over twenty it is 0.54."""
     bench = Bench(load_bundle("synthetic"), 1.0, 31)

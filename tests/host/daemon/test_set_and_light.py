@@ -1,6 +1,7 @@
 """Setting and lighting a sensor: from the thread that reads it, and beside a daemon that reads it all the time."""
 
 import itertools
+import time
 from collections.abc import Callable
 from pathlib import Path
 from unittest.mock import Mock
@@ -11,8 +12,9 @@ import pytest
 from gellight.base.errors import BoardError, CameraError, InputError
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import ReconnectingError
+from gellight.frames.frames import CameraFrame
 from gellight.opening import open_camera
-from gellight.sensor.set_and_light import SETTLING_FRAMES, set_and_light
+from gellight.sensor.set_and_light import set_and_light
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.scripted_camera import ScriptedCamera, ScriptedControls
 from tests.helpers.scripted_ring import ScriptedRing
@@ -67,9 +69,9 @@ def steps(ring: ScriptedRing | None, at: dict[int, Callable[[], object]] | None 
 def test_frames_are_let_pass_until_a_control_acts_and_none_for_one_that_holds_already() -> None:
     camera = steps(ScriptedRing())
     (frame,) = set_and_light(camera, {"gain": 2.0}, RED)
-    assert frame.sequence == SETTLING_FRAMES + 1
+    assert frame.sequence == 4 + 1
     (frame,) = set_and_light(camera, {"gain": 2.0}, RED)
-    assert frame.sequence == SETTLING_FRAMES + 2
+    assert frame.sequence == 5 + 1
 
 
 def test_a_ring_that_is_replaced_meanwhile_is_lit_too() -> None:
@@ -90,6 +92,19 @@ def test_a_sensor_that_is_away_says_so_and_no_frame_of_another_light_is_returned
     (frame,) = set_and_light(camera, {}, RED)
     assert frame.sequence == 3
     assert [light.tolist() for light in ring.shown] == [RED.tolist()]
+
+
+@pytest.mark.parametrize(("late", "given"), [(59, True), (60, False)])
+def test_frames_that_began_before_their_light_are_waited_out_sixty_times(late: int, given: bool) -> None:
+    camera = steps(None)
+    camera.pictures = lambda number: CameraFrame(
+        image=np.zeros((4, 4, 3), np.uint8), time_s=time.monotonic() + (-1 if number <= late else 1), sequence=number
+    )
+    if given:
+        assert set_and_light(camera, {}, RED)[0].sequence == 60
+        return
+    with pytest.raises(CameraError):
+        set_and_light(camera, {}, RED)
 
 
 def test_a_light_that_does_not_stay_on_is_an_error() -> None:

@@ -8,7 +8,9 @@ import pytest
 
 from gellight.base.errors import CameraError, InputError
 from gellight.lab.simulator.usb.descriptors import VideoModes, configuration_descriptor
-from gellight.sensor.bandwidth import check_bandwidth, reservations_mbps
+from gellight.sensor import bandwidth
+from gellight.sensor.bandwidth import Need, check_bandwidth, reservations_mbps
+from gellight.sensor.v4l2.formats import Mode
 from tests.helpers.sensor_bench import Bench
 
 WIDE = {"MJPG": {(640, 480): [30]}, "YUYV": {(640, 480): [30]}}
@@ -94,6 +96,19 @@ def test_without_descriptors_the_pictures_themselves_count(bench: Bench) -> None
         plug(bench, f"1-{number}", serial, formats=RAW)
     with pytest.raises(InputError, match=r"these need 442: .*A 147 Mbit/s"):
         check_bandwidth([f"sensor://{name}" for name in "ABC"], surroundings=bench.surroundings)
+
+
+@pytest.mark.parametrize(("cameras", "fit"), [(10, True), (11, False)])
+def test_compressed_pictures_take_four_bits_a_pixel_and_cameras_four_fifths_of_a_bus(cameras: int, fit: bool) -> None:
+    """By hand: 640 x 480 pixels, 30 times a second, are 36.9 Mbit/s, and 480 Mbit/s carry 384 of cameras."""
+    bits = bandwidth.BITS.get("MJPG", bandwidth.COMPRESSED_BITS) * 640 * 480 * 30e-6
+    mode = Mode(letters="MJPG", width=640, height=480, fps=30)
+    needs = [Need(url=str(n), bus="1", speed_mbps=480, mode=mode, mbps=bits) for n in range(cameras)]
+    if fit:
+        bandwidth._check_bus("1", needs)
+        return
+    with pytest.raises(InputError):
+        bandwidth._check_bus("1", needs)
 
 
 def test_one_sensor_by_two_names_is_refused(bench: Bench) -> None:

@@ -14,7 +14,7 @@ from gellight.base.settings import LightingSettings, ReconstructionSettings, Set
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.daemon import switched_camera
 from gellight.daemon.configuration import PathKind, mode_config
-from gellight.daemon.switched_camera import LONGEST_US, bright_exposure_us, camera_for
+from gellight.daemon.switched_camera import bright_exposure_us, camera_for
 from gellight.frames.camera import ReconnectingError, timing_of
 from gellight.frames.frames import CameraFrame
 from gellight.photometric.light_model import LightGroups
@@ -153,7 +153,7 @@ def test_without_a_ring_the_remedy_is_told() -> None:
 def test_the_exposure_is_as_bright_as_the_camera_can_show_and_no_longer_than_a_frame() -> None:
     model = replace(Gel(noise_grey=0).model(1), brightest_grey=75.0)
     assert bright_exposure_us(fake_camera(), model) == 24000.0
-    assert bright_exposure_us(fake_camera(), replace(model, brightest_grey=10.0)) == LONGEST_US
+    assert bright_exposure_us(fake_camera(), replace(model, brightest_grey=10.0)) == 30_000.0
     assert bright_exposure_us(fake_camera(controls=None), model) is None
     assert bright_exposure_us(fake_camera(), replace(model, exposure_us=None)) is None
 

@@ -19,7 +19,7 @@ def own_runtime_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A few frames of a ball in a simulated sensor, with the depth of at least three of them."""
     path = tmp_path_factory.mktemp("recorded") / "ball.mcap"
-    with gellight.connect("sim://?object=BALL&depth=1&fps=2") as sensor:
+    with gellight.connect("sim://?object=BALL&depth=1&fps=2", patience_s=120) as sensor:
         sensor.next_frame()
         with Recorder(sensor.daemon, path, depth=DepthKind.FLOAT32) as recorder:
             assert sensor.daemon.status()["recording"] == path.name

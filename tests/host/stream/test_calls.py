@@ -19,7 +19,7 @@ from gellight.stream.publisher import Publisher
 from gellight.stream.running import folder, running
 from gellight.stream.source import NoFrameError
 from gellight.stream.subscription import subscribe
-from tests.helpers import children
+from tests.helpers.command_line import invoke
 from tests.helpers.streamed import bump_daemon
 from tests.helpers.weighed import HeavyFrames
 
@@ -157,9 +157,9 @@ def test_the_status_says_what_the_newest_frame_feels() -> None:
         assert told["force"] == {
             "normal_n": 1.25, "error_n": 0.1, "flags": ["heavier"], "largest_pressure_mpa": largest_mpa,
         }  # fmt: skip
-        said = children.gellight("status", "finger")
-        assert re.search(r"; \d\.\d{3} mm deep, 1\.25 ± 0\.10 N, up to \d\.\d{3} MPa\n$", said.stdout), said.stderr
-        assert json.loads(children.gellight("status", "--json").stdout)["finger"]["touch"]["force"]["normal_n"] == 1.25
+        said = invoke("status", "finger")
+        assert re.search(r"; \d\.\d{3} mm deep, 1\.25 ± 0\.10 N, up to \d\.\d{3} MPa\n$", said.stdout), said.output
+        assert json.loads(invoke("status", "--json").stdout)["finger"]["touch"]["force"]["normal_n"] == 1.25
 
 
 def test_the_status_of_a_sensor_without_a_constant_has_no_force() -> None:
@@ -167,5 +167,5 @@ def test_the_status_of_a_sensor_without_a_constant_has_no_force() -> None:
     with daemon, Publisher(daemon, name="finger"), subscribe("finger") as frames:
         frames.next_frame()
         assert frames.status()["touch"]["force"] is None
-        said = children.gellight("status").stdout
+        said = invoke("status").stdout
         assert re.search(r"; \d\.\d{3} mm deep\n$", said), said

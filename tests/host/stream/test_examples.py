@@ -30,6 +30,7 @@ from tests.helpers.weighed import HeavyFrames
 EXAMPLES = CHECKOUT / "docs/examples"
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "says"),
     [
@@ -48,6 +49,7 @@ def test_an_example_runs(name: str, says: str, tmp_path: Path) -> None:
     assert says in done.stdout
 
 
+@pytest.mark.nightly
 def test_the_force_along_the_gel_is_told_as_the_document_shows() -> None:
     """In docs/shear.md a ball is dragged to the right and down: it pulls so, and turns nothing."""
     (code,) = examples("docs/shear.md")
@@ -58,6 +60,7 @@ def test_the_force_along_the_gel_is_told_as_the_document_shows() -> None:
     assert abs(turned) < 0.1
 
 
+@pytest.mark.nightly
 def test_a_gripper_closes_until_nothing_slips() -> None:
     """A ball holds by friction what presses it times 0.6; a lighter grip slips first."""
     said = run([sys.executable, EXAMPLES / "hold.py"], check=True).stdout
@@ -68,6 +71,7 @@ def test_a_gripper_closes_until_nothing_slips() -> None:
     assert 0.4 <= pulled < 1.1 * 0.6 * pressed
 
 
+@pytest.mark.nightly
 def test_a_gripper_stops_at_one_newton() -> None:
     """Finite elements weighed the same ball, pressed to two depths; between them a power says how deep is how heavy."""
     said = run([sys.executable, EXAMPLES / "grip.py"], check=True).stdout
@@ -78,6 +82,7 @@ def test_a_gripper_stops_at_one_newton() -> None:
     assert abs(force - true_n) < 2 * error
 
 
+@pytest.mark.nightly
 def test_two_sensors_are_read_by_their_names(tmp_path: Path) -> None:
     (one, _), (other, _) = bump_daemon(period_s=0.03), bump_daemon(period_s=0.03)
     with one, other, Publisher(one, name="left"), Publisher(other, name="right"):
@@ -87,6 +92,7 @@ def test_two_sensors_are_read_by_their_names(tmp_path: Path) -> None:
     assert min(float(depth) for pair in depths for depth in pair) >= 0.5, "the bump, which is deeper in each frame"
 
 
+@pytest.mark.nightly
 def test_the_depth_is_drawn_until_the_window_is_closed() -> None:
     pytest.importorskip("matplotlib")
     closed = "import itertools, runpy, sys, matplotlib.pyplot as plt; sys.argv.pop(); drawn = itertools.count(1)\n"
@@ -99,6 +105,7 @@ def test_the_depth_is_drawn_until_the_window_is_closed() -> None:
     assert 0.5 < depths[0] < depths[1] < depths[2], "the bump of the daemon, which is deeper in each frame"
 
 
+@pytest.mark.nightly
 def test_pictures_without_a_calibration_show_where_and_how_large(tmp_path: Path) -> None:
     (tmp_path / "pictures").mkdir()
     for name, url in {"untouched": "sim://?programme=0", "ball": "sim://?object=BALL&depth=1.0&x=3&y=-2"}.items():
@@ -162,6 +169,7 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("asked", [(), tuple(MapOnRequest)])
 def test_the_reader_in_c_plus_plus_reads_what_python_writes(
     reader: Path, tmp_path: Path, asked: tuple[MapOnRequest, ...]
@@ -180,6 +188,7 @@ def test_the_reader_in_c_plus_plus_reads_what_python_writes(
     assert json.loads(details)["provenance"]["findings"] == ["drift"]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("change", "says"), [
     ((4, 2), "version 2"), ((0, 0), "no frame"), ((40, 0), "its size"), ((43, 255), "its size"),
     ((6, 17), "list of planes"), ((96, 0), "missing"), ((127, 255), "a plane"), ((11, 255), "details"),
@@ -196,6 +205,7 @@ def test_the_reader_in_c_plus_plus_refuses_what_is_damaged(
     assert says in done.stderr
 
 
+@pytest.mark.nightly
 def test_the_reader_in_c_plus_plus_refuses_what_is_cut_off(reader: Path, tmp_path: Path) -> None:
     message = encode(full_frame())
     for length in (0, 50, 96, 200, 1000, len(message) // 2):

@@ -3,23 +3,21 @@
 import asyncio
 import builtins
 import json
-import os
 import re
 import runpy
 import struct
-import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import aiohttp
 import numpy as np
 import pytest
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from gellight.base.errors import StreamError
-from gellight.recording.ros_messages import DEFINITIONS
+from gellight.base.settings import load_settings
+from gellight.cli.one_sensor import published
 from gellight.stream.foxglove import FoxgloveServer
-from tests.helpers import children
+from tests.helpers.cdr import decoded
 from tests.helpers.places import CHECKOUT
 from tests.helpers.streamed import SHAPE, BumpReconstructor, bump_daemon
 from tests.helpers.weighed import HeavyFrames
@@ -65,15 +63,10 @@ async def _looked_at(url: str, topics: set[str]) -> dict[str, Any]:
             content = await wire.receive_bytes()
             kind, number, _ = struct.unpack_from("<BIQ", content)
             assert kind == MESSAGE
-            got.setdefault(wanted[number]["topic"], decoded(wanted[number], content[13:]))
+            channel = wanted[number]
+            assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg")
+            got.setdefault(channel["topic"], decoded(content[13:], channel["schema"]))
         return got
-
-
-def decoded(channel: Mapping[str, Any], content: bytes) -> Any:
-    assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg")
-    store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg(channel["schema"], channel["schemaName"]))
-    return store.deserialize_cdr(content, channel["schemaName"])
 
 
 @pytest.fixture
@@ -167,17 +160,12 @@ def test_without_the_package_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch)
         FoxgloveServer(bump_daemon()[0], name="finger", port=0).__enter__()
 
 
-def test_the_verb_serves_it() -> None:
-    command = [*children.GELLIGHT, "run", "--sensor", "sim://", "--no-dashboard", "--foxglove"]
-    environment = {"GELLIGHT_STREAM_FOXGLOVE_PORT": "0"}
-    with children.started(command, stderr=-1, text=True, env={**os.environ, **environment}) as verb:
-        assert verb.stderr is not None
-        until_s = time.monotonic() + 60
-        found = None
-        while not found and time.monotonic() < until_s:
-            found = re.search(r"Foxglove: open (ws://\S+)", verb.stderr.readline())
-        assert found
-        assert looked_at(found[1], {"/gellight/image_raw"})["/gellight/image_raw"].height == 480
+def test_a_sensor_that_is_to_be_shown_is_and_says_where(capsys: pytest.CaptureFixture[str]) -> None:
+    settings = load_settings({"stream.foxglove": True, "stream.foxglove_port": 0})
+    daemon, _ = bump_daemon(period_s=0.02)
+    with daemon, published(daemon, settings):
+        (url,) = re.findall(r"Foxglove: open (ws://\S+)", capsys.readouterr().err)
+        assert looked_at(url, {"/gellight/image_raw"})["/gellight/image_raw"].height == 48
 
 
 def test_the_layout_is_current_and_shows_topics_that_are_there() -> None:
@@ -187,12 +175,3 @@ def test_the_layout_is_current_and_shows_topics_that_are_there() -> None:
     assert named == {"/gellight/image_raw", "/gellight/depth/image", "/gellight/points", "/gellight/contact",
                      "/gellight/contact/wrench", "/diagnostics"}  # fmt: skip
     assert named <= set(TOPICS)
-
-
-def test_the_definitions_are_those_of_ros() -> None:
-    """The hash covers every field, its type and its place; constants and comments do not count."""
-    jazzy = get_typestore(Stores.ROS2_JAZZY)
-    for kind, text in DEFINITIONS.items():
-        own = get_typestore(Stores.EMPTY)
-        own.register(get_types_from_msg(text, kind))
-        assert own.hash_rihs01(kind) == jazzy.hash_rihs01(kind), kind

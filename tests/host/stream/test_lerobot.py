@@ -22,6 +22,7 @@ from tests.helpers.places import CHECKOUT
 from tests.helpers.streamed import SHAPE, BumpReconstructor, bump_daemon
 from tests.helpers.weighed import force_files
 
+pytestmark = pytest.mark.nightly
 PLUGIN = CHECKOUT / "host/lerobot_camera_gellight"
 READER = CHECKOUT / "tests/helpers/lerobot_reader.py"
 README = (CHECKOUT / "README.md").read_text()

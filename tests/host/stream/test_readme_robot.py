@@ -1,38 +1,25 @@
 """What the README types runs as it stands, but that ports are free ones: each way to a robot, all blocks in order."""
 
-import asyncio
-import json
 import os
 import re
-import shlex
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from subprocess import Popen
 from typing import Any
 
-import aiohttp
 import pytest
-import zenoh
 
 from tests.helpers import children
 from tests.helpers.places import CHECKOUT
 from tests.helpers.streamed import free_port
 
+pytestmark = pytest.mark.nightly
 README = (CHECKOUT / "README.md").read_text()
 SECTION = README.partition("## Use it from your robot")[2].partition("\n## ")[0]
 BLOCKS = re.findall(r"```sh\n(.*?)```", SECTION, re.DOTALL)
-
-
-def command(option: str) -> list[str]:
-    """Return what the section says after `gellight`, of the block that has the option."""
-    (line,) = [
-        line for block in BLOCKS for line in block.splitlines() if line.startswith("gellight run") and option in line
-    ]
-    return shlex.split(line.removesuffix("&"))[1:]
 
 
 @contextmanager
@@ -50,29 +37,6 @@ def running(arguments: list[str], says: str) -> Iterator[tuple[Popen[Any], str]]
 
 def test_every_block_is_tried() -> None:
     assert [len(re.findall("--ros2|--foxglove|live.py|lerobot-record", block)) for block in BLOCKS] == [1, 1, 1, 1]
-
-
-def test_ros_2() -> None:
-    port = free_port()
-    config = zenoh.Config()
-    for name, value in {"mode": "router", "listen/endpoints": [f"tcp/127.0.0.1:{port}"]}.items():
-        config.insert_json5(name, json.dumps(value))
-    config.insert_json5("scouting/multicast/enabled", "false")
-    came = threading.Event()
-    with zenoh.open(config) as router:
-        held = router.declare_subscriber("0/finger/depth/image/**", lambda _: came.set())
-        with running([word.replace("localhost:7447", f"127.0.0.1:{port}") for word in command("--ros2")], "ROS 2"):
-            assert came.wait(60)
-        held.undeclare()
-
-
-def test_foxglove() -> None:
-    async def greeting(url: str) -> str:
-        async with aiohttp.ClientSession() as client, client.ws_connect(url, protocols=["foxglove.sdk.v1"]) as wire:
-            return str((await wire.receive_json(timeout=30))["name"])
-
-    with running(command("--foxglove"), "Foxglove: open") as (_, line):
-        assert asyncio.run(greeting(line.split()[-1])) == "GelLight sim"
 
 
 SLOW = "sim://?fps=4"

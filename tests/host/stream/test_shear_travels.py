@@ -11,7 +11,7 @@ import pytest
 from gellight.base.errors import InputError, StreamError
 from gellight.frames.frames import CaptureStamp, TactileFrame
 from gellight.frames.measures import Force
-from gellight.frames.shear import DotsSeen, Shear, Slip, SlipState, Unseen
+from gellight.frames.shear import DotsSeen, Shear, Unseen
 from gellight.opening import open_camera
 from gellight.recording.recording_file import Recording, RecordingWriter
 from gellight.stream.ros_topics import covariance_of, wrench_of
@@ -40,27 +40,6 @@ def frame_of(shear: Shear | None, dots: DotsSeen | None = DOTS) -> TactileFrame:
 
 def no_bundle(zero: str) -> None:
     raise AssertionError("nobody asked for the bundle")
-
-
-def test_dots_and_shear_arrive_as_they_were_sent() -> None:
-    got = decode(encode(frame_of(SHEAR)), no_bundle)
-    for name in ("force_n", "force_error_n", "torque_nmm", "torque_error_nmm", "centre_mm", "flags", "unknown"):
-        assert getattr(got.shear, name) == getattr(SHEAR, name)
-    np.testing.assert_array_equal(got.shear.field_mm, SHEAR.field_mm)
-    assert got.camera_frame.dots is not None
-    for name in ("rest_px", "places_px", "reasons"):
-        np.testing.assert_array_equal(getattr(got.camera_frame.dots, name), getattr(DOTS, name))
-    assert got.shear.dots is got.camera_frame.dots
-
-
-def test_slip_arrives() -> None:
-    slip = Slip(state=SlipState.FULL, confidence=0.9, velocity_mm_s=(1.5, -0.5))
-    assert decode(encode(replace(frame_of(SHEAR), slip=slip)), no_bundle).slip == slip
-
-
-def test_what_is_unknown_arrives_with_its_reason() -> None:
-    got = decode(encode(frame_of(Shear(dots=DOTS, field_mm=SHEAR.field_mm, unknown="another gel"))), no_bundle).shear
-    assert (got.force_n, got.torque_nmm, got.unknown) == (None, None, "another gel")
 
 
 def test_a_gel_without_dots_sends_nothing_of_them() -> None:

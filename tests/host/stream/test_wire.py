@@ -8,18 +8,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle, extend_bundle
+from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import STEEP, MapOnRequest
 from gellight.frames.pose import ObjectPose
 from gellight.reconstruction.contact import MOST_PATCHES, measure_patches
 from gellight.reconstruction.integration import normals
 from gellight.reconstruction.measures import BundleMeasures
-from gellight.stream.wire import MOST_DETAILS, PLANE, PREFIX, decode, encode
+from gellight.stream.wire import PLANE, PREFIX, decode, encode
 from tests.helpers.dashboard_source import bump
+from tests.helpers.drawn_frames import check_same, tactile_frames
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.streamed import SHAPE, full_frame
 from tests.helpers.weighed import force_files
@@ -29,25 +31,13 @@ def no_bundle(zero: str) -> Bundle:
     raise AssertionError("nobody asked for the difference image")
 
 
-def test_every_map_and_figure_arrives_as_it_was_sent() -> None:
-    sent = full_frame()
+@given(tactile_frames())
+@settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
+def test_whatever_a_frame_has_arrives_as_it_was_sent(sent: TactileFrame) -> None:
     got = decode(encode(sent), no_bundle)
-    for name in ("gradient_map", "depth_mm"):
-        assert np.array_equal(getattr(got, name), getattr(sent, name))
-        assert getattr(got, name).dtype == np.float32
-    assert np.array_equal(got.camera_frame.image, sent.camera_frame.image)
-    assert np.array_equal(got.contact.mask, sent.contact.mask)
-    assert got.contact.mask.dtype == np.bool_
-    assert {**vars(got.contact), "mask": None} == {**vars(sent.contact), "mask": None}
-    assert got.contacts == sent.contacts
-    assert [one.number for one in got.contacts] == [7]
-    assert np.array_equal(got.camera_frame.light, sent.camera_frame.light)
-    for name in ("time_s", "sequence", "source", "label"):
-        assert getattr(got.camera_frame, name) == getattr(sent.camera_frame, name)
-    assert np.array_equal(got.exposures.lights, sent.exposures.lights)
-    assert np.array_equal(got.exposures.moving, sent.exposures.moving)
-    assert got.exposures.as_json() == sent.exposures.as_json()
-    assert got.stage_seconds == sent.stage_seconds
+    check_same(sent, got, but=("ages_s", "difference", "measures"))
+    assert got.provenance.ages_s.keys() == {*sent.provenance.ages_s, "published", "received"}
+    assert got.shear is None or got.shear.dots is got.camera_frame.dots
 
 
 def test_a_frame_of_a_daemon_that_knew_no_contacts_is_read() -> None:
@@ -56,17 +46,11 @@ def test_a_frame_of_a_daemon_that_knew_no_contacts_is_read() -> None:
     assert decode(old, no_bundle).contacts == ()
 
 
-def test_a_pose_arrives_as_it_was_sent_and_a_damaged_one_is_refused() -> None:
-    numbers = np.arange(36.0).reshape(6, 6)
+def test_a_damaged_pose_is_refused() -> None:
     motion = np.vstack([np.arange(12.0).reshape(3, 4), [0, 0, 0, 1]])
     pose = ObjectPose(number=3, since_sequence=9, motion=motion, origin_mm=np.arange(3.0), centre_mm=np.ones(3),
-                      covariance=numbers, untellable=numbers[:1])  # fmt: skip
+                      covariance=np.eye(6), untellable=np.zeros((0, 6)))  # fmt: skip
     message = encode(replace(full_frame(), pose=pose))
-    got = decode(message, no_bundle).pose
-    assert vars(got).keys() == vars(pose).keys()
-    for name, value in vars(pose).items():
-        np.testing.assert_array_equal(vars(got)[name], value)
-    assert decode(encode(full_frame()), no_bundle).pose is None
     whole = b"[0.0,1.0,2.0,3.0,4.0,5.0,6.0,7.0,8.0,9.0,10.0,11.0]"
     cut = message.replace(whole, b"[1.0]".ljust(len(whole)))
     assert cut != message
@@ -188,15 +172,6 @@ def test_a_frame_without_measures_has_neither_maps_nor_figures() -> None:
     assert (got.force, got.confidence, got.maps_on_request()) == (None, None, {})
 
 
-def test_a_frame_of_a_bundle_without_a_constant_has_no_force() -> None:
-    assert decode(encode(full_frame()), no_bundle).force is None
-
-
-def test_a_frame_without_contact_has_no_centre() -> None:
-    sent = replace(bump(0.0, 0, 0, shape=SHAPE), provenance=full_frame().provenance)
-    assert decode(encode(sent), no_bundle).contact.centroid_mm is None
-
-
 def test_a_centre_of_which_one_number_is_missing_is_none() -> None:
     sent = full_frame()
     for centroid_mm in ((np.nan, 1.0), (1.0, np.nan)):
@@ -213,9 +188,12 @@ def test_a_message_is_hardly_longer_than_its_maps() -> None:
 def test_details_longer_than_any_are_refused_unread() -> None:
     message = encode(full_frame())
     magic, version, planes, place, length, *rest = PREFIX.unpack_from(message)
-    details = message[place : place + length].ljust(MOST_DETAILS + 1)
+    details = message[place : place + length].ljust(65_536)
     header = PREFIX.pack(magic, version, planes, len(message), len(details), *rest)
-    with pytest.raises(StreamError, match=f"{MOST_DETAILS + 1} bytes of details"):
+    assert decode(header + message[PREFIX.size :] + details, no_bundle).contacts
+    details += b" "
+    header = PREFIX.pack(magic, version, planes, len(message), len(details), *rest)
+    with pytest.raises(StreamError, match="65537 bytes of details"):
         decode(header + message[PREFIX.size :] + details, no_bundle)
 
 
@@ -258,12 +236,3 @@ def test_hostile_bytes_neither_crash_nor_take_memory(data: st.DataObject) -> Non
         return
     assert frame.depth_mm.base is not None, "a view of the message"
     assert frame.depth_mm.nbytes <= len(message)
-
-
-@given(st.binary(max_size=400))
-@settings(max_examples=100, deadline=None)
-def test_any_bytes_are_refused(content: bytes) -> None:
-    with pytest.raises(StreamError):
-        decode(content, no_bundle)
-    with pytest.raises(StreamError):
-        decode(MESSAGE[: PREFIX.size] + content, no_bundle)

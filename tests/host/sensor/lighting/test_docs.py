@@ -11,6 +11,7 @@ from tests.helpers.virtual_sensor import RING, virtual_sensor
 DOCUMENT = "docs/light.md"
 
 
+@pytest.mark.nightly
 def test_the_examples_of_the_page_about_light_run(monkeypatch: pytest.MonkeyPatch) -> None:
     hold, stream, shutter = examples(DOCUMENT)
     names: dict[str, object] = {"gellight": gellight}

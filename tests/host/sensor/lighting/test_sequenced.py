@@ -101,7 +101,10 @@ def test_a_strobe_that_falls_silent_leaves_the_ring_dark_and_no_frame_clean(monk
     assert counts == {("dark", "unknown"): 3}
 
 
-@pytest.mark.parametrize("mode", [LightMode.FREE, LightMode.EXT])
+AT_NIGHT = pytest.mark.nightly
+
+
+@pytest.mark.parametrize("mode", [LightMode.FREE, pytest.param(LightMode.EXT, marks=AT_NIGHT)])
 def test_a_sequence_that_died_while_the_program_was_held_up_is_started_again(
     monkeypatch: pytest.MonkeyPatch, mode: LightMode
 ) -> None:
@@ -116,7 +119,9 @@ def test_a_sequence_that_died_while_the_program_was_held_up_is_started_again(
     assert after["clean", "right"] >= 13
 
 
-@pytest.mark.parametrize("mode", [LightMode.FREE, LightMode.EXT, LightMode.HOLD])
+@pytest.mark.parametrize(
+    "mode", [LightMode.FREE, *(pytest.param(mode, marks=AT_NIGHT) for mode in (LightMode.EXT, LightMode.HOLD))]
+)
 def test_a_sensor_that_was_unplugged_gets_its_sequence_again(monkeypatch: pytest.MonkeyPatch, mode: LightMode) -> None:
     camera = virtual_sensor(monkeypatch, strobe=mode is LightMode.EXT)
     with SequencedCamera(camera, TRIPLES, mode=mode, timing=TIMING) as sequenced:

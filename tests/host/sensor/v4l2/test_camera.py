@@ -82,6 +82,19 @@ def test_a_camera_that_repeats_one_picture_is_stalled_unless_it_is_dark_all_over
         assert [camera.read().image.max() for _ in range(3)] == [0, 0, 0]
 
 
+@pytest.mark.parametrize(("luma", "stalled"), [(134, False), (136, True)])
+def test_a_picture_of_eight_grey_levels_may_come_again(luma: int, stalled: bool) -> None:
+    """By BT.601 these are 7 and 10 levels above 128."""
+    kernel, _ = fake(payload=lambda number: bytes([luma, 128]) + b"\x80" * (32 * 24 * 2 - 2))
+    with open_v4l2(f"v4l2://{PATH}?width=32&height=24", kernel) as camera:
+        assert 7 <= np.ptp(camera.read().image) <= 10
+        if not stalled:
+            camera.read()
+            return
+        with pytest.raises(StalledError):
+            camera.read()
+
+
 def test_a_camera_that_never_sends_a_whole_picture_is_stalled() -> None:
     kernel, _ = fake()
     camera = open_v4l2(f"v4l2://{PATH}?width=640&height=480", kernel)
@@ -90,21 +103,24 @@ def test_a_camera_that_never_sends_a_whole_picture_is_stalled() -> None:
 
 
 @pytest.mark.parametrize(
-    ("driver", "flags", "setting", "wanted_s"),
+    ("driver", "flags", "setting", "measured", "wanted_s"),
     [
-        ("other", v.SOURCE_SOE, "0", 0.0),
-        ("uvcvideo", v.SOURCE_SOE, "1", 0.0),
-        ("uvcvideo", v.SOURCE_SOE, "0", -0.008),
-        ("other", 0, "0", -0.008 - 1 / 30),
+        ("other", v.SOURCE_SOE, "0", "", 0.0),
+        ("other", v.SOURCE_SOE, "0", "&delay_us=4000&readout_us=12000", -0.004),
+        ("uvcvideo", v.SOURCE_SOE, "1", "", 0.0),
+        ("uvcvideo", v.SOURCE_SOE, "0", "", -0.008),
+        ("uvcvideo", v.SOURCE_SOE, "0", "&delay_us=4000&readout_us=12000", -0.012),
+        ("other", 0, "0", "", -0.008 - 1 / 30),
+        ("other", 0, "0", "&readout_us=12000&delay_us=4000", -0.024),
     ],
 )
 def test_the_start_of_the_exposure_follows_from_what_the_stamp_means(
-    tmp_path: Path, driver: str, flags: int, setting: str, wanted_s: float
+    tmp_path: Path, driver: str, flags: int, setting: str, measured: str, wanted_s: float
 ) -> None:
     (tmp_path / "module/uvcvideo/parameters").mkdir(parents=True)
     (tmp_path / "module/uvcvideo/parameters/hwtimestamps").write_text(f"{setting}\n")
     kernel, _ = fake(driver=driver, flags=v.TIMESTAMP_MONOTONIC | flags, payload=lambda number: b"\x80" * 32 * 24 * 2)
-    options = parse_url("v4l2://x?exposure_us=8000&width=32&height=24")[1]
+    options = parse_url(f"v4l2://x?exposure_us=8000&width=32&height=24{measured}")[1]
     with V4l2Camera(PATH, options, kernel=kernel, sysfs=tmp_path) as camera:
         assert camera.read().time_s == pytest.approx(100.0 + wanted_s, abs=1e-5)
 
