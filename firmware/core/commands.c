@@ -142,12 +142,14 @@ enum status handle_set_supply(struct call *call)
 /* Seconds until the flash may be written again; 0: now, and one of the saves that are allowed is used. */
 static uint32_t save_in_s(struct controller *controller)
 {
+    const struct port *port = controller->port;
     uint64_t now_us = controller_now_us(controller);
     uint64_t from_us = controller->saves_us > now_us ? controller->saves_us : now_us;
     uint32_t ahead_us = (uint32_t)(from_us - now_us);
     if (ahead_us > SAVES_AHEAD_US)
         return (ahead_us - SAVES_AHEAD_US + 999999u) / 1000000u;
     controller->saves_us = from_us + SAVE_EVERY_US;
+    port->note_saves(port->context, (uint8_t)((ahead_us + 2u * SAVE_EVERY_US - 1u) / SAVE_EVERY_US));
     return 0;
 }
 

@@ -16,8 +16,7 @@ void controller_start(struct controller *controller, const struct port *port)
     controller->trigger.divider = 1;
     controller->shown = (struct sequencer_position){.step = NO_STEP, .group = NO_STEP};
     config_load(&controller->config, port);
-    if (port->identity.reset_reason != RESET_REASON_POWER) /* or restarts would make saves unlimited */
-        controller->saves_us = controller_now_us(controller) + SAVES_AHEAD_US;
+    controller->saves_us = controller_now_us(controller) + port->identity.saves * SAVE_EVERY_US;
     controller->limits.led_count = controller->config.current.led_count;
     controller->colour_order = controller->config.current.colour_order;
     controller->supply.fitted = controller->config.current.switch_pin != NO_PIN;
@@ -110,7 +109,9 @@ void controller_receive(struct controller *controller, uint8_t byte)
 bool controller_healthy(const struct controller *controller)
 {
     const struct controller_slot *slot = &controller->slot;
-    if (!slot->busy)
-        return true;
-    return slot->start_us == PORT_ON_TRIGGER || controller_now_us(controller) < slot->start_us + OVERDUE_US;
+    const struct trigger *trigger = &controller->trigger;
+    uint64_t start_us = slot->start_us;
+    if (slot->busy && start_us == PORT_ON_TRIGGER && trigger->released)
+        start_us = trigger->start_us;
+    return !slot->busy || start_us == PORT_ON_TRIGGER || controller_now_us(controller) < start_us + OVERDUE_US;
 }

@@ -139,10 +139,11 @@ enum status handle_trim(struct call *call)
         return STATUS_NOT_RUNNING;
     if (sequencer->mode != SYNC_MODE_FREE)
         return STATUS_WRONG_MODE;
+    uint32_t phase_us = (uint32_t)sequencer->trim.phase_us + (uint32_t)request->phase_us; /* with what still waits */
     if (outside(call, (uint32_t)request->period + TRIM_MAX, 0, 2 * TRIM_MAX) ||
-        outside(call, (uint32_t)request->phase_us + DWELL_MAX_US, 0, 2 * DWELL_MAX_US))
+        outside(call, phase_us + DWELL_MAX_US, 0, 2 * DWELL_MAX_US))
         return STATUS_OUT_OF_RANGE;
-    sequencer->trim = *request;
+    sequencer->trim = (struct trim){.phase_us = (int32_t)phase_us, .period = request->period};
     return STATUS_OK;
 }
 

@@ -58,7 +58,14 @@ void lights_show(struct controller *controller, const uint8_t colours[COLOUR_BYT
 {
     bytes_copy(controller->still, colours, COLOUR_BYTES);
     controller->still_wanted = true;
+    controller->still_again = false;
     controller->still_id = ++controller->next_id;
+}
+
+void lights_show_again(struct controller *controller)
+{
+    lights_show(controller, controller->shown_colours);
+    controller->still_again = true;
 }
 
 void lights_go_dark(struct controller *controller, enum dark reason)
@@ -89,8 +96,8 @@ bool lights_will_shine(const struct controller *controller)
 bool lights_above_limit(const struct controller *controller)
 {
     const struct controller_slot *slot = &controller->slot;
-    return controller->shown_ma > controller->limits.limit_ma ||
-           (slot->busy && slot->current_ma > controller->limits.limit_ma) ||
+    return !ring_within(&controller->limits, controller->shown_colours) ||
+           (slot->busy && !ring_within(&controller->limits, slot->colours)) ||
            (controller->still_wanted && !ring_within(&controller->limits, controller->still));
 }
 
@@ -139,6 +146,10 @@ static void plan_still(struct controller *controller)
         return;
     }
     slot->at = (struct sequencer_position){.step = NO_STEP, .group = NO_STEP};
+    if (controller->still_again) {
+        slot->at = controller->shown;
+        slot->pulse_us = PORT_NO_PULSE;
+    }
     slot->light_id = controller->still_id;
     slot->start_us = 0;
     slot->role = SEQUENCER_WAIT;

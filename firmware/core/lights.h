@@ -13,6 +13,7 @@ bool lights_finish(struct controller *controller, struct latched *latched);
 
 /* Colours to show until something else is asked for. */
 void lights_show(struct controller *controller, const uint8_t colours[COLOUR_BYTES]);
+void lights_show_again(struct controller *controller); /* as it is dimmed now: the same step, without another pulse */
 void lights_go_dark(struct controller *controller, enum dark reason);
 void lights_darken(struct controller *controller, enum dark reason); /* by a fault: counted and told */
 void lights_end_sequence(struct controller *controller);
@@ -21,7 +22,7 @@ void lights_withdraw(struct controller *controller); /* the light that waits, un
 /* Whether the LEDs will be lit when all that is under way has been latched. */
 bool lights_will_shine(const struct controller *controller);
 
-/* What is lit, on its way or wanted needs more than a limit that has just become lower. */
+/* What is lit, on its way or wanted needs more than a limit that has just become lower, once it is not dimmed. */
 bool lights_above_limit(const struct controller *controller);
 
 #endif

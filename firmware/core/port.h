@@ -11,9 +11,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* start_us of a light that waits for the trigger instead of a time */
 struct configuration;
 
+/* start_us of a light that waits for the trigger instead of a time */
 #define PORT_ON_TRIGGER UINT64_MAX
 #define PORT_NO_PULSE UINT32_MAX
 
@@ -31,6 +31,7 @@ enum port_light {
 struct port_identity {
     uint8_t board;        /* enum board_kind */
     uint8_t reset_reason; /* enum reset_reason */
+    uint8_t saves;        /* as noted last by note_saves(), 15 at most; 0 after power came */
     uint8_t unique_id[8];
     uint32_t capabilities; /* bits of enum capability */
     uint32_t image_crc;
@@ -69,6 +70,9 @@ struct port {
     void (*flash_read)(void *context, uint32_t offset, void *to, size_t count);
     bool (*flash_erase)(void *context, uint32_t sector);
     bool (*flash_program)(void *context, uint32_t offset, const uint8_t page[PORT_PAGE_BYTES]);
+
+    /* How many saves of the configuration count as used, or restarts would make them unlimited. */
+    void (*note_saves)(void *context, uint8_t saves);
 
     /* Self-test of what the core cannot see: bits of enum check. */
     uint16_t (*selftest)(void *context, uint16_t *tested, uint32_t *stack_free);

@@ -61,6 +61,7 @@ struct controller {
     uint8_t still[COLOUR_BYTES]; /* what SET_LEDS or a safety rule wants next */
     uint32_t still_id;
     bool still_wanted;
+    bool still_again; /* it is what is lit, dimmed otherwise */
     uint32_t step_id; /* of the light that the last STEP asked for */
     uint32_t next_id;
 

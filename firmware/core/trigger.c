@@ -1,6 +1,6 @@
 #include "trigger.h"
 
-bool trigger_edge(struct trigger *trigger, uint64_t now_us, uint64_t *start_us)
+bool trigger_edge(struct trigger *trigger, uint64_t now_us)
 {
     trigger->last_us = (uint32_t)now_us;
     if (++trigger->edges < trigger->divider)
@@ -12,8 +12,8 @@ bool trigger_edge(struct trigger *trigger, uint64_t now_us, uint64_t *start_us)
         return false;
     }
     trigger->armed = false;
+    trigger->start_us = now_us + trigger->delay_us;
     trigger->released = true;
-    *start_us = now_us + trigger->delay_us;
     return true;
 }
 

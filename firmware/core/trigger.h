@@ -16,11 +16,12 @@ struct trigger {
     volatile uint32_t missed;
     volatile uint32_t last_us; /* low half of the time of the last edge */
     volatile bool armed;
-    volatile bool released; /* the armed step was released by an edge */
+    volatile bool released;     /* the armed step was released by an edge */
+    volatile uint64_t start_us; /* of that step; stays until another is armed */
 };
 
-/* Note an edge; true if the armed light is to start at *start_us. */
-bool trigger_edge(struct trigger *trigger, uint64_t now_us, uint64_t *start_us);
+/* Note an edge; true if the armed light is to start at start_us. */
+bool trigger_edge(struct trigger *trigger, uint64_t now_us);
 
 void trigger_arm(struct trigger *trigger);
 

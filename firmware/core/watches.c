@@ -42,7 +42,7 @@ static void show_again(struct controller *controller)
     if (controller->slot.busy && (!trigger->armed || !trigger_disarm(trigger)))
         return;
     lights_withdraw(controller);
-    lights_show(controller, controller->shown_colours);
+    lights_show_again(controller);
 }
 
 static void watch_heat(struct controller *controller)

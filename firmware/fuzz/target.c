@@ -118,7 +118,7 @@ static struct board *begun(void)
 {
     static struct board *board, *as_begun;
     if (!board) {
-        board = board_new(NULL);
+        board = board_new(NULL, 0);
         board_link(board, true, 0);
         as_begun = malloc(sizeof *board);
         require(as_begun != NULL);
@@ -134,10 +134,11 @@ static struct board *started(struct board *board, const struct board *first)
     static uint8_t flash[BOARD_FLASH_BYTES];
     if (!(board_flags(board) & 2u))
         return board;
+    uint32_t saves = board_noted_saves(board);
     board_flash(board, flash);
     if (board != first)
         board_free(board);
-    board = board_new(flash);
+    board = board_new(flash, saves);
     board_link(board, true, 0);
     return board;
 }

@@ -172,7 +172,7 @@ def grows(seed: int, finer: int = 1) -> float | None:
         </worldbody></mujoco>'''
     )
     data = mujoco.MjData(model)
-    gels = MujocoGels(model, ["gel"], touching=["object"], sensor=lambda: TouchSensor(size=32, extent_mm=32.0))
+    gels = MujocoGels(model, ["gel"], touching=["object"], sensor=lambda: TouchSensor(size=48, extent_mm=48.0))
     carry = Carrying(gels, friction=rng.uniform(0.1, 1.2))
     data.qpos[3:7], data.qvel[:] = rng.normal(size=4), rng.normal(size=6) * [0.05, 0.05, 0.05, 8, 8, 8]
     mujoco.mj_forward(model, data)

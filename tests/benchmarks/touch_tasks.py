@@ -18,10 +18,15 @@ EDGE_SEEN = 0.1
 VIEW_MM = 11.0
 
 
+def places_mm(count: int) -> np.ndarray:
+    """Return where the points of a depth map lie that covers the grid, 72 x 72 points over 72 mm from its border on."""
+    return ((np.arange(count) + 0.5) / count - 0.5) * 72.0 - 0.5
+
+
 def edge_by_touch() -> Rule:
     def rule(seen: dict[str, Any]) -> np.ndarray:
         depth = seen["depth"]
-        x, y = np.meshgrid(*[(np.arange(len(depth)) + 0.25 - len(depth) / 2) * 64.0 / len(depth)] * 2)
+        x, y = np.meshgrid(*[places_mm(len(depth))] * 2)
         down, right = np.gradient(depth)
         slope = np.where(np.hypot(x, y) < VIEW_MM, np.hypot(right, down), 0)
         if slope.max() < EDGE_SEEN:
@@ -67,11 +72,10 @@ def peg_by_touch() -> Rule:
 
 def held(depth: np.ndarray) -> tuple[float, float]:
     """Return how the peg lies in the gel: aside, mm, and its tilt as MuJoCo's joint has it."""
-    at = np.arange(len(depth)) * 32.0 / len(depth) - 16
-    weight = np.clip(depth, 0, None) ** 2
-    middle = weight @ at / weight.sum(axis=1)
+    at = places_mm(len(depth))
     inner = np.abs(at) < 12
-    slope, aside_mm = np.polyfit(at[inner], middle[inner], 1)
+    weight = np.clip(depth[inner], 0, None) ** 2
+    slope, aside_mm = np.polyfit(at[inner], weight @ at / weight.sum(axis=1), 1)
     return float(aside_mm), float(-np.arctan(slope))
 
 

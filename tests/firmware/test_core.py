@@ -201,6 +201,20 @@ def test_trim_shifts_once_and_stretches_without_drift(core: VirtualBoard) -> Non
     assert len(times) > 190
 
 
+@pytest.mark.parametrize("phases", [(700, 300), (1000, 0), (60_000_000, 1), (-60_000_000, -1), (0, -(2**31))])
+def test_trims_within_a_step_add_up_to_a_minute(core: VirtualBoard, phases: tuple[int, int]) -> None:
+    core.load_sequence([RED], [p.SetStep(0, 0, 1, 100_000, 0)])
+    core.sync(SyncMode.FREE)
+    core.ok("START")
+    core.advance(50_000)
+    taken = [core.ask("TRIM", p.Trim(phase, 0))[0] for phase in phases]
+    assert taken == [Status.OK, Status.OK if sum(phases) == 1000 else Status.OUT_OF_RANGE]
+    if sum(phases) == 1000:
+        core.advance(300_000)
+        times = [at for at, _, _ in core.lights()[1:]]
+        assert times[-1] - times[0] == (len(times) - 1) * 100_000 + 1000
+
+
 def test_hold_waits_for_the_host(core: VirtualBoard) -> None:
     core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 2, 0, 0)], loops=1)
     core.ok("START")

@@ -74,6 +74,19 @@ def test_saves_are_limited_in_rate(core: VirtualBoard) -> None:
     assert [save(core, f"later {number}") for number in range(p.SAVES_AT_ONCE + 1)].count(0) == p.SAVES_AT_ONCE
 
 
+def test_no_restart_gives_more_saves(core: VirtualBoard) -> None:
+    """How many were used outlives it; time counts on from there."""
+    board, saves, left = core, 0, []
+    for start in range(2 * p.SAVES_AT_ONCE):
+        board.advance(1_000_000)
+        left.append(save(board, f"start {start}"))
+        saves = board.noted_saves
+        board = VirtualBoard(core.library, board.flash(), saves=saves)
+    assert left == [Status.OK] * p.SAVES_AT_ONCE + [Status.SAVED_TOO_OFTEN] * p.SAVES_AT_ONCE
+    board.advance(p.SAVE_EVERY_US)
+    assert [save(board, name) for name in "ab"] == [Status.OK, Status.SAVED_TOO_OFTEN]
+
+
 def test_saving_the_same_writes_nothing(core: VirtualBoard) -> None:
     save(core, "same")
     before = core.flash()

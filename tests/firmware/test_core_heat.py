@@ -5,7 +5,7 @@ from math import exp, log
 import pytest
 
 from gellight.ring import protocol as p
-from gellight.ring.enumerations import SyncMode
+from gellight.ring.enumerations import Dark, SyncMode
 from gellight.ring.protocol import COOLER_C, DIMMING_US, HOTTEST_C, NO_TEMPERATURE, RING_HOTTEST_C
 from tests.firmware.helpers.virtual_board import VirtualBoard
 from tests.firmware.helpers.warming import HALVED, PATTERN, SETTLED_US, wait
@@ -108,6 +108,40 @@ def test_every_sequence_is_dimmed(core: VirtualBoard, mode: SyncMode) -> None:
         assert core.status().step == 1
         assert core.lights()[-1][2] == HALVED[1]
     assert core.ok("COUNTERS").late_steps == late
+
+
+@pytest.mark.parametrize("mode", [SyncMode.HOLD, SyncMode.EXT])
+def test_a_step_that_is_dimmed_is_the_same_step_without_another_pulse(core: VirtualBoard, mode: SyncMode) -> None:
+    core.load_sequence([PATTERN], [p.SetStep(0, 0, 1, 0, 0)])
+    core.sync(mode)
+    core.ok("START")
+    core.advance(3_000)
+    if mode is SyncMode.HOLD:
+        core.ok("STEP")
+    else:
+        core.edge()
+    core.advance(3_000)
+    core.warm(HOTTEST_C + 3)
+    for _ in range(16):
+        core.advance(500_000)
+        core.ok("CLOCK", p.ClockRequest(0))
+    events = [p.LightEvent.unpack(event.payload) for event in core.packets if event.type == p.EVENTS["LIGHT"][0]]
+    assert [(event.step, event.group) for event in events] == [(0, 0)] * 2
+    assert [colours for _, _, colours in core.lights()[1:]] == [HALVED[0], HALVED[1]]
+    assert core.pulses()[1:] == [True, False]
+
+
+def test_a_lower_limit_while_dimmed_is_no_fault_once_cool(core: VirtualBoard) -> None:
+    core.ok("SET_LEDS", p.SetLeds(bytes([255, 0, 0] * 12)))
+    core.warm(HOTTEST_C + 5)
+    wait(core, SETTLED_US)
+    assert core.status().current_ma < 200
+    core.ok("SET_LIMITS", p.SetLimits(200, 0))
+    core.advance(2_000)
+    assert (core.status().dark, core.lights()[-1][2]) == (Dark.COMMAND, bytes(36))
+    core.warm(20)
+    wait(core, 2 * SETTLED_US)
+    assert (core.status().dark, core.ok("COUNTERS").dark_faults) == (Dark.COMMAND, 0)
 
 
 def test_dark_stays_dark(core: VirtualBoard) -> None:

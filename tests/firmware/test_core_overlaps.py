@@ -175,6 +175,21 @@ def test_only_a_port_that_closes_in_the_light_counts_as_a_fault(core: VirtualBoa
 # ---- transfers that break off ----
 
 
+def test_a_triggered_light_that_breaks_off_leaves_the_watchdog_unfed(core: VirtualBoard) -> None:
+    """Not while it waits for its edge or its delay, however long."""
+    core.load_sequence([RED], [p.SetStep(0, 0, 1, 0, 0)])
+    core.sync(SyncMode.EXT, delay_us=500_000)
+    core.ok("START")
+    core.advance(10_000)
+    core.faults(stuck=True)
+    core.edge()
+    healthy = []
+    for wait_us in (519_000, 2_000, 5_000_000):
+        core.advance(wait_us)
+        healthy.append(core.flags & 1)
+    assert healthy == [1, 0, 0]
+
+
 def test_a_light_that_does_not_get_through_leaves_the_watchdog_unfed(core: VirtualBoard) -> None:
     core.ok("SET_LEDS", p.SetLeds(RED))
     core.advance(20_000)

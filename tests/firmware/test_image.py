@@ -61,12 +61,21 @@ def test_an_led_frame_is_never_torn(board: BenchBoard, ring: LightRing) -> None:
     np.testing.assert_array_equal(shown[-1], shades[-1])
 
 
-def test_after_a_transfer_that_breaks_off_the_watchdog_makes_the_leds_dark(image: bytes) -> None:
+@pytest.mark.parametrize("triggered", [False, True])
+def test_after_a_transfer_that_breaks_off_the_watchdog_makes_the_leds_dark(image: bytes, triggered: bool) -> None:
     """The DMA is stopped in the middle: the LEDs show the part they took for 120 ms at most."""
     board = BenchBoard(image)
     with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
+        if triggered:
+            ring.load_sequence([PATTERN], [Step(group=0, dwell_us=0)])
+            ring.set_sync(SyncMode.EXT)
+            ring.start()
+            board.run(3_000)
         begun = len(board.waveform.frame_starts_us)
-        ring.set_leds(PATTERN)
+        if triggered:
+            board.set_trigger(True)
+        else:
+            ring.set_leds(PATTERN)
         board.run_until(lambda: len(board.waveform.frame_starts_us) > begun, 2_000)
         board.run(50)
         board.chip.write_uint32(0x50000444, 1)  # CHAN_ABORT

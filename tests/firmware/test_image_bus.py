@@ -218,17 +218,24 @@ def test_a_power_cut_while_saving_keeps_the_configuration_before(board: BenchBoa
         board.power_on()
 
 
-def test_a_restart_gives_one_save(board: BenchBoard, ring: LightRing) -> None:
-    for start in (0, 1):
+def test_no_restart_gives_a_save_but_power_does(board: BenchBoard, ring: LightRing) -> None:
+    def save(name: bytes) -> None:
         again = LightRing(VirtualTransport(board), keep_alive_s=None)
         board.run(2_000)
-        for number in range(1 if start else p.SAVES_AT_ONCE):
-            named = dataclasses.replace(again.configuration(), name=b"%d %d" % (start, number) + bytes(13))
-            again.configure(named, save=True)
-        with pytest.raises(BoardError, match=r"SAVED_TOO_OFTEN \(60\); its flash wears out"):
-            again.configure(dataclasses.replace(named, name=bytes(16)), save=True)
-        again.reset()
+        again.configure(dataclasses.replace(again.configuration(), name=name.ljust(16, b"\0")), save=True)
+
+    for number in range(p.SAVES_AT_ONCE):
+        save(b"%d" % number)
+        if number % 2:
+            LightRing(VirtualTransport(board), keep_alive_s=None).reset()
+        else:
+            board.chip.write_uint32(0x40058000, 1 << 31)  # the watchdog, by force
         board.run(200_000)
+    with pytest.raises(BoardError, match=r"SAVED_TOO_OFTEN \(60\); its flash wears out"):
+        save(b"one more")
+    board.power_off()
+    board.power_on()
+    save(b"with power")
 
 
 def test_picotool_finds_name_version_and_pins(image: bytes, ring: LightRing) -> None:

@@ -71,6 +71,24 @@ def test_requests_about_the_interfaces_are_answered(board: BenchBoard, ring: Lig
     assert ring.status().state == 0
 
 
+def test_what_does_not_fit_its_request_is_refused(board: BenchBoard, ring: LightRing) -> None:
+    """Bytes that nobody takes, fewer than were told, an interface that is not there."""
+    coding = (0x21, 0x20, 0, 0)
+    refused = (
+        ((*coding, 2), b"\x55\x66"), ((*coding, 0), b""), ((*coding, 8), bytes(8)), ((*coding, 7), bytes(3)),
+        ((0x21, 0x22, 3, 0, 1), b"\0"), ((0x81, 0, 0, 2, 2), b""),
+    )  # fmt: skip
+    taken = (((0x81, 0, 0, 1, 2), b""), ((*coding, 7), b"\x80\x25\0\0\0\0\x08"))
+    answers = []
+    for request, data in refused + taken:
+        answers.append(usb.ask(board, request, data))
+        board.run(1_000)
+        answers.append(usb.ask(board, usb.GET_LINE_CODING))
+        board.run(1_000)
+    assert answers[:-4] == [None, usb.LINE_CODING] * len(refused)
+    assert answers[-4:] == [bytes(2), usb.LINE_CODING, b"", taken[1][1]]
+
+
 @pytest.mark.parametrize("abandoned", [usb.GET_CONFIGURATION, usb.SET_ADDRESS, usb.GET_INTERFACE, usb.SEND_BREAK])
 def test_a_transfer_cut_short_does_not_answer_the_next(
     board: BenchBoard, ring: LightRing, abandoned: usb.Request

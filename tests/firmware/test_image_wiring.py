@@ -127,6 +127,21 @@ def test_no_pulse_comes_once_the_light_was_taken_away(image: bytes) -> None:
         assert changes == []
 
 
+def test_a_step_that_heat_dims_pulses_once(image: bytes) -> None:
+    board = wired(image, output_pin=OUTPUT)
+    with opened(board) as ring:
+        ring.load_sequence([RED], [Step(group=0, dwell_us=0)])
+        ring.start()
+        changes = levels(board, OUTPUT)
+        ring.step()
+        board.set_temperature(p.HOTTEST_C + 8)
+        for _ in range(80):
+            board.run(100_000)
+            ring.clock()
+        assert ring.status().dimmed == 1
+        assert [level for _, level in changes] == [True, False]
+
+
 def half_periods_ms(board: BenchBoard, pin: int, duration_us: float) -> list[int]:
     changes = levels(board, pin)
     board.run(duration_us)

@@ -29,7 +29,7 @@ static void port_setup(void *context, const struct configuration *configuration)
 static void port_pulse(void *context, uint32_t after_us)
 {
     struct board *board = context;
-    board->pulse_us = after_us;
+    board->light.pulse_us = after_us;
 }
 
 static bool port_send(void *context, const uint8_t *bytes, size_t count, size_t spare)
@@ -148,6 +148,12 @@ static bool port_flash_program(void *context, uint32_t offset, const uint8_t *pa
     return !board->powerless;
 }
 
+static void port_note_saves(void *context, uint8_t saves)
+{
+    struct board *board = context;
+    board->port.identity.saves = saves;
+}
+
 static uint16_t port_selftest(void *context, uint16_t *tested, uint32_t *stack_free)
 {
     (void)context;
@@ -178,6 +184,7 @@ static const struct port functions = {
     .flash_read = port_flash_read,
     .flash_erase = port_flash_erase,
     .flash_program = port_flash_program,
+    .note_saves = port_note_saves,
     .selftest = port_selftest,
     .restart = port_restart,
     .identity = {
@@ -187,7 +194,7 @@ static const struct port functions = {
     },
 };
 
-struct board *board_new(const uint8_t *flash)
+struct board *board_new(const uint8_t *flash, uint32_t saves)
 {
     struct board *board = calloc(1, sizeof *board);
     if (!board)
@@ -201,6 +208,7 @@ struct board *board_new(const uint8_t *flash)
     board->thermistor = THERMISTOR_OPEN;
     board->port = functions;
     board->port.context = board;
+    board->port.identity.saves = (uint8_t)saves;
     controller_start(&board->controller, &board->port);
     return board;
 }
@@ -241,10 +249,9 @@ void board_advance(struct board *board, uint64_t duration_us)
 
 static void edge(struct board *board, bool falling)
 {
-    uint64_t start_us;
-    if (board->listening && falling == board->falling &&
-        trigger_edge(&board->controller.trigger, board->now_us, &start_us) && board->waiting)
-        begin(board, start_us);
+    struct trigger *trigger = &board->controller.trigger;
+    if (board->listening && falling == board->falling && trigger_edge(trigger, board->now_us) && board->waiting)
+        begin(board, trigger->start_us);
 }
 
 void board_edge_after_reads(struct board *board, uint32_t reads)
@@ -308,6 +315,11 @@ void board_warm_ring(struct board *board, uint32_t reading)
 bool board_powered(const struct board *board)
 {
     return board->powered;
+}
+
+uint32_t board_noted_saves(const struct board *board)
+{
+    return board->port.identity.saves;
 }
 
 uint64_t board_now(const struct board *board)

@@ -18,6 +18,7 @@ struct board_light {
     uint64_t first_bit_us;
     uint64_t latched_us;
     uint8_t wire[COLOUR_BYTES];
+    uint32_t pulse_us; /* PORT_NO_PULSE: none */
 };
 
 struct board {
@@ -29,7 +30,7 @@ struct board {
     struct board_light light; /* on its way */
     bool waiting, on_trigger, begun, done;
     uint16_t latch_us;
-    uint32_t wire_us, pulse_us; /* of the light on its way */
+    uint32_t wire_us;
 
     struct board_light lights[BOARD_LIGHTS];
     uint32_t light_count;
@@ -51,7 +52,7 @@ struct board {
     bool powerless;
 };
 
-struct board *board_new(const uint8_t *flash);
+struct board *board_new(const uint8_t *flash, uint32_t saves); /* as noted before it restarted, 0: power came */
 void board_free(struct board *board);
 void board_receive(struct board *board, const uint8_t *bytes, uint32_t count);
 void board_advance(struct board *board, uint64_t duration_us);
@@ -66,6 +67,7 @@ void board_edge_after_reads(struct board *board, uint32_t reads);
 void board_warm(struct board *board, int32_t temperature);
 void board_warm_ring(struct board *board, uint32_t reading);
 bool board_powered(const struct board *board);
+uint32_t board_noted_saves(const struct board *board);
 uint64_t board_now(const struct board *board);
 uint32_t board_flags(const struct board *board); /* 1: healthy, 2: restarted, 4: into the boot loader */
 uint32_t board_current_ua(const struct board *board); /* of the last light, by the model of the configuration */

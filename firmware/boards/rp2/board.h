@@ -32,6 +32,8 @@ uint16_t thermistor_read(void *context);
 void watchdog_start(void); /* in flash */
 void start_fault(void);    /* in flash */
 uint8_t watchdog_reset_reason(void);
+uint8_t watchdog_saves(void); /* as noted before a restart */
+void watchdog_note_saves(void *context, uint8_t saves);
 void watchdog_feed(void);
 void watchdog_forget(void); /* that it runs: what restarts the chip from now on is not the watchdog */
 void watchdog_pause(void); /* for the time of a flash operation */

@@ -174,13 +174,13 @@ void light_interrupt(void)
 
 void trigger_interrupt(void)
 {
-    uint64_t start_us, now_us = clock_micros();
+    uint64_t now_us = clock_micros();
     pins_acknowledge();
-    if (!trigger_edge(light_trigger, now_us, &start_us))
+    if (!trigger_edge(light_trigger, now_us))
         return;
     uint32_t interrupts = interrupts_off();
     if (phase == PHASE_TRIGGER)
-        launch_at(start_us);
+        launch_at(light_trigger->start_us);
     interrupts_restore(interrupts);
 }
 

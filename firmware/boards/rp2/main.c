@@ -89,11 +89,13 @@ static void port_fill(void)
         .flash_read = flash_read,
         .flash_erase = flash_erase,
         .flash_program = flash_program,
+        .note_saves = watchdog_note_saves,
         .selftest = port_selftest,
         .restart = port_restart,
         .identity = {
             .board = THIS_BOARD,
             .reset_reason = watchdog_reset_reason(),
+            .saves = watchdog_saves(),
             .capabilities =
                 CAPABILITY_TRIGGER | CAPABILITY_FLASH | CAPABILITY_BOOTLOADER | CAPABILITY_TEMPERATURE,
             .image_crc = image_header.crc,

@@ -108,7 +108,12 @@ static bool endpoint_0(void)
     return (setup.index & ~0x80u) == 0;
 }
 
-/* Those besides 0 are there once a configuration is chosen (9.4.5). */
+/* Interfaces, and endpoints besides 0, are there once a configuration is chosen (9.4.5). */
+static bool interface_known(void)
+{
+    return configuration && setup.index <= DATA_INTERFACE;
+}
+
 static bool endpoint_known(void)
 {
     return endpoint_0() ||
@@ -135,7 +140,7 @@ static void get_status(void)
 {
     static uint8_t status[2];
     bool of_endpoint = setup.type == OF_ENDPOINT;
-    if (of_endpoint && !endpoint_known()) {
+    if ((of_endpoint && !endpoint_known()) || (setup.type == OF_INTERFACE && !interface_known())) {
         control_refuse();
         return;
     }
@@ -147,7 +152,7 @@ static void get_status(void)
 static void interface_setting(void)
 {
     static const uint8_t only[1];
-    if (!configuration || setup.index > DATA_INTERFACE || setup.value) {
+    if (!interface_known() || setup.value) {
         control_refuse();
     } else if (setup.request == GET_INTERFACE) {
         control_reply(only, 1);
@@ -192,6 +197,13 @@ static void set_control_lines(void)
     data_lines(setup.value & 1u, baud);
 }
 
+/* A host that sends what nobody takes would wait for ever; only the line coding comes with bytes, and always with 7. */
+static bool bytes_expected(void)
+{
+    bool coding = setup.type == TO_INTERFACE && setup.request == SET_LINE_CODING;
+    return setup.type & TO_HOST || setup.count == (coding ? sizeof line_coding : 0u);
+}
+
 static void interface_request(void)
 {
     if (setup.type == TO_INTERFACE && setup.request == SET_LINE_CODING && setup.index == SERIAL_INTERFACE) {
@@ -230,7 +242,9 @@ void control_setup(void)
     setup.count = (uint16_t)(bytes[6] | bytes[7] << 8);
     control_abort();
     control_data1 = true;
-    if (setup.type & CLASS_OR_VENDOR)
+    if (!bytes_expected())
+        control_refuse();
+    else if (setup.type & CLASS_OR_VENDOR)
         interface_request();
     else
         standard_request();
@@ -256,6 +270,10 @@ void control_received(void)
     if (!expect_line_coding)
         return;
     expect_line_coding = false;
+    if ((REGISTER(BUFFER_CONTROL(0, true)) & COUNT) != sizeof line_coding) {
+        control_refuse();
+        return;
+    }
     for (uint32_t i = 0; i < sizeof line_coding; i++)
         line_coding[i] = dpram(EP0_BUFFER)[i];
     control_data1 = true;

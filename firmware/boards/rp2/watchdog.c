@@ -5,6 +5,7 @@
 #define TIMEOUT_US 100000u
 #define START_US 200000u /* for the crystal and the copy to RAM */
 #define REASON_MAGIC 0x52450000u
+#define NOTED_SAVES 0xf00u /* outlive every restart but that of the boot ROM, where the host may write the flash anyway */
 
 /*
  * SCRATCH0 says why the chip will start the next time, as far as is known now; SCRATCH1 why it has started. The boot ROM
@@ -16,6 +17,22 @@ uint8_t watchdog_reset_reason(void)
     if (!REGISTER(WATCHDOG_REASON))
         return RESET_REASON_POWER;
     return (note & 0xffff0000u) == REASON_MAGIC ? (uint8_t)note : RESET_REASON_COMMAND;
+}
+
+uint8_t watchdog_saves(void)
+{
+    return REGISTER(WATCHDOG_REASON) ? (REGISTER(WATCHDOG_SCRATCH0) & NOTED_SAVES) >> 8 : 0;
+}
+
+void watchdog_note_saves(void *context, uint8_t saves)
+{
+    (void)context;
+    REGISTER(WATCHDOG_SCRATCH0) = (REGISTER(WATCHDOG_SCRATCH0) & ~NOTED_SAVES) | (uint32_t)saves << 8;
+}
+
+static inline __attribute__((always_inline)) void note_reason(uint32_t reason)
+{
+    REGISTER(WATCHDOG_SCRATCH0) = (REGISTER(WATCHDOG_SCRATCH0) & NOTED_SAVES) | REASON_MAGIC | reason;
 }
 
 void watchdog_forget(void)
@@ -30,7 +47,7 @@ void watchdog_forget(void)
 START_CODE void watchdog_start(void)
 {
     REGISTER(WATCHDOG_SCRATCH1) = REGISTER(WATCHDOG_SCRATCH0);
-    REGISTER(WATCHDOG_SCRATCH0) = REASON_MAGIC | RESET_REASON_WATCHDOG;
+    note_reason(RESET_REASON_WATCHDOG);
     REGISTER(PSM_WDSEL) = EVERYTHING_BUT_OSCILLATORS;
     ticks_start();
     REGISTER(WATCHDOG_LOAD) = WATCHDOG_COUNTS_A_US * START_US;
@@ -52,7 +69,7 @@ void watchdog_pause(void)
 START_CODE void start_fault(void)
 {
     REGISTER(PSM_WDSEL) = EVERYTHING_BUT_OSCILLATORS;
-    REGISTER(WATCHDOG_SCRATCH0) = REASON_MAGIC | RESET_REASON_FAULT;
+    note_reason(RESET_REASON_FAULT);
     SET_BITS(WATCHDOG_CTRL) = 1u << 31;
     for (;;)
         ;
@@ -61,7 +78,7 @@ START_CODE void start_fault(void)
 void watchdog_restart(uint8_t reason)
 {
     REGISTER(PSM_WDSEL) = EVERYTHING_BUT_OSCILLATORS;
-    REGISTER(WATCHDOG_SCRATCH0) = REASON_MAGIC | reason;
+    note_reason(reason);
     SET_BITS(WATCHDOG_CTRL) = 1u << 31;
     for (;;)
         ;

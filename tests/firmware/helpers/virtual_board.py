@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from gellight.ring import protocol
@@ -18,6 +18,7 @@ from gellight.ring.wire import COLOUR_BYTES, LED_COUNT, Packet, Record, decode, 
 CHECKOUT = Path(__file__).parents[3]
 FLASH_BYTES = 8192
 OUTPUT_BYTES = 65536
+NO_PULSE = 0xFFFFFFFF
 FLAGS = ["-std=c11", "-g", "-O1", "-fPIC", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 
 
@@ -73,15 +74,18 @@ class _Light(ctypes.Structure):
         ("first_bit_us", ctypes.c_uint64),
         ("latched_us", ctypes.c_uint64),
         ("wire", ctypes.c_uint8 * COLOUR_BYTES),
+        ("pulse_us", ctypes.c_uint32),
     ]
 
 
 class VirtualBoard:
-    def __init__(self, library: ctypes.CDLL, flash: bytes | None = None, *, opened: bool = True) -> None:
+    def __init__(
+        self, library: ctypes.CDLL, flash: bytes | None = None, *, opened: bool = True, saves: int = 0
+    ) -> None:
         self.library = library
         library.board_new.restype = ctypes.c_void_p
         library.board_now.restype = ctypes.c_uint64
-        self._board = ctypes.c_void_p(library.board_new(flash))
+        self._board = ctypes.c_void_p(library.board_new(flash, ctypes.c_uint32(saves)))
         self._sequence = 0
         self.packets: list[Packet] = []
         self._partial = bytearray()
@@ -129,6 +133,11 @@ class VirtualBoard:
         return bool(self.library.board_powered(self._board))
 
     @property
+    def noted_saves(self) -> int:
+        """What `saves` of a board that starts anew is to be."""
+        return int(self.library.board_noted_saves(self._board))
+
+    @property
     def now_us(self) -> int:
         return int(self.library.board_now(self._board))
 
@@ -144,13 +153,21 @@ class VirtualBoard:
     def lights(self) -> list[tuple[int, int, bytes]]:
         """First bit and latch in us, and the colours in logical order, RGB."""
         found = []
-        for index in range(self.library.board_light_count(self._board)):
-            light = _Light()
-            self.library.board_light_at(self._board, ctypes.c_uint32(index), ctypes.byref(light))
+        for light in self._lights():
             wire = bytes(light.wire)
             rgb = b"".join(bytes((wire[i + 1], wire[i], wire[i + 2])) for i in range(0, 3 * self.led_count, 3))
             found.append((light.first_bit_us, light.latched_us, rgb))
         return found
+
+    def pulses(self) -> list[bool]:
+        """Of each light: whether the trigger output pulses."""
+        return [light.pulse_us != NO_PULSE for light in self._lights()]
+
+    def _lights(self) -> Iterator[_Light]:
+        for index in range(self.library.board_light_count(self._board)):
+            light = _Light()
+            self.library.board_light_at(self._board, ctypes.c_uint32(index), ctypes.byref(light))
+            yield light
 
     def collect(self) -> list[Packet]:
         """Every packet that came since the last call."""

@@ -2,6 +2,7 @@
 
 import hashlib
 import importlib.util
+import inspect
 import json
 import logging
 import multiprocessing
@@ -38,9 +39,10 @@ class Task:
 
     @property
     def key(self) -> str:
-        """Digest of the function's name, its arguments and the simulator's source: it names the result."""
+        """Digest of the function's name, arguments and module, and of the simulator: it names the result."""
         call = f"{self.function.__module__}.{self.function.__qualname__}{self.arguments!r}"
-        return hashlib.sha256(f"{simulator_digest()}\n{call}".encode()).hexdigest()
+        module = Path(inspect.getfile(self.function)).read_bytes()
+        return hashlib.sha256(f"{simulator_digest()}\n{call}\n".encode() + module).hexdigest()
 
 
 def default_folder() -> Path:
@@ -140,14 +142,14 @@ def parse_shard(text: str) -> Shard:
 
 @cache
 def simulator_digest() -> str:
-    """Return the digest of the source of `sim_reference`, so that results of another version are not used."""
+    """Return the digest of `sim_reference` and of this room, so that results of another version are not used."""
     found = importlib.util.find_spec("sim_reference")
     assert found is not None
     assert found.origin is not None
-    root = Path(found.origin).parent
     total = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        total.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
+    for root in (Path(found.origin).parent, Path(__file__).parent):
+        for path in sorted(root.rglob("*.py")):
+            total.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
     return total.hexdigest()
 
 

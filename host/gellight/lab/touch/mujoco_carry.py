@@ -220,9 +220,9 @@ class Carrying:
         axes = gel.gap.rotation(data)
         point = data.site_xpos[gel.gap.site] + axes @ [x, y, 0.0]
         normal = max((deeper * layer.spacing_mm**2 - force) / (DEEPER_MM * MM), 0.0)
-        along, radius = self._ratio(gel) * normal, float(np.sqrt(len(rows) / np.pi)) * cell
+        along = self._ratio(gel) * normal
         tilts = normal * (np.array([np.mean(from_y**2), np.mean(from_x**2)]) + cell**2 / 12)
-        stiffness = np.array([along, along, normal, *tilts, along * radius**2 / 2])
+        stiffness = np.array([along, along, normal, *tilts, self._ratio(gel) * tilts.sum()])
         jacobian = self._relative(data, axes, point, body, gel.body)
         bristle = self._bristles.setdefault((name, body), np.zeros(3))
         bristle += self._model.opt.timestep * (jacobian @ data.qvel)[SLIDING]
@@ -230,7 +230,9 @@ class Carrying:
         at_rest[2] += force
         at_rest[SLIDING] = -stiffness[SLIDING] * bristle
         reach = np.array([np.abs(from_y).max(), np.abs(from_x).max()]) + cell / 2
-        return Spring(name, body, gel.body, axes, point, jacobian, stiffness, at_rest, self._friction, reach, radius)
+        far = np.hypot(np.hypot(from_x, from_y), cell / 3)  # a single cell has a lever too
+        lever = float(pressure[rows, columns] @ far) / total
+        return Spring(name, body, gel.body, axes, point, jacobian, stiffness, at_rest, self._friction, reach, lever)
 
     def _ratio(self, gel: MujocoGel) -> float:
         """Return tangential over normal stiffness."""

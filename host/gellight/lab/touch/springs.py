@@ -44,13 +44,13 @@ class Spring:
     """Coulomb's coefficient"""
     reach: Floats
     """(2,) m: how far from its centre the pressure can move, in y and x"""
-    radius: float
-    """m, of the contact"""
+    lever: float
+    """m: the mean distance of the pressure from its centre"""
 
     def limits(self, force: Floats) -> tuple[float, float]:
         """Return what friction holds, N along the gel and N m of spin."""
         limit = self.friction * float(force[2])
-        return limit, 2 / 3 * limit * self.radius
+        return limit, limit * self.lever
 
     def cut(self, force: Floats) -> None:
         """Cut a force (6,) in place to what a gel can do: push, tilt within the contact, hold within friction."""

@@ -108,7 +108,8 @@ class TouchSensor:
         """Return the gel under objects at the distance `gap_mm` (n, n) from its surface at rest, mm.
 
         A gap is negative where an object would penetrate, `layer.NOTHING` where none is. Raises ValueError for a gap
-        that is none, or an object deeper than 60 % of the gel, and NotConverged.
+        that is none, an object deeper than 60 % of the gel, or a contact nearer than two gel thicknesses to the border
+        of the grid, and NotConverged.
         """
         pressure = self.layer.pressure_mpa(gap_mm)
         return Felt(pressure, self.layer.depth_mm(pressure), self.layer.at_mm)

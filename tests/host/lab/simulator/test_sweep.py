@@ -1,5 +1,6 @@
 """Sweeps: results that resume, shards, processes, and the time they take."""
 
+import importlib
 import logging
 import os
 import signal
@@ -103,6 +104,20 @@ def test_a_result_is_named_by_all_that_it_depends_on() -> None:
     assert len(keys) == 4 * len(FEW)
     again = studies.coarse_study(setup(64), groups).tasks
     assert {task.key for task in again} <= keys
+
+
+def test_a_mended_function_is_computed_anew(
+    options: SweepOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    found = []
+    for answer in ("1.5", "2"):
+        (tmp_path / "mended_study.py").write_text(f"def answer():\n    return {answer}\n")
+        monkeypatch.delitem(sys.modules, "mended_study", raising=False)
+        task = Task("one", importlib.import_module("mended_study").answer, ())
+        found += run_study(Study([task], list), options)
+    assert found == [1.5, 2]
 
 
 def test_processes_compute_what_one_computes(options: SweepOptions, tmp_path: Path) -> None:

@@ -1,5 +1,8 @@
 """Gels that carry: weight, grip and slip, and no energy from nothing."""
 
+from functools import partial
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
@@ -24,11 +27,13 @@ def gripper(shape: str, mass_kg: float) -> mujoco.MjModel:
 
 
 def small() -> TouchSensor:
-    return TouchSensor(size=32, extent_mm=32.0)
+    return TouchSensor(size=48, extent_mm=48.0)
 
 
-def carrying(model: mujoco.MjModel, friction: float = 0.8, sites: tuple[str, ...] = ("left", "right")) -> Carrying:
-    return Carrying(MujocoGels(model, list(sites), touching=["object"], sensor=small), friction=friction)
+def carrying(
+    model: mujoco.MjModel, friction: float = 0.8, sites: tuple[str, ...] = ("left", "right"), sensor: Any = small
+) -> Carrying:
+    return Carrying(MujocoGels(model, list(sites), touching=["object"], sensor=sensor), friction=friction)
 
 
 def lifted(
@@ -61,7 +66,9 @@ def test_a_gripper_lifts_and_holds(shape: str, mass_kg: float) -> None:
 
 def test_what_is_too_heavy_slips() -> None:
     model = gripper("ball", 0.1)
-    data, steps = lifted(carrying(model, friction=0.2), model, 1.0, 1.2)
+    whole = partial(TouchSensor, size=72, extent_mm=72.0)
+    data, steps = lifted(carrying(model, friction=0.2, sensor=whole), model, 1.0, 0.7)
+    assert len(steps[-1]) == 2, "13 mm beside the middle, still in the gels"
     assert data.body("object").xpos[2] < 0.002, "0.4 N of friction do not lift 1 N"
     for one in steps[-1]:
         assert not one.sticks
@@ -195,8 +202,29 @@ def test_a_body_is_pushed_where_and_as_the_spring_says() -> None:
         came.append(data.qfrc_smooth.copy())
     np.testing.assert_allclose(came[1] - came[0], spring.jacobian.T @ force, atol=1e-12)
     assert spring.stiffness[4] > 1.2 * spring.stiffness[3], "it is longer along x, so it tilts about y less easily"
-    assert spring.stiffness[5] == pytest.approx(spring.stiffness[0] * spring.radius**2 / 2)
-    assert np.pi * spring.radius**2 == pytest.approx(80e-6, rel=0.15)
+    assert spring.stiffness[5] == pytest.approx(spring.stiffness[0] * (10e-3**2 + 8e-3**2) / 12, rel=0.15)
+
+
+@pytest.mark.parametrize("share", [0.97, 1.03])
+def test_a_rod_spins_out_where_friction_times_pressure_and_lever_end(share: float) -> None:
+    """A quarter of its length is the mean lever of the line under it; that of a disc of its area is half of it."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.001" integrator="implicitfast" gravity="0 0 -9.81"/><worldbody>
+        <body name="finger"><site name="gel"/></body>
+        <body name="object" pos="0 0 .0018" euler="90 0 0"><freejoint/>
+        <geom type="cylinder" size=".002 .010" mass=".2"/></body></worldbody></mujoco>"""
+    )
+    data, carry = mujoco.MjData(model), carrying(model, 0.8, ("gel",))
+    for _ in range(200):
+        carry.step(data)
+    felt = carry.gels["gel"].feel(data)
+    lever_mm = np.hypot(felt.at_mm[None, :], felt.at_mm[:, None])
+    most_nmm = 0.8 * float((felt.pressure_mpa * lever_mm).sum()) * (felt.at_mm[1] - felt.at_mm[0]) ** 2
+    assert most_nmm > 0.8 * felt.force_n * 4.5
+    for torque in np.linspace(0, share * most_nmm, 200):
+        data.xfrc_applied[model.body("object").id, 5] = torque * 1e-3
+        (held,) = carry.step(data)
+    assert held.sticks == (share < 1)
 
 
 def test_a_gel_is_pulled_and_turned_against_what_it_does_to_the_body() -> None:

@@ -13,7 +13,7 @@ WEIGHT_N = 0.05 * 9.81
 
 
 def small() -> TouchSensor:
-    return TouchSensor(size=64, extent_mm=32.0)
+    return TouchSensor(size=96, extent_mm=48.0)
 
 
 def on_a_slope(degrees: float, seconds: float = 0.6) -> tuple[MujocoGel, mujoco.MjData]:

@@ -10,7 +10,7 @@ from gellight.lab.touch.springs import Spring, solve
 STIFFNESS = np.array([100.0, 100.0, 150.0, 2e-3, 1e-3, 5e-4])
 SPRING = Spring(
     "gel", 2, 1, np.eye(3), np.zeros(3), np.eye(6), STIFFNESS, np.zeros(6), friction=0.5,
-    reach=np.array([0.002, 0.001]), radius=0.003,
+    reach=np.array([0.002, 0.001]), lever=0.002,
 )  # fmt: skip
 
 

@@ -46,6 +46,19 @@ def test_a_gap_is_felt_as_the_reference_presses(touch: TouchSensor, name: str) -
     assert felt.force_n == pytest.approx(pressed.pressure.sum() * spacing_mm**2 * shear_modulus_mpa, rel=1e-3)
 
 
+def square(extent_mm: float, half_mm: float) -> float:
+    """The force of a square, 0.2 mm deep."""
+    touch = TouchSensor(GEOMETRY, size=round(2 * extent_mm), extent_mm=extent_mm)
+    at = np.abs(touch.layer.at_mm)
+    return touch.feel(np.where(np.maximum(at[None, :], at[:, None]) < half_mm, -0.2, NOTHING)).force_n
+
+
+def test_a_contact_keeps_two_thicknesses_from_the_border_of_its_periodic_grid() -> None:
+    assert square(32.0, 6.0) == pytest.approx(square(128.0, 6.0), rel=0.03)
+    with pytest.raises(ValueError, match=r"beyond 6 mm from the middle of a grid of 32 mm, .* give a larger extent_mm"):
+        square(32.0, 6.6)
+
+
 def test_what_was_felt_before_changes_nothing(touch: TouchSensor) -> None:
     first = touch.feel(gap_of(touch, "BALL", 0.5, 3.0))
     touch.feel(gap_of(touch, "TSTEP", 1.5, -4.0))

@@ -38,13 +38,14 @@ class UvcControl(NamedTuple):
     step: int
     default: int
     automatic: str = ""
-    """name of the control that, while on, keeps the host from setting this one"""
+    """name of the control that keeps the host from setting this one, but at its value `free`"""
+    free: int = 0
 
 
 CONTROLS = (
     UvcControl("auto_exposure", CAMERA_UNIT, 2, 1, 1, 8, 9, 8),
     UvcControl("dynamic_frame_rate", CAMERA_UNIT, 3, 1, 0, 1, 1, 1),
-    UvcControl("exposure_us", CAMERA_UNIT, 4, 4, 1, 5000, 1, 80, "auto_exposure"),
+    UvcControl("exposure_us", CAMERA_UNIT, 4, 4, 1, 5000, 1, 80, "auto_exposure", MANUAL),
     UvcControl("gain", PROCESSING_UNIT, 4, 2, 0, 112, 1, 0),
     UvcControl("power_line", PROCESSING_UNIT, 5, 1, 0, 2, 1, 1),
     UvcControl("white_balance_k", PROCESSING_UNIT, 10, 2, 2800, 6500, 10, 4600, "auto_white_balance"),
@@ -104,7 +105,7 @@ class ControlState:
                 return None
             if control.name == "auto_exposure" and value not in (MANUAL, APERTURE_PRIORITY):
                 return None
-            if control.automatic and self._values[control.automatic] not in (0, MANUAL):
+            if control.automatic and self._values[control.automatic] != control.free:
                 return None
             if control.name != self._stuck:
                 self._values[control.name] = value

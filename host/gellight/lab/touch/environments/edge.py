@@ -11,7 +11,7 @@ from gellight.lab.touch.environments.observing import OneGel, clipped
 from gellight.lab.touch.layer import NOTHING, Floats
 from gellight.lab.touch.touch_sensor import TouchSensor
 
-SENSOR = partial(TouchSensor, size=64)
+SENSOR = partial(TouchSensor, size=72, extent_mm=72.0)
 PRESSED_MM = 0.3
 ROUNDED_MM = 0.5
 """radius of the edge"""

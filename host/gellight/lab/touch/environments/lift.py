@@ -43,7 +43,7 @@ class Lift(gymnasium.Env[dict[str, Any], Floats]):
         observe: Sequence[str] = ("depth", "wrench"),
         *,
         depth_size: int = 32,
-        points: int = 32,
+        points: int = 48,
         render_mode: str | None = None,
     ) -> None:
         """Choose what is observed of each gel (see `observing.KINDS`), and the points a side of the layer."""
@@ -87,7 +87,7 @@ class Lift(gymnasium.Env[dict[str, Any], Floats]):
 
     def _sensor(self) -> TouchSensor:
         seed = int(self.np_random.integers(2**31)) if self._np_random is not None else 0
-        return TouchSensor(size=self._points, extent_mm=32.0, seed=seed)
+        return TouchSensor(size=self._points, extent_mm=48.0, seed=seed)
 
     def _go(self, steps: int, speed_mm_s: float) -> None:
         for _ in range(steps):

@@ -14,7 +14,7 @@ from gellight.lab.touch.layer import Floats
 from gellight.lab.touch.mujoco_gels import MujocoGels
 from gellight.lab.touch.touch_sensor import Felt, TouchSensor
 
-SENSOR = partial(TouchSensor, size=32, extent_mm=32.0)
+SENSOR = partial(TouchSensor, size=72, extent_mm=72.0)
 MODEL = Path(__file__).parent.parent / "peg.xml"
 ASIDE_MM, TILT_RAD = 3.0, np.radians(8)
 """by which the peg is displaced in the gripper, at most"""

@@ -160,7 +160,9 @@ def test_a_new_value_acts_on_the_second_picture_after_it(sensor: VirtualSensor, 
 
 def test_an_automatic_keeps_its_control_out_of_the_hosts_hand(sensor: VirtualSensor, client: UsbClient) -> None:
     client.set_control(CAMERA, AUTO_EXPOSURE, 1, 8)
+    client.set_control(PROCESSING, AUTO_BALANCE, 1, 1)
     assert client.set_control(CAMERA, EXPOSURE, 4, 40) == -32
+    assert client.set_control(PROCESSING, BALANCE, 2, 3000) == -32
     client.start()
     dark = sensor.video.controls.snapshot()["exposure_us"]
     for _ in range(12):
