@@ -5,7 +5,7 @@ too, but for `calibration`, whose answer is the content of a `.gelcal` file.
 """
 
 import json
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
@@ -13,9 +13,11 @@ from pydantic import Field, TypeAdapter, ValidationError
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import packed_bundle
-from gellight.daemon.session import SensorSession
 from gellight.ring.wire import MOST_LEDS
 from gellight.stream.wire import Byte
+
+if TYPE_CHECKING:
+    from gellight.daemon.session import SensorSession
 
 
 class Status(StrictModel):
@@ -99,7 +101,7 @@ READING = (Status, Calibration)
 """calls that change nothing: every program may make them"""
 
 
-def answer(daemon: SensorSession, call: Call) -> bytes:
+def answer(daemon: "SensorSession", call: Call) -> bytes:
     """Do what is asked and return the answer; raises what the daemon raises."""
     match call:
         case Status():
@@ -119,7 +121,7 @@ def answer(daemon: SensorSession, call: Call) -> bytes:
     return b"{}"
 
 
-def move(daemon: SensorSession, call: Press | Drag | Release) -> None:
+def move(daemon: "SensorSession", call: Press | Drag | Release) -> None:
     """Press, drag or lift an object; InputError on a sensor whose gel is not simulated."""
     if daemon.stage is None:
         raise InputError("objects can be pressed into a simulated gel only (sim://)")

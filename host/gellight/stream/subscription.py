@@ -22,7 +22,7 @@ from gellight.bundle.bundle import Bundle, unpack_bundle
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.frames.status import SensorStatus
-from gellight.stream.calls import Calibration, Call, Drag, Light, Mode, Press, Release, Status, Track, Zero
+from gellight.stream.calls import READING, Calibration, Call, Drag, Light, Mode, Press, Release, Status, Track, Zero
 from gellight.stream.network import LAN_PORT, close, found_by_multicast, key, name_of, subscribing_session
 from gellight.stream.running import is_starting, meant, running
 from gellight.stream.shared_memory import MappedMemory, OverwrittenError
@@ -297,8 +297,9 @@ class Subscription(FrameSource):
 
     def _ask(self, call: Call) -> bytes:
         try:
+            token = None if isinstance(call, READING) else self._token
             asked = self._session.get(
-                key(self.name, "call"), payload=call.model_dump_json(), attachment=self._token, timeout=CALL_S
+                key(self.name, "call"), payload=call.model_dump_json(), attachment=token, timeout=CALL_S
             )
             replies = list(asked)
         except zenoh.ZError as error:

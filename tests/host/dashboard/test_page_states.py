@@ -34,7 +34,7 @@ def test_when_the_server_is_gone_the_values_are_dim_and_nothing_can_be_pressed(
     assert "grayscale" in page.evaluate("getComputedStyle(document.getElementById('depth')).filter")
     expect(page.get_by_test_id("press-here")).to_be_disabled()
     expect(page.get_by_test_id("press-hint")).to_have_text("The server is gone.")
-    with DashboardServer(source, port=int(server.url.split(":")[2].strip("/"))):
+    with DashboardServer(source, port=int(server.base.split(":")[2].strip("/"))):
         banner.get_by_role("button", name="Try now").click(no_wait_after=True)
         expect(banner).to_have_count(0)
         expect(page.get_by_test_id("press-here")).to_be_enabled()

@@ -50,7 +50,7 @@ def server(source: FormulaSource, calibration: Scripted) -> Iterator[DashboardSe
 
 @pytest.fixture
 def window(browser: Browser, server: DashboardServer) -> Iterator[OpenAt]:
-    with windows(browser, server.url + "calibrate.html", "() => wizard.shown > 1") as open_at:
+    with windows(browser, f"{server.base}calibrate.html?token={server.token}", "() => wizard.shown > 1") as open_at:
         yield open_at
 
 
