@@ -45,6 +45,7 @@ class Sensor(FrameSource):
         self._frames = self._until.enter_context(daemon.delivered.subscribe(BACKLOG)) if every else daemon.delivered
         self._number = 0
         self._until.enter_context(daemon)
+        daemon.go_on_after(-1)
 
     def _take(self, timeout_s: float) -> TactileFrame:
         self._number, frame = self._frames.take(self._number, timeout_s)
