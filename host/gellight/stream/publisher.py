@@ -29,9 +29,11 @@ from gellight.stream.frame_thread import POLL_S, sending
 from gellight.stream.network import close, free_lan_port, key, publishing_session
 from gellight.stream.running import RunningDaemon, announced
 from gellight.stream.shared_memory import FrameMemory
-from gellight.stream.wire import MOST_DETAILS, encoded
+from gellight.stream.wire import encoded
 
 logger = logging.getLogger(__name__)
+MOST_CALL = 65536
+"""bytes of a call"""
 MOST_WAITING = 16
 """calls that are not answered yet, of either kind; those beyond are refused"""
 
@@ -157,7 +159,7 @@ class Publisher:
     def _take_call(self, query: zenoh.Query) -> None:
         """Let a call wait for its turn, or refuse it: who has no token cannot make those wait who have it."""
         with _answering(query):
-            content = query.payload.to_bytes() if query.payload and len(query.payload) <= MOST_DETAILS else b""
+            content = query.payload.to_bytes() if query.payload and len(query.payload) <= MOST_CALL else b""
             call = read_call(content)
             if not isinstance(call, READING):
                 self._check(query.attachment)

@@ -51,3 +51,8 @@ def test_findings_are_shown_and_what_is_not_known_yet_is_left_out() -> None:
     warm = metric_lines({"ring": {"chip_c": 41.4, "ring_c": None}})
     assert [line for line in warm if line.startswith("gellight_light")] == ['gellight_light_celsius{part="chip"} 41.4']
     assert not [line for line in lines if "frame_age" in line]
+
+
+def test_counters_keep_all_of_their_digits() -> None:
+    for frames in (999_999, 1_000_001, 12_345_678_901):
+        assert f"gellight_frames_total {frames}" in list(metric_lines({"frames": frames, "error": None}))
