@@ -13,7 +13,6 @@ from gellight.base.errors import CameraError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, ChooseBundle
 from gellight.frames.image_files import KINDS, ImageCamera, image_files, is_file
-from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.frames.picture import prepared
 
 NODES = ("/dev/video", "/dev/v4l/")
@@ -38,10 +37,8 @@ def open_camera(
     LEDs dark. Raises CameraError, BoardError, BundleError, InputError or ConfigError with the remedy.
     """
     camera = _opened(url, geometry, bundle)
-    if not isinstance(bundle, Bundle) or camera.url.startswith("replay://") or PICTURE_STEPS in camera.bundle_files:
-        return camera
     try:
-        return prepared(camera, bundle)
+        return prepared(camera, bundle) if isinstance(bundle, Bundle) else camera
     except BaseException:
         camera.close()
         raise

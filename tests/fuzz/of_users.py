@@ -48,7 +48,7 @@ FORCE = {
     "gel_thickness_mm": 2, "poisson_ratio": 0.48, "youngs_modulus_mpa": 0.2, "error_share": 0.1, "error_floor_n": 0.1,
     "lightest_n": 0.1, "heaviest_n": 9, "readings": 5, "source": "a.csv", "created": "2026-01-01T00:00:00Z",
 }  # fmt: skip
-REQUEST = b"127.0.0.1:8420\n/?token=secret\nOrigin: http://127.0.0.1:8420\nCookie: gellight-token=secret\n"
+REQUEST = b"127.0.0.1:8420\n/?token=secret\nOrigin: http://127.0.0.1:8420\nCookie: gellight-token-8420=secret\n"
 URLS = (b"v4l2://0?width=640&height=480&format=MJPG", b"sim://?object=BALL&depth=1", b"zenoh://[::1]:7447/a%20b")
 
 

@@ -16,7 +16,7 @@ from gellight.base.errors import BoardError, GellightError
 from gellight.base.settings import read_settings
 from gellight.bundle.bundle import REFERENCE, Bundle, load_bundle, packed_bundle, unpack_bundle
 from gellight.bundle.manifest import manifest_toml, parse_manifest
-from gellight.dashboard.access import host_name
+from gellight.dashboard.access import cookie
 from gellight.dashboard.commands import COMMANDS
 from gellight.frames import picture
 from gellight.frames.dots import Dots
@@ -132,7 +132,7 @@ def _of_programs() -> Iterator[Parser]:
     yield Parser("frame", lambda content: wire.decode(content, _no_bundle), (frame,), (GellightError,))
     yield Parser("call", read_call, (b'{"type":"status"}', press), (GellightError, ValueError))
     yield Parser("command", COMMANDS.validate_json, (b'{"type":"credit","count":1}', press), (ValidationError,))
-    yield Parser("host", lambda content: host_name(content.decode("latin-1")), (b"127.0.0.1:8420", b"[::1]:80"), ())
+    yield Parser("host", lambda content: cookie(content.decode("latin-1")), (b"127.0.0.1:8420", b"[::1]:80"), ())
 
 
 def _of_pictures(folder: Path) -> Iterator[Parser]:

@@ -40,7 +40,7 @@ def opening(browser: Browser, server: DashboardServer, place: str = "") -> Itera
         page = context.new_page()
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("console", lambda message: message.type == "error" and complaints.append(message.text))
-        page.goto(server.url + place)
+        page.goto(f"{server.base}{place}?token={server.token}")
         return page
 
     yield open_page

@@ -9,6 +9,7 @@ from typing import Any
 import aiohttp
 from aiohttp import WSMsgType
 
+from gellight.stream.running import own_token
 from tests.helpers.view_messages import View, decode
 
 FRAME_S = 5.0
@@ -81,10 +82,10 @@ class Page:
 
 @contextmanager
 def pages(**options: Any) -> Iterator[Callable[..., Page]]:
-    """Give what connects a page to the address of a server; options: of the session."""
+    """Give what connects a page, with this user's token, to the address of a server; options: of the session."""
 
     async def begin() -> aiohttp.ClientSession:
-        return aiohttp.ClientSession(**options)
+        return aiohttp.ClientSession(**{"headers": bearer()} | options)
 
     with asyncio.Runner() as runner:
         session = runner.run(begin())
@@ -96,8 +97,14 @@ def pages(**options: Any) -> Iterator[Callable[..., Page]]:
         runner.run(session.close())
 
 
+def bearer() -> dict[str, str]:
+    """Return the header of a program of this user."""
+    return {"Authorization": f"Bearer {own_token()}"}
+
+
 def get(url: str, **options: Any) -> tuple[int, str, Mapping[str, str]]:
-    """Return status, text and headers of the answer to a request; options: of aiohttp's `get`."""
+    """Return status, text and headers of the answer to a request of this user; options: of aiohttp's `get`."""
+    options["headers"] = bearer() | options.get("headers", {})
 
     async def run() -> tuple[int, str, Mapping[str, str]]:
         async with aiohttp.ClientSession() as session, session.get(url, allow_redirects=False, **options) as response:

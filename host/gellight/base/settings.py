@@ -158,8 +158,8 @@ class DashboardSettings(StrictModel):
     token: str = Field(
         default="",
         pattern=TOKEN,
-        description="what a browser has to know, at least 16 letters, digits, `-` and `_`; empty: one is drawn at each "
-        "start where `host` is not of this computer alone",
+        description="what a browser has to know, at least 16 letters, digits, `-` and `_`; empty: where `host` is "
+        "of this computer alone the one that this user keeps, else one is drawn at each start",
     )
     tls_cert: str = Field(
         default="", description="certificate (PEM, with those that lead to its authority) to encrypt by; empty: http"

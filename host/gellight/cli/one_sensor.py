@@ -70,7 +70,11 @@ def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
     """Say so where a sensor has no bundle, or is another one than the default, simulated, and used with its bundle."""
     told, changed = "", ", ".join(settings.geometry.overrides())
     if not bundle.calibrated:
-        told = "this sensor has no bundle, so there is no depth: calibrate it on the page, or with `gellight calibrate`"
+        told = (
+            "this sensor has no bundle, so there is no depth: calibrate it on the page, or with `gellight calibrate`"
+            if "://" in settings.sensor.url
+            else "these pictures have no bundle, so there is no depth: give that of their sensor by --calibration"
+        )
     elif bundle.identity == load_bundle(SYNTHETIC).identity and settings.sensor.url.startswith(REAL):
         told = (
             "the bundle `synthetic` is of the simulated sensor: calibrate yours with `gellight calibrate` before you "

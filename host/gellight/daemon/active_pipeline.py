@@ -53,8 +53,7 @@ def path_for(config: ModeConfig, bundle: Bundle) -> FramePath:
         stereo = PhotometricReconstructor if config.path is PathKind.SERIES else WindowReconstructor
         groups = photometric_groups(options, config.settings.lighting)
         return stereo(bundle, light.model or read_lights(bundle), groups, smoothing_px=options.smoothing_px)
-    network = reconstructor_for(bundle, options)
-    return network if light.groups is None else SequencePath(network, light.groups)
+    return SequencePath(reconstructor_for(bundle, options), light.groups)
 
 
 def reconstructor_for(bundle: Bundle, options: ReconstructionSettings) -> Reconstructor:

@@ -36,7 +36,7 @@ class BundleChoice:
         """Return the bundle; `camera` need not be open yet, but for its board. BundleError where it cannot be had."""
         if self.bundle is None:
             bundle = bundle_of(camera, BundleStore(), default=SYNTHETIC if self._named is None else None)
-            like_simulated = camera.bundle is not None or camera.ring is not None or camera.waits
+            like_simulated = camera.bundle is not None or camera.ring is not None
             if self._named is not None or bundle.manifest.sensor != SIMULATED or like_simulated:
                 self.bundle = bundle
         if self._named is None and self.bundle is not None and self.bundle.image_shape == camera.image_shape:

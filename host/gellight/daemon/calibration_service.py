@@ -205,10 +205,8 @@ class CalibrationService:
             try:
                 if request.like:
                     table_of_like(self._store.find(request.like).load(), self._daemon.camera.image_shape)
-                if request.anew:
-                    discard(self._folder)
-                self._routine = routine = self._make_routine(request, self._install)
                 self._daemon.begin_calibration()
+                self._routine = routine = self._make_routine(request, self._install)
                 routine.act("start")
             except BaseException:
                 self._routine = before
@@ -304,13 +302,18 @@ class CalibrationService:
             sensor=self.sensor,
             tools=ToolSizes.of(request.sizes()),
             presses=request.presses,
-            like=self._store.find(request.like).load() if request.like else kept_like(self._folder),
+            like=self._like(request),
             overwrite=True,
             ring=RingGeometry.from_overrides(self._geometry),
             gel_thickness_mm=self._geometry.get("gel_thickness_mm", 0.0),
         )
         hand = hand_of(camera) if request.hand else None
-        return Routine(camera, options, self._folder, hand=hand, install=install)
+        return Routine(camera, options, self._folder, hand=hand, install=install, anew=request.anew)
+
+    def _like(self, request: CalibrationRequest) -> Bundle | None:
+        if request.like:
+            return self._store.find(request.like).load()
+        return None if request.anew else kept_like(self._folder)
 
 
 def _nothing() -> None:

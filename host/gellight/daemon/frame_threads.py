@@ -28,6 +28,8 @@ from gellight.frames.frames import CameraFrame, CaptureStamp, TactileFrame
 
 logger = logging.getLogger(__name__)
 
+NOBODY_ASKED = -2
+"""in place of a sequence number; who has no frame yet asks after -1"""
 POLL_S = 0.5
 """how often a waiting thread looks whether it should stop"""
 TIMEOUT_S = 20.0
@@ -66,7 +68,7 @@ class FrameThreads:
         self._away: str | None = None
         self._taken = threading.Event()
         """set when the frame that was captured last is being reconstructed"""
-        self._asked_after, self._asked = -1, threading.Event()
+        self._asked_after, self._asked = NOBODY_ASKED, threading.Event()
         """the sequence number after which a frame was asked for last"""
         self._newest = self._discard_until = -1
         """camera sequence numbers: the last that came, and the last that must not be delivered any more"""
@@ -160,6 +162,8 @@ class FrameThreads:
 
     def _capture(self) -> None:
         try:
+            while self._every and self._camera.waits and self._asked_after == NOBODY_ASKED and not self.ended:
+                self._asked.wait(POLL_S)  # else who begins to listen a moment later would miss the first pictures
             while not self.ended:
                 with self._capturing:
                     self._capture_one()

@@ -9,8 +9,7 @@ from gellight.daemon.sensor_state import SensorState
 from gellight.frames.camera import Camera, ReconnectingError, timing_of
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
-from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
-from gellight.frames.picture import PreparedCamera
+from gellight.frames.picture import PreparedCamera, are_prepared
 from gellight.photometric.light_model import LightModel
 from gellight.sensor.lighting.lock import settle_s
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera, clock_error_s
@@ -103,18 +102,13 @@ class SwitchedCamera(CameraWrapper):
         Raises BundleError where they cannot be, or have another size than its bundle's.
         """
         steps, camera = config.pictures, self._bare
-        made = camera.bundle_files.get(PICTURE_STEPS)
-        if made is not None and made != config.bundle.files.get(PICTURE_STEPS):
-            raise BundleError(
-                f"{config.bundle.source} takes another view of the gel, or fills other dots, than {camera.url}, whose "
-                "pictures are prepared already: use the bundle that came with them"
-            )
-        if camera.waits and made is None and steps != getattr(self._prepared, "picture_steps", None) and self._last:
+        made = are_prepared(camera, config.bundle)
+        if camera.waits and not made and steps != getattr(self._prepared, "picture_steps", None) and self._last:
             raise BundleError(
                 f"{config.bundle.source} takes another view of the gel, or fills other dots, and pictures of "
                 f"{camera.url} are on their way: stop it, and start it with this bundle"
             )
-        if steps and made is None:
+        if steps and not made:
             camera = PreparedCamera(camera, steps)
         config.bundle.check_fits(camera.url, camera.image_shape)
         return camera

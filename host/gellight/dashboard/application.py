@@ -87,7 +87,7 @@ class Dashboard:
         self._worker = ThreadPoolExecutor(STAGE_THREADS, thread_name_prefix="dashboard-commands")
         self._newest_command = -1
 
-    def application(self, token: str = "") -> web.Application:
+    def application(self, token: str) -> web.Application:
         """Return the aiohttp application: page, `/status`, `/ws`, `/metrics`, `/health`, and the wizard's.
 
         token: what a request has to bring; see access.py.

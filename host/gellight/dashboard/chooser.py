@@ -37,7 +37,7 @@ class Choice:
     error: str | None
     """why it gives no frames; None while it does"""
     address: str
-    """of its own dashboard, `http://127.0.0.1:PORT/`; empty while there is none"""
+    """of its own dashboard, `http://127.0.0.1:PORT/?token=TOKEN`; empty while there is none"""
 
 
 class Chooser:
@@ -47,7 +47,7 @@ class Chooser:
         """Take what returns the sensors by their keys, as they are now."""
         self._choices = choices
 
-    def application(self, token: str = "") -> web.Application:
+    def application(self, token: str) -> web.Application:
         """Return the aiohttp application; token: see access.py."""
         app = web.Application(middlewares=[guard(token)], client_max_size=MAX_COMMAND_BYTES)
         app.router.add_get("/", self._lead_to_first)
@@ -75,8 +75,8 @@ class Chooser:
         wrong = {choice.sensor: choice.error for choice in self._choices().values() if choice.error}
         return web.json_response({"ok": not wrong, "errors": wrong}, status=503 if wrong else 200)
 
-    def _address(self, request: web.Request) -> str:
-        """Return the address of the sensor that is asked for.
+    def _address(self, request: web.Request) -> tuple[str, dict[str, str]]:
+        """Return the address of the sensor that is asked for, and the header that it wants.
 
         Raises HTTPNotFound for another one, HTTPBadGateway for one that has failed, HTTPServiceUnavailable for one that
         is being started: it will be there in a moment.
@@ -90,12 +90,13 @@ class Chooser:
         if not choice.address:
             again = {"Retry-After": str(RETRY_AFTER_S)}
             raise web.HTTPServiceUnavailable(text=f"sensor {choice.sensor}: it is being started", headers=again)
-        return choice.address
+        base, _, token = choice.address.partition("?token=")
+        return base, {"Authorization": f"Bearer {token}"}
 
     async def _pass_on(self, request: web.Request) -> web.Response:
-        address, query = self._address(request), request.query_string
+        (address, headers), query = self._address(request), request.query_string
         url = f"{address}{request.match_info['path']}" + (f"?{query}" if query else "")
-        headers = {name: request.headers[name] for name in PASSED_ON if name in request.headers}
+        headers |= {name: request.headers[name] for name in PASSED_ON if name in request.headers}
         try:
             async with self._client.request(
                 request.method, url, data=await request.read(), headers=headers, allow_redirects=False
@@ -109,10 +110,10 @@ class Chooser:
 
     async def _relay(self, request: web.Request) -> web.WebSocketResponse:
         """Pass frames, status and commands between a page and the dashboard of its sensor."""
-        address = self._address(request)
+        address, headers = self._address(request)
         page = web.WebSocketResponse(max_msg_size=MAX_COMMAND_BYTES, heartbeat=20.0, compress=False)
         try:
-            async with self._client.ws_connect(f"{address}ws", max_msg_size=0) as sensor:
+            async with self._client.ws_connect(f"{address}ws", max_msg_size=0, headers=headers) as sensor:
                 await page.prepare(request)
                 ways = [asyncio.create_task(_carry(page, sensor)), asyncio.create_task(_carry(sensor, page))]
                 await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)

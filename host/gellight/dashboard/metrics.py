@@ -66,7 +66,7 @@ def described(name: str, meaning: str, kind: str, values: Mapping[str, float | N
     if known:
         yield f"# HELP {name} {meaning}"
         yield f"# TYPE {name} {kind}"
-        yield from (f"{name}{labels} {value:g}" for labels, value in known.items())
+        yield from (f"{name}{labels} {value:.12g}" for labels, value in known.items())
 
 
 def seconds(ms: float | None) -> float | None:

@@ -19,6 +19,7 @@ from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import is_loopback
 from gellight.dashboard.application import Dashboard
 from gellight.dashboard.scanning import ScanDesk
+from gellight.stream.running import own_token
 
 logger = logging.getLogger(__name__)
 
@@ -41,12 +42,12 @@ class PageServer:
     ) -> None:
         """Serve what `application` makes, given the token that every request has to bring; port 0 takes any free one.
 
-        token: by default one is drawn where other computers reach `host`, and none is needed where they do not.
+        token: by default one is drawn where other computers reach `host`, else it is the one that this user has.
         tls_cert, tls_key: PEM files to encrypt by; ConfigError where they are none or do not belong together.
         """
         self._tls = _tls(tls_cert, tls_key)
         self._application, self._port, self._host = application, port, host
-        self._token = token or ("" if is_loopback(host) else secrets.token_urlsafe(24))
+        self.token = token or (own_token() if is_loopback(host) else secrets.token_urlsafe(24))
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
         self._ready = threading.Event()
@@ -55,11 +56,16 @@ class PageServer:
 
     @property
     def url(self) -> str:
-        """Where the page is, with the token where one is needed."""
+        """Where the page is, with the token."""
+        return f"{self.base}?token={self.token}"
+
+    @property
+    def base(self) -> str:
+        """Where the page is, for who has its cookie."""
         everywhere = self._host in ("0.0.0.0", "::")
         shown = socket.gethostname() if everywhere else f"[{self._host}]" if ":" in self._host else self._host
         scheme = "https" if self._tls else "http"
-        return f"{scheme}://{shown}:{self._port}/" + (f"?token={self._token}" if self._token else "")
+        return f"{scheme}://{shown}:{self._port}/"
 
     def start(self) -> Self:
         """Listen; ServerError where the port cannot be had."""
@@ -96,7 +102,7 @@ class PageServer:
 
     async def _serve(self) -> None:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        runner = web.AppRunner(self._application(self._token), access_log=None, shutdown_timeout=1.0)
+        runner = web.AppRunner(self._application(self.token), access_log=None, shutdown_timeout=1.0)
         await runner.setup()
         try:
             self._port = await _listen(runner, self._host, self._port, self._tls)

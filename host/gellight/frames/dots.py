@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.errors import InputError
 from gellight.frames.dot_places import LEAST_DOTS, dots_at_rest
+from gellight.frames.shear import MOST_DOTS
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -134,7 +135,7 @@ def _dots(dark: Floats, side: int) -> Dots | None:
         return None
     usual = float(np.median(diameter))
     alike = np.abs(diameter - usual) < _ALIKE * usual
-    if alike.sum() < max(LEAST_DOTS, 0.5 * len(area)) or usual > 0.65 * side:
+    if not max(LEAST_DOTS, 0.5 * len(area)) <= alike.sum() <= MOST_DOTS or usual > 0.65 * side:
         return None
     return Dots(diameter_px=round(usual, 2), darker_grey=round(threshold, 2), count=int(alike.sum()))
 

@@ -108,10 +108,21 @@ def chosen_steps(camera: Camera, view: View | None, *, dots: bool) -> PictureSte
     return PictureSteps.of(seen.image_shape, view, found)
 
 
+def are_prepared(camera: Camera, bundle: Bundle) -> bool:
+    """Whether the pictures of a camera are prepared already; BundleError where they are for another bundle."""
+    made = camera.bundle_files.get(FILE_NAME)
+    if made is not None and made != bundle.files.get(FILE_NAME):
+        raise BundleError(
+            f"{bundle.source} takes another view of the gel, or fills other dots, than {camera.url}, whose "
+            "pictures are prepared already: use the bundle that came with them"
+        )
+    return made is not None
+
+
 def prepared(camera: Camera, bundle: Bundle) -> Camera:
     """Return the camera with its pictures prepared as the bundle says; BundleError where that cannot be."""
     steps = steps_of(bundle)
-    return PreparedCamera(camera, steps) if steps else camera
+    return camera if are_prepared(camera, bundle) or not steps else PreparedCamera(camera, steps)
 
 
 class PreparedCamera(CameraWrapper):

@@ -17,7 +17,8 @@ from gellight.base.field_docs import with_field_docs
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Place = tuple[FiniteFloat, FiniteFloat]
-MOST_DOTS = 1000
+MOST_DOTS = 5000
+"""of a gel: more small dark spots than these are noise"""
 
 
 class Unseen(IntEnum):

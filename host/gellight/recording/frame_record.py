@@ -12,7 +12,7 @@ from pydantic import Field
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import InputError
 from gellight.base.png import is_whole
-from gellight.frames.frames import CameraFrame, CaptureStamp, LightLabel
+from gellight.frames.frames import CameraFrame, CaptureStamp, ExposureSeries, LightLabel
 from gellight.frames.shear import DotFigures, DotsSeen
 from gellight.recording.ros_messages import RosImage, decode_compressed, encode_compressed
 from gellight.sensor.v4l2.decoding import decode
@@ -20,6 +20,10 @@ from gellight.sensor.v4l2.errors import CorruptPictureError
 from gellight.sensor.v4l2.formats import Mode
 
 MOST_PX = 8192
+NO_SERIES = (
+    "depth is made of several pictures under different lights, which a recording does not hold: record in mode "
+    "network, with a bundle of one light"
+)
 JPEG, PNG = "MJPG", "PNG"
 _PACKING = (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY,
             cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_AVG)  # fmt: skip
@@ -63,7 +67,12 @@ class FrameRecord:
 
     @classmethod
     def of(cls, frame: CameraFrame, stamp: CaptureStamp, *, packed: bool = True) -> "FrameRecord":
-        """Return what is recorded of a camera frame and its stamp; packed: a picture without the camera's own bytes."""
+        """Return what is recorded of a camera frame and its stamp; packed: a picture without the camera's own bytes.
+
+        InputError for a series of exposures, of which a recording would keep the first.
+        """
+        if isinstance(frame, ExposureSeries):
+            raise InputError(NO_SERIES)
         encoded, (height, width) = frame.encoded, frame.image.shape[:2]
         info = FrameInfo(
             sequence=frame.sequence,
@@ -102,8 +111,16 @@ class FrameRecord:
         data = decode_compressed(message) if info.letters in (JPEG, PNG) else RosImage.decode(message).data
         return cls(info=info, data=data)
 
-    def dots(self, source: str) -> DotsSeen | None:
-        """Return the marker dots, None for a gel without; InputError, naming `source`, where they are damaged."""
+    def camera_frame(self, source: str) -> CameraFrame:
+        """Return the frame as it was live, without its stamp; InputError, naming `source`, where it is damaged."""
+        info = self.info
+        light = None if info.light is None else np.array(info.light, np.uint8).reshape(-1, 3)
+        return CameraFrame(
+            image=self.image(source), time_s=info.time_s, sequence=info.sequence, source=source, light=light,
+            label=info.label, dots=self._dots(source),
+        )  # fmt: skip
+
+    def _dots(self, source: str) -> DotsSeen | None:
         try:
             return self.info.dots.dots() if self.info.dots else None
         except ValueError as error:

@@ -7,6 +7,8 @@ beginning of the recording), `loop=1` (begin again at the end).
 import threading
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -15,9 +17,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.allowed import query_of
-from gellight.base.errors import CameraError
+from gellight.base.errors import CameraError, InputError
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
+from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.frames.status import CameraStatus
 from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import Recording
@@ -41,6 +44,8 @@ class ReplayCamera(Camera):
     def __init__(self, recording: Recording, *, url: str, chosen: ReplayUrl) -> None:
         """Begin where `chosen` says; InputError where nothing is recorded so late."""
         self.url, self.bundle = url, recording.bundle
+        self.record = recording.first
+        """of the frame that was read last"""
         self._recording, self._chosen = recording, chosen
         self.waits = chosen.speed == 0
         info = recording.first.info
@@ -51,9 +56,17 @@ class ReplayCamera(Camera):
         """identity of the bundle with the zero that the last frame was taken under"""
         self._begin()
 
+    @property
+    def bundle_files(self) -> Mapping[str, bytes]:
+        """How its pictures are prepared already."""
+        return {name: content for name, content in self.bundle.files.items() if name == PICTURE_STEPS}
+
     def _begin(self) -> None:
         """Start from the first frame that is wanted."""
-        self._records: Iterator[FrameRecord] = self._recording.frames(self._chosen.start)
+        records = self._recording.frames(self._chosen.start)
+        if (first := next(records, None)) is None:
+            raise InputError(f"{self._recording.path} ends before {self._chosen.start:g} s: begin earlier")
+        self._records: Iterator[FrameRecord] = chain([first], records)
         self._begun_s: float | None = None
         self._first_s = 0.0
 
@@ -71,15 +84,10 @@ class ReplayCamera(Camera):
             self._offset = self._last + 1 - (record.info.sequence if record else 0)
         if record is None:
             raise EndOfStream(f"{self.url} has delivered all of its frames")
-        info = record.info
-        image = record.image(str(self._recording.path))
-        due_s = self._wait(info.time_s)
-        self._last, self.zero = info.sequence + self._offset, info.zero
-        light = None if info.light is None else np.array(info.light, np.uint8).reshape(-1, 3)
-        return CameraFrame(
-            image=image, time_s=due_s, sequence=self._last, source=self.url, light=light, label=info.label,
-            dots=record.dots(str(self._recording.path)),
-        )  # fmt: skip
+        frame, self.record = record.camera_frame(str(self._recording.path)), record
+        due_s = self._wait(frame.time_s)
+        self._last, self.zero = frame.sequence + self._offset, record.info.zero
+        return replace(frame, time_s=due_s, sequence=self._last, source=self.url)
 
     def _wait(self, time_s: float) -> float:
         """Wait until a frame that was taken at `time_s`, of the clock that does not jump, is due; return when."""

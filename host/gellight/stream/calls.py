@@ -5,17 +5,20 @@ too, but for `calibration`, whose answer is the content of a `.gelcal` file.
 """
 
 import json
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError
 
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import packed_bundle
-from gellight.daemon.session import SensorSession
 from gellight.ring.wire import MOST_LEDS
 from gellight.stream.wire import Byte
+
+if TYPE_CHECKING:
+    from gellight.daemon.session import SensorSession
 
 
 class Status(StrictModel):
@@ -82,6 +85,7 @@ class Release(StrictModel):
     type: Literal["release"] = "release"
 
 
+Made = TypeVar("Made", bound=StrictModel)
 Call = Status | Calibration | Light | Mode | Zero | Track | Press | Drag | Release
 _CALLS: TypeAdapter[Call] = TypeAdapter(Annotated[Call, Field(discriminator="type")])
 
@@ -95,11 +99,35 @@ def read_call(content: bytes) -> Call:
         raise InputError(f"no call of GelLight: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
 
 
+def made(kind: type[Made], **values: object) -> Made:
+    """Return a call with these values; InputError says what is wrong with them."""
+    try:
+        return kind.model_validate(values)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise InputError(f"{'.'.join(map(str, first['loc']))} = {first['input']!r}: {first['msg']}") from None
+
+
+def light_of(colours: NDArray[np.uint8] | None) -> Light:
+    """Return the call that shows colours; InputError unless they are (N, 3) whole numbers from 0 to 255, or None."""
+    if colours is None:
+        return Light(colours=None)
+    given = np.asarray(colours)
+    if (
+        given.ndim != 2
+        or given.shape[1] != 3
+        or given.dtype.kind not in "iu"
+        or not ((given >= 0) & (given < 256)).all()
+    ):
+        raise InputError(f"colours {given.shape} {given.dtype}: give (12, 3) whole numbers from 0 to 255, R, G, B each")
+    return made(Light, colours=[tuple(led) for led in given.tolist()])
+
+
 READING = (Status, Calibration)
 """calls that change nothing: every program may make them"""
 
 
-def answer(daemon: SensorSession, call: Call) -> bytes:
+def answer(daemon: "SensorSession", call: Call) -> bytes:
     """Do what is asked and return the answer; raises what the daemon raises."""
     match call:
         case Status():
@@ -119,7 +147,7 @@ def answer(daemon: SensorSession, call: Call) -> bytes:
     return b"{}"
 
 
-def move(daemon: SensorSession, call: Press | Drag | Release) -> None:
+def move(daemon: "SensorSession", call: Press | Drag | Release) -> None:
     """Press, drag or lift an object; InputError on a sensor whose gel is not simulated."""
     if daemon.stage is None:
         raise InputError("objects can be pressed into a simulated gel only (sim://)")

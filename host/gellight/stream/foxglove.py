@@ -2,9 +2,11 @@
 
 One server shows one sensor, so topics have the same names for every sensor and one layout fits: `/gellight/image_raw`,
 `/gellight/depth/image` and so on, see ros_topics.py, and `/diagnostics` once a second. Topics that nobody looks at cost
-nothing. A viewer may look and do nothing else.
+nothing. A viewer may look and do nothing else, and who comes from a web page of strangers is refused, see origins.py.
 """
 
+import secrets
+import sys
 import time
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Self
@@ -15,6 +17,7 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.recording.ros_messages import DEFINITIONS, DIAGNOSTICS
 from gellight.stream.frame_thread import sending
+from gellight.stream.origins import guarded
 from gellight.stream.ros_topics import DIAGNOSTICS_S, DIAGNOSTICS_TOPIC, RosTopics, taken_s, topic_of
 
 if TYPE_CHECKING:
@@ -50,7 +53,8 @@ class FoxgloveServer:
             stack.callback(made.close)
             return made
 
-        with ExitStack() as stack:
+        inner = ".".join(map(str, (127, *secrets.token_bytes(2), 1))) if sys.platform == "linux" else "127.0.0.1"
+        with ExitStack() as stack:  # the server itself is where no page finds it
             topics = self._messages.of_frames
             self._channels = [
                 (channel(topic_of(f"/{NAME}", name), kind), encode) for name, (kind, encode) in topics.items()
@@ -58,15 +62,13 @@ class FoxgloveServer:
             self._diagnostics = channel(DIAGNOSTICS_TOPIC, DIAGNOSTICS)
             try:
                 server = foxglove.start_server(
-                    name=f"GelLight {self._name}", host=self._host, port=self._port, context=context,
+                    name=f"GelLight {self._name}", host=inner, port=0, context=context,
                     supported_encodings=["cdr"], message_backlog_size=BACKLOG,
                 )  # fmt: skip
             except RuntimeError as error:
-                raise StreamError(
-                    f"Foxglove cannot be served on port {self._port} ({error}): set stream.foxglove_port to another one"
-                ) from error
+                raise StreamError(f"Foxglove cannot be served ({error})") from error
             stack.callback(server.stop)
-            self.url = f"ws://localhost:{server.port}"
+            self.url = f"ws://localhost:{stack.enter_context(guarded(self._host, self._port, (inner, server.port)))}"
             stack.enter_context(sending(self._daemon, "foxglove", self._send, self._diagnose))
             self._until = stack.pop_all()
         return self

@@ -12,6 +12,7 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote, unquote, urlsplit
 
 import zenoh
@@ -23,6 +24,12 @@ LAN_PORT, LAN_PORTS = 7447, 16
 SCOUT_S = 1.5
 """time that daemons of other computers have to answer; zenoh asks at once and again after a second"""
 CONNECT_MS = 3000
+READ_ONLY = {
+    "id": "only the daemon speaks", "flows": ["ingress"], "permission": "deny",
+    "key_exprs": ["**"],  # all of them: whoever declares `**` is asked for gellight/NAME/call too
+    "messages": ["put", "delete", "declare_queryable", "reply", "liveliness_token"],
+}  # fmt: skip
+"""what who connects may not do: pose as the daemon. Denial goes before whatever a file of zenoh's settings allows"""
 ROUTER_COMMAND = "`ros2 run rmw_zenoh_cpp rmw_zenohd`"
 
 
@@ -40,17 +47,26 @@ def publishing_session(*, lan: bool, config: Path | None, lan_port: int = LAN_PO
     """Open a session that subscribers connect to; return it and its endpoint, a free port of 127.0.0.1.
 
     lan: accept other machines too, on `lan_port`, and answer who looks for daemons by multicast. config: a file of
-    zenoh's own settings, for TLS and access control. Raises StreamError where a port is in use or the file is no
-    configuration of zenoh.
+    zenoh's own settings, for TLS and access control. Who connects can read and ask, and neither publish nor answer.
+    Raises StreamError where a port is in use or the file is no configuration of zenoh.
     """
     settings = _settings(config)
     own = f"tcp/127.0.0.1:{_free_port()}"
     said = json.loads(settings.get_json("listen/endpoints"))  # a list where the file says it, else zenoh's own, by mode
     endpoints = [own, *([f"tcp/[::]:{lan_port}"] if lan else []), *(said if isinstance(said, list) else [])]
-    given = {"mode": "peer", "listen/endpoints": endpoints, "listen/exit_on_failure": True}
+    given = {"mode": "peer", "listen/endpoints": endpoints, "listen/exit_on_failure": True,
+             "access_control": _read_only(json.loads(settings.get_json("access_control")))}  # fmt: skip
     alone: dict[str, list[str]] = {"router": [], "peer": []}  # found by others, and connecting to nobody
     found = {"scouting/multicast/enabled": True, "scouting/multicast/autoconnect": alone} if lan else {}
     return _opened(settings, {**given, **found}), own
+
+
+def _read_only(said: Mapping[str, Any]) -> Mapping[str, object]:
+    """Return the access control that a file says, or none, with `READ_ONLY` for all."""
+    mine, everyone = {"rules": [READ_ONLY["id"]], "subjects": ["everyone"]}, {"id": "everyone"}
+    rest = said if said["enabled"] else {"default_permission": "allow"}
+    added = {"rules": READ_ONLY, "subjects": everyone, "policies": mine}
+    return {**rest, "enabled": True, **{name: [*(rest.get(name) or []), one] for name, one in added.items()}}
 
 
 def free_lan_port() -> int:

@@ -9,9 +9,9 @@ import hmac
 import logging
 import secrets
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Self
@@ -24,14 +24,18 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.camera import Camera
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
-from gellight.stream.calls import READING, answer, read_call
+from gellight.stream.calls import READING, Call, answer, read_call
 from gellight.stream.frame_thread import POLL_S, sending
 from gellight.stream.network import close, free_lan_port, key, publishing_session
 from gellight.stream.running import RunningDaemon, announced
 from gellight.stream.shared_memory import FrameMemory
-from gellight.stream.wire import MOST_DETAILS, encoded
+from gellight.stream.wire import encoded
 
 logger = logging.getLogger(__name__)
+MOST_CALL = 65536
+"""bytes of a call"""
+MOST_WAITING = 16
+"""calls that are not answered yet, of either kind; those beyond are refused"""
 
 
 def own_name(camera: Camera) -> str:
@@ -82,9 +86,10 @@ class Publisher:
             self.name = name = stack.enter_context(self._announced(endpoint)).name
             self._publishers = {part: self._publisher(session, part, self._note_readers) for part in ("frame", "note")}
             wishes = [self._publisher(session, f"want/{one}", self._note_wish) for one in MapOnRequest]
-            self._workers = ThreadPoolExecutor(1, thread_name_prefix="calls")
-            stack.callback(self._workers.shutdown, wait=True, cancel_futures=True)
-            calls = session.declare_queryable(key(name, "call"), lambda one: self._workers.submit(self._answer, one))
+            self._questions, self._commands = (_Queue(kind) for kind in ("questions", "commands"))
+            for queue in (self._questions, self._commands):
+                stack.callback(queue.close)
+            calls = session.declare_queryable(key(name, "call"), self._take_call)
             self._held = wishes, calls, session.liveliness().declare_token(key(name, "alive"))
             stack.enter_context(sending(self._daemon, "publish", self._send, lambda: self._wanted.wait(POLL_S)))
             self._until = stack.pop_all()
@@ -151,16 +156,46 @@ class Publisher:
                 "prints it with --lan, and takes it from stream.token; give it as subscribe(..., token=...)"
             )
 
-    def _answer(self, query: zenoh.Query) -> None:
-        with query:
-            try:
-                content = query.payload.to_bytes() if query.payload else b""
-                call = read_call(content[:MOST_DETAILS])
-                if not isinstance(call, READING):
-                    self._check(query.attachment)
-                query.reply(query.key_expr, answer(self._daemon, call))
-            except (GellightError, ValueError) as error:
-                query.reply_err(str(error))
-            except Exception:
-                logger.exception("a call failed")
-                query.reply_err("the call failed in the daemon; its log says why")
+    def _take_call(self, query: zenoh.Query) -> None:
+        """Let a call wait for its turn, or refuse it: who has no token cannot make those wait who have it."""
+        with _answering(query):
+            content = query.payload.to_bytes() if query.payload and len(query.payload) <= MOST_CALL else b""
+            call = read_call(content)
+            if not isinstance(call, READING):
+                self._check(query.attachment)
+            (self._questions if isinstance(call, READING) else self._commands).put(partial(self._answer, query, call))
+
+    def _answer(self, query: zenoh.Query, call: Call) -> None:
+        with query, _answering(query):
+            query.reply(query.key_expr, answer(self._daemon, call))
+
+
+class _Queue:
+    """Calls that are carried out one after the other, in a thread of their own; few of them wait."""
+
+    def __init__(self, kind: str) -> None:
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix=kind)
+        self._room = threading.BoundedSemaphore(MOST_WAITING)
+
+    def put(self, work: Callable[[], None]) -> None:
+        """Carry `work` out when it is its turn; InputError where too much waits already."""
+        if not self._room.acquire(blocking=False):
+            raise InputError(f"{MOST_WAITING} calls wait for their answers already: ask again in a moment")
+        with suppress(RuntimeError):  # the publisher ends: nobody waits for this answer
+            self._worker.submit(work).add_done_callback(lambda _: self._room.release())
+
+    def close(self) -> None:
+        """End, without what waits."""
+        self._worker.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def _answering(query: zenoh.Query) -> Iterator[None]:
+    """Answer what goes wrong with the reason."""
+    try:
+        yield
+    except (GellightError, ValueError) as error:
+        query.reply_err(str(error))
+    except Exception:
+        logger.exception("a call failed")
+        query.reply_err("the call failed in the daemon; its log says why")

@@ -18,6 +18,7 @@ from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.reconstruction.force_file import read_force
 from gellight.recording.depth_kind import DepthKind
+from gellight.recording.frame_record import NO_SERIES
 from gellight.recording.recording_file import RecordingWriter
 from gellight.stream.publisher import name_of_sensor
 
@@ -64,12 +65,14 @@ class Recorder:
         maps: Collection[MapOnRequest] = (),
         frames: int = 0,
     ) -> None:
-        """Begin the file at `path`; InputError where that cannot be, or where the disk is nearly full.
+        """Begin the file at `path`; InputError where that cannot be: a full disk, series of exposures.
 
         name: of the sensor, by default its own. frames: after which nothing more is recorded, 0 for none. maps: of each
         tactile frame, to be recorded too; InputError for the pressure of a sensor whose bundle has no constant for it.
         """
         self._daemon, self.path, self._most = daemon, path, frames
+        if daemon.joins_exposures:
+            raise InputError(NO_SERIES)
         if MapOnRequest.PRESSURE in maps and read_force(daemon.bundle) is None:
             raise InputError(
                 "the bundle has no constant for the force, so there is no pressure to record: find it with "

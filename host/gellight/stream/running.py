@@ -2,6 +2,7 @@
 
     $XDG_RUNTIME_DIR/gellight/<name>.json       who publishes, and where; else in the user's state folder
     $XDG_RUNTIME_DIR/gellight/<process>.starting    who will, as soon as its sensor is open
+    $XDG_RUNTIME_DIR/gellight/page.token     what the pages of this user's daemons ask for
 
 The system gives the lock back when the daemon ends, however it ends: a file that is not locked is of a daemon that is
 gone.
@@ -10,9 +11,11 @@ gone.
 import json
 import multiprocessing
 import os
+import secrets
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
 from urllib.parse import quote
@@ -131,6 +134,23 @@ def folder() -> Path:
     """Return where the files are: a folder that belongs to this user alone."""
     runtime = os.environ.get("XDG_RUNTIME_DIR")  # not there for a user who has not logged in, such as a service
     return Path(runtime) / "gellight" if runtime else platformdirs.user_state_path("gellight") / "running"
+
+
+def own_token() -> str:
+    """Return the token of this user's pages, from a file that nobody else can read; a new one where it cannot be kept.
+
+    It stays the same, so that an open page finds a daemon that was started anew.
+    """
+    token, place = secrets.token_urlsafe(24), folder() / "page.token"
+    with suppress(OSError):
+        place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile("w", dir=place.parent) as drawn:  # which its owner alone can read
+            drawn.write(token)
+            drawn.flush()
+            with suppress(FileExistsError):
+                os.link(drawn.name, place)
+        return place.read_text()
+    return token
 
 
 def _place(name: str) -> Path:

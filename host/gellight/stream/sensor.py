@@ -11,7 +11,7 @@ from gellight.daemon.assembly import open_session
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.frames.status import SensorStatus
-from gellight.stream.calls import Drag, Press, Release, move
+from gellight.stream.calls import Drag, Press, Release, light_of, made, move
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
 
 
@@ -39,12 +39,13 @@ class Sensor(FrameSource):
 
     def __init__(self, daemon: SensorSession, *, every: bool = False, patience_s: float = PATIENCE_S) -> None:
         """Start `daemon`, and stop it at the end."""
-        super().__init__(patience_s=patience_s)
+        super().__init__(patience_s=patience_s, every=every)
         self.daemon = daemon
         self._until = ExitStack()
         self._frames = self._until.enter_context(daemon.delivered.subscribe(BACKLOG)) if every else daemon.delivered
         self._number = 0
         self._until.enter_context(daemon)
+        daemon.go_on_after(-1)
 
     def _take(self, timeout_s: float) -> TactileFrame:
         self._number, frame = self._frames.take(self._number, timeout_s)
@@ -68,7 +69,8 @@ class Sensor(FrameSource):
 
     def light(self, colours: NDArray[np.uint8] | None) -> None:
         """Show colours on the LEDs, or the light of the bundle again (None); see `SensorSession.light`."""
-        self.daemon.light(colours)
+        asked = light_of(colours).colours
+        self.daemon.light(None if asked is None else np.array(asked, np.uint8))
 
     def mode(self, mode: str) -> None:
         """Go on in another mode; see `SensorSession.change_mode`."""
@@ -84,11 +86,11 @@ class Sensor(FrameSource):
 
     def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
         """Press an object into a simulated gel."""
-        move(self.daemon, Press(object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
+        move(self.daemon, made(Press, object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
 
     def drag(self, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> None:
         """Move what is pressed into a simulated gel sideways, to x, y from where it was pressed, and turn it."""
-        move(self.daemon, Drag(x_mm=x_mm, y_mm=y_mm, turn_rad=turn_rad))
+        move(self.daemon, made(Drag, x_mm=x_mm, y_mm=y_mm, turn_rad=turn_rad))
 
     def release(self) -> None:
         """Lift the object off the simulated gel."""

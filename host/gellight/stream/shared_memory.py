@@ -13,6 +13,7 @@ reader keeps the memory of every publisher that it ever met, locked, until the r
 import mmap
 import os
 import struct
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -105,6 +106,7 @@ class MappedMemory(_Mapped):
         if not str(Path(path).readlink()).startswith(f"/memfd:{NAME} "):
             raise OSError(f"{path} is no memory of frames")
         super().__init__(os.open(path, os.O_RDONLY | os.O_CLOEXEC))
+        self._using, self._closed = threading.RLock(), False
 
     def read(self, note: bytes) -> bytes:
         """Return the message of a note, or the note itself where it is the message, for which there was no memory.
@@ -114,11 +116,18 @@ class MappedMemory(_Mapped):
         if len(note) != NOTE.size:
             return note
         at, size, number = NOTE.unpack(note)
-        places = self._holding(at + size)
-        self._expect(places, number)  # who is late already would be later still for a copy in vain
-        message = places[at : at + size]
-        self._expect(places, number)
-        return message
+        with self._using:
+            places = self._holding(at + size)
+            self._expect(places, number)  # who is late already would be later still for a copy in vain
+            message = places[at : at + size]
+            self._expect(places, number)
+            return message
+
+    def close(self) -> None:
+        """Give the memory back, when nobody reads it."""
+        with self._using:
+            super().close()
+            self._closed = True
 
     @staticmethod
     def _expect(places: mmap.mmap, number: int) -> None:
@@ -127,6 +136,8 @@ class MappedMemory(_Mapped):
 
     def _holding(self, end: int) -> mmap.mmap:
         """Return the places, mapped anew where they have grown."""
+        if self._closed:
+            raise StreamError("the subscription was closed")
         if self._map is None or len(self._map) < end:
             there = os.fstat(self._file).st_size
             if there < end:

@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import StreamError
+from gellight.base.errors import CameraError, InputError, StreamError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
@@ -34,9 +34,9 @@ class FrameSource(ABC):
     By default each frame is the newest there is. `frame.provenance.dropped` counts those that were passed over.
     """
 
-    def __init__(self, *, patience_s: float) -> None:
-        """Let readers wait `patience_s` for a frame before NoFrameError."""
-        self._patience_s = patience_s
+    def __init__(self, *, patience_s: float, every: bool = False) -> None:
+        """Let readers wait `patience_s` for a frame before NoFrameError; every: one reader gets them all."""
+        self._patience_s, self._every = patience_s, every
         self._sequence: int | None = None
         self._listening: list[threading.Thread] = []
         self._closing = threading.Event()
@@ -51,6 +51,8 @@ class FrameSource(ABC):
         Raises NoFrameError, a StreamError that says what is wrong, after that time; another StreamError when the daemon
         is gone; EndOfStream after the last frame of images or of a recording.
         """
+        if self._every and self._listening and threading.current_thread() not in self._listening:
+            raise InputError("with every=True the listener gets all frames: open another source to read them here")
         wait_s = self._patience_s if timeout_s is None else timeout_s
         try:
             frame = self._take(wait_s)
@@ -62,19 +64,24 @@ class FrameSource(ABC):
 
     def __iter__(self) -> Iterator[TactileFrame]:
         """Yield frames until the images are used up or the source is closed."""
-        while not self._closing.is_set():
-            try:
-                yield self.next_frame()
-            except EndOfStream:
-                return
+        while (frame := self._next_if_any()) is not None:
+            yield frame
 
     async def __aiter__(self) -> AsyncIterator[TactileFrame]:
         """Yield frames as `__iter__` does, without keeping the event loop from other work."""
-        while not self._closing.is_set():
-            try:
-                yield await asyncio.to_thread(self.next_frame)
-            except EndOfStream:
-                return
+        while (frame := await asyncio.to_thread(self._next_if_any)) is not None:
+            yield frame
+
+    def _next_if_any(self) -> TactileFrame | None:
+        """Return the next frame, None after the last one and once the source is closed."""
+        try:
+            return None if self._closing.is_set() else self.next_frame()
+        except EndOfStream:
+            return None
+        except (StreamError, CameraError):
+            if self._closing.is_set():
+                return None
+            raise
 
     def listen(
         self, use: Callable[[TactileFrame], object], on_error: Callable[[Exception], object] | None = None
@@ -84,8 +91,11 @@ class FrameSource(ABC):
         Where no frame comes for `patience_s`, as while the sensor is unplugged, `on_error` is called with NoFrameError,
         each time anew, and `use` again when frames come again; without `on_error` that is logged once an absence. What
         ends the frames (EndOfStream, StreamError when the daemon is gone), and what `use` or `on_error` raises, ends
-        the calls: `on_error` is called with it, else it is logged, and `close` raises it.
+        the calls: `on_error` is called with it, else it is logged, and `close` raises it. InputError for a second
+        reader of a source that gives every frame.
         """
+        if self._every and self._listening:
+            raise InputError("with every=True a source has one listener: open another source for the second one")
         thread = threading.Thread(target=self._hand_on, args=(use, on_error), name="listen", daemon=True)
         self._listening.append(thread)
         thread.start()

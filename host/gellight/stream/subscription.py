@@ -22,7 +22,20 @@ from gellight.bundle.bundle import Bundle, unpack_bundle
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.frames.status import SensorStatus
-from gellight.stream.calls import Calibration, Call, Drag, Light, Mode, Press, Release, Status, Track, Zero
+from gellight.stream.calls import (
+    READING,
+    Calibration,
+    Call,
+    Drag,
+    Mode,
+    Press,
+    Release,
+    Status,
+    Track,
+    Zero,
+    light_of,
+    made,
+)
 from gellight.stream.network import LAN_PORT, close, found_by_multicast, key, name_of, subscribing_session
 from gellight.stream.running import is_starting, meant, running
 from gellight.stream.shared_memory import MappedMemory, OverwrittenError
@@ -266,7 +279,7 @@ class Subscription(FrameSource):
         token: str = "",
     ) -> None:
         """Take over `session`, which is connected to the daemon of the sensor `name`; see `RunningDaemon.memory`."""
-        super().__init__(patience_s=patience_s)
+        super().__init__(patience_s=patience_s, every=every)
         self.name, self._session, self._token = name, session, token
         memory = _mapped(memory_path)
         self._inbox = inbox = _Inbox(name, memory, every=every)
@@ -297,8 +310,9 @@ class Subscription(FrameSource):
 
     def _ask(self, call: Call) -> bytes:
         try:
+            token = None if isinstance(call, READING) else self._token
             asked = self._session.get(
-                key(self.name, "call"), payload=call.model_dump_json(), attachment=self._token, timeout=CALL_S
+                key(self.name, "call"), payload=call.model_dump_json(), attachment=token, timeout=CALL_S
             )
             replies = list(asked)
         except zenoh.ZError as error:
@@ -330,11 +344,11 @@ class Subscription(FrameSource):
 
     def light(self, colours: NDArray[np.uint8] | None) -> None:
         """Show colours on the LEDs, or the light of the bundle again (None); see `SensorSession.light`."""
-        self._ask(Light(colours=None if colours is None else [tuple(led) for led in np.asarray(colours).tolist()]))
+        self._ask(light_of(colours))
 
     def mode(self, mode: str) -> None:
         """Go on in another mode; see `SensorSession.change_mode`."""
-        self._ask(Mode(mode=mode))
+        self._ask(made(Mode, mode=mode))
 
     def zero(self) -> None:
         """Set the zero of the depth; see `SensorSession.rezero`."""
@@ -342,15 +356,15 @@ class Subscription(FrameSource):
 
     def track(self, on: bool) -> None:
         """Give frames the pose of the object that touches, or no more; for all readers of the sensor."""
-        self._ask(Track(on=on))
+        self._ask(made(Track, on=on))
 
     def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
         """Press an object into a simulated gel."""
-        self._ask(Press(object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
+        self._ask(made(Press, object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
 
     def drag(self, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> None:
         """Move what is pressed into a simulated gel sideways, to x, y from where it was pressed, and turn it."""
-        self._ask(Drag(x_mm=x_mm, y_mm=y_mm, turn_rad=turn_rad))
+        self._ask(made(Drag, x_mm=x_mm, y_mm=y_mm, turn_rad=turn_rad))
 
     def release(self) -> None:
         """Lift the object off the simulated gel."""

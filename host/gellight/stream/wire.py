@@ -34,7 +34,7 @@ PLANE = struct.Struct("<16sIIQ")
 """name, type, channels, place"""
 TYPES: dict[int, np.dtype[Any]] = {1: np.dtype(np.uint8), 2: np.dtype("<f4")}
 ALIGNMENT = 16
-MOST_PIXELS, MOST_DETAILS, MOST_PLANES = 8192, 65536, 16
+MOST_PIXELS, MOST_DETAILS, MOST_PLANES = 8192, 1 << 20, 16
 CHANNELS = {
     "image": (1, 3),
     "gradient": (2, 2),

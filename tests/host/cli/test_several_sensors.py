@@ -45,12 +45,14 @@ def wait_for(shown: Path, pattern: str, count: int = 1) -> list[str]:
     return found
 
 
-def fetch(url: str) -> Any:
-    """What the page answers, once a sensor that it says is being started has said where its own page is."""
+def fetch(address: str, path: str) -> Any:
+    """What the page answers under `path`, once a sensor that it says is being started has said where its page is."""
+    base, _, token = address.partition("?token=")
+    asked = urllib.request.Request(base + path, headers={"Authorization": f"Bearer {token}"})
     end_s = time.monotonic() + PATIENCE_S
     while True:
         try:
-            with urllib.request.urlopen(url, timeout=20) as answer:
+            with urllib.request.urlopen(asked, timeout=20) as answer:
                 return json.loads(answer.read())
         except urllib.error.HTTPError as error:
             said = error.read().decode()
@@ -87,18 +89,18 @@ def test_two_sensors_run_in_processes_of_their_own_that_are_started_anew_and_ctr
     with running(tmp_path, *TWO) as (verb, shown):
         address = wait_for(shown, r"dashboard: (\S+)")[0]
         wait_for(shown, r"publishing: gellight.subscribe\('(.*)'\)", 2)
-        names = {sensor["sensor"]: sensor["error"] for sensor in fetch(address + "sensors")}
+        names = {sensor["sensor"]: sensor["error"] for sensor in fetch(address, "sensors")}
         assert names == {"1: sim://?board=0&seed=1": None, "2: sim://?board=0&seed=2": None}
-        assert {fetch(f"{address}{key}/status")["sensor"] for key in "12"} == {TWO[1], TWO[3]}
+        assert {fetch(address, f"{key}/status")["sensor"] for key in "12"} == {TWO[1], TWO[3]}
         first, second = children(verb.pid)
 
-        before = fetch(address + "2/status")["frames"]
+        before = fetch(address, "2/status")["frames"]
         os.kill(first, signal.SIGKILL)
         wait_for(shown, re.escape("1: sim://?board=0&seed=1: its process broke off (exit status -9), starting it anew"))
-        assert fetch(address + "sensors")[1]["error"] is None
+        assert fetch(address, "sensors")[1]["error"] is None
         wait_for(shown, "publishing: ", 3)
-        assert fetch(address + "1/status")["error"] is None
-        assert fetch(address + "2/status")["frames"] > before
+        assert fetch(address, "1/status")["error"] is None
+        assert fetch(address, "2/status")["frames"] > before
         processes = children(verb.pid)
         assert len(processes) == 2
         assert second in processes

@@ -7,19 +7,23 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, CameraError, InputError
+from gellight.base.errors import BundleError, CameraError, GellightError, InputError
 from gellight.base.mailbox import Mailbox
+from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
+from gellight.daemon.assembly import open_session
 from gellight.daemon.calibration_service import CalibrationRequest as Request
 from gellight.daemon.calibration_service import CalibrationService as Service
 from gellight.daemon.frame_threads import SharedCamera
 from gellight.daemon.session import SensorSession
 from gellight.frame_path.pipeline import Reconstructor
+from gellight.lab.calibration.state import discard
 from gellight.opening import open_camera
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.begun_calibration import begun_in, identity
@@ -77,6 +81,8 @@ def routines() -> list[ScriptedRoutine]:
 @pytest.fixture
 def service(daemon: SensorSession, tmp_path: Path, routines: list[ScriptedRoutine]) -> Iterator[Service]:
     def make_routine(request: Request, install: Callable[[Bundle], object]) -> ScriptedRoutine:
+        if request.anew:
+            discard(tmp_path / "state")
         routines.append(ScriptedRoutine(request, install))
         return routines[-1]
 
@@ -208,6 +214,24 @@ def test_what_is_no_like_unit_is_told_and_costs_no_interrupted_calibration(servi
             service.begin(Request(like=wrong, anew=True))
     assert service.state().interrupted
     assert not service.calibrating
+
+
+@pytest.mark.parametrize(("wrong", "told"), [({"presses": 3}, "at least 8 are needed"), ({"away": True}, "no ring")])
+def test_a_request_that_cannot_be_met_costs_no_interrupted_calibration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wrong: dict[str, int], told: str
+) -> None:
+    folder = begun_in(tmp_path / "state")
+    with (
+        open_session(load_settings({"sensor.url": "sim://?programme=0"})) as sensor,
+        Service(sensor, store=BundleStore(tmp_path / "store"), folder=folder.path) as real,
+    ):
+        sensor.wait_frame(-1, 30)
+        if wrong.pop("away", False):
+            monkeypatch.setattr(sensor, "begin_calibration", Mock(side_effect=CameraError("no ring")))
+        with pytest.raises(GellightError, match=told):
+            real.begin(Request(anew=True, **wrong))
+        assert real.state().interrupted
+        assert not real.calibrating
 
 
 def test_beginning_anew_removes_no_folder_of_another_program(service: Service, tmp_path: Path) -> None:

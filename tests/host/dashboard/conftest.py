@@ -11,6 +11,14 @@ from tests.helpers.page_client import Page, pages
 from tests.helpers.scripted_calibration import Scripted
 
 
+@pytest.fixture(scope="session", autouse=True)
+def own_runtime_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The token of the pages is kept there."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
+        yield
+
+
 @pytest.fixture
 def calibration() -> Scripted:
     return Scripted()
@@ -25,7 +33,7 @@ def server(source: FormulaSource, calibration: Scripted) -> Iterator[DashboardSe
 @pytest.fixture
 def open_page(server: DashboardServer) -> Iterator[Callable[[], Page]]:
     with pages() as connect:
-        yield partial(connect, server.url)
+        yield partial(connect, server.base)
 
 
 @pytest.fixture

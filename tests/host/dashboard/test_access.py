@@ -1,5 +1,7 @@
 """The token: who brings none, or a wrong one, gets nothing; who brings it once needs it no more."""
 
+import stat
+import urllib.request
 from collections.abc import Iterator
 
 import aiohttp
@@ -8,8 +10,9 @@ from playwright.sync_api import Browser
 
 from gellight.base.errors import ConfigError, ServerError
 from gellight.base.settings import load_settings
-from gellight.dashboard.access import COOKIE, is_loopback
+from gellight.dashboard.access import cookie, is_loopback
 from gellight.dashboard.server import DashboardServer
+from gellight.stream.running import folder, own_token
 from tests.helpers.browsing import becomes_live, draw, opening
 from tests.helpers.dashboard_source import FormulaSource
 from tests.helpers.page_client import get, pages
@@ -25,12 +28,12 @@ def server(source: FormulaSource) -> Iterator[DashboardServer]:
 
 
 def base(server: DashboardServer) -> str:
-    return server.url.partition("?")[0]
+    return server.base
 
 
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize(
-    ("cookie", "bearer", "query"),
+    ("brought", "bearer", "query"),
     [
         (None, None, ""),
         ("", "", "?token="),
@@ -40,10 +43,10 @@ def base(server: DashboardServer) -> str:
     ],
 )
 def test_without_the_token_nothing_is_answered(
-    server: DashboardServer, path: str, cookie: str | None, bearer: str | None, query: str
+    server: DashboardServer, path: str, brought: str | None, bearer: str | None, query: str
 ) -> None:
     headers = {} if bearer is None else {"Authorization": bearer}
-    headers |= {} if cookie is None else {"Cookie": f"{COOKIE}={cookie}"}
+    headers |= {} if brought is None else {"Cookie": f"{cookie(base(server).strip('/'))}={brought}"}
     status, text, answered = get(base(server) + path + query, headers=headers)
     assert status == 401
     assert "open the address that `gellight run` has printed" in text
@@ -54,12 +57,13 @@ def test_the_address_that_is_printed_becomes_a_cookie(server: DashboardServer) -
     assert server.url.endswith(f"/?token={TOKEN}")
     status, _, headers = get(base(server) + f"status?token={TOKEN}&more=1")
     assert (status, headers["Location"]) == (303, "/status?more=1")
-    cookie = headers["Set-Cookie"]
-    assert cookie.startswith(f"{COOKIE}={TOKEN};")
-    assert "HttpOnly" in cookie
-    assert "Max-Age=2592000" in cookie, "a month"
-    assert "SameSite=Strict" in cookie
-    assert get(base(server) + "status", cookies={COOKIE: TOKEN})[0] == 200
+    made = headers["Set-Cookie"]
+    name = cookie(base(server).strip("/"))
+    assert made.startswith(f"{name}={TOKEN};")
+    assert "HttpOnly" in made
+    assert "Max-Age=2592000" in made, "a month"
+    assert "SameSite=Strict" in made
+    assert get(base(server) + "status", cookies={name: TOKEN})[0] == 200
 
 
 def test_a_program_brings_the_token_in_a_header(server: DashboardServer) -> None:
@@ -67,7 +71,7 @@ def test_a_program_brings_the_token_in_a_header(server: DashboardServer) -> None
 
 
 def test_a_websocket_needs_the_token_and_another_site_is_refused_with_it(server: DashboardServer) -> None:
-    with pages(cookies={COOKIE: TOKEN}) as connect:
+    with pages(cookies={cookie(base(server).strip("/")): TOKEN}) as connect:
         assert connect(base(server)).text("status")
         with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
             connect(base(server), headers={"Origin": "http://example.org"})
@@ -87,10 +91,21 @@ def test_beyond_this_machine_a_token_is_drawn_and_any_name_of_the_host_will_do(s
         assert get(there, headers={"Authorization": f"Bearer {tokens[1]}"})[0] == 401
 
 
-def test_on_this_machine_no_token_is_needed_unless_one_is_set(source: FormulaSource) -> None:
-    with DashboardServer(source, port=0) as server:
-        assert "token" not in server.url
-        assert get(server.url + "status")[0] == 200
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.2", "localhost"])
+def test_on_this_machine_it_is_the_token_of_this_user(source: FormulaSource, host: str) -> None:
+    with DashboardServer(source, port=0, host=host) as server, DashboardServer(source, port=0) as again:
+        assert server.token == again.token == own_token()
+        assert stat.S_IMODE((folder() / "page.token").stat().st_mode) == 0o600
+        assert get(server.base + "status")[0] == 200
+        assert get(server.base + "status", headers={"Authorization": ""})[0] == 401
+
+
+def test_two_pages_of_one_computer_keep_their_cookies(source: FormulaSource) -> None:
+    """A browser gives the cookies of a host to all of its ports."""
+    browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    with DashboardServer(source, port=0, token="a" * 20) as one, DashboardServer(source, port=0, token="b" * 20) as two:
+        for address in (one.url, two.url, one.base, two.base):
+            assert browser.open(address).status == 200
 
 
 @pytest.mark.parametrize(

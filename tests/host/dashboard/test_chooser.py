@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, expect
 
+from gellight.dashboard.access import cookie
 from gellight.dashboard.chooser import Choice, Chooser
 from gellight.dashboard.server import DashboardServer, PageServer
 from tests.helpers.browsing import draw, opening
@@ -39,7 +40,7 @@ def three() -> Iterator[Three]:
 
 def ask(server: PageServer, path: str, **options: Any) -> tuple[int, str, Mapping[str, str]]:
     """Return status, text and headers of the answer, asked without the token in the server's address."""
-    return get(server.url.partition("?")[0] + path, **options)
+    return get(server.base + path, **options)
 
 
 def test_the_page_lists_the_sensors_and_begins_with_one_that_works(three: Three) -> None:
@@ -65,7 +66,7 @@ def test_every_sensor_has_its_page_status_and_files(three: Three) -> None:
         assert headers["Content-Type"].endswith("/javascript")
         assert "offerSensors" in text
         assert ask(three.server, f"{key}/main.js", headers={"If-None-Match": headers["ETag"]})[0] == 304
-        port = three.server.url.rsplit(":", 1)[1].strip("/")
+        port = three.server.base.rsplit(":", 1)[1].strip("/")
         assert f"ws://127.0.0.1:{port}" in headers["Content-Security-Policy"]
 
 
@@ -105,7 +106,7 @@ def test_frames_and_commands_go_to_the_sensor_of_the_address(three: Three) -> No
     for source, depth_mm in zip(three.sources, (0.25, 0.75), strict=True):
         source.put(bump(depth_mm, 0, 0))
     with pages() as connect:
-        page = connect(three.server.url + "2/")
+        page = connect(three.server.base + "2/")
         page.credit()
         assert page.frame()["contact"]["indentation_mm"] == pytest.approx(0.75, abs=0.01)
         assert page.answer(type="press", object="BALL", depth_mm=0.5, x_mm=1, y_mm=2)["type"] == "done"
@@ -116,7 +117,7 @@ def test_frames_and_commands_go_to_the_sensor_of_the_address(three: Three) -> No
 
 def test_a_sensor_that_ends_closes_its_pages_alone(three: Three) -> None:
     with pages() as connect:
-        left, right = connect(three.server.url + "1/"), connect(three.server.url + "2/")
+        left, right = connect(three.server.base + "1/"), connect(three.server.base + "2/")
         three.inner[0].stop()
         assert left.is_closed()
         assert right.text("status")
@@ -130,7 +131,7 @@ def test_another_site_and_a_missing_token_are_refused_before_anything_is_passed_
         three = Three(stack, token="t" * 20)
         for path in ("1/status", "1/ws", "sensors", "health", ""):
             assert ask(three.server, path)[0] == 401
-        cookies = {"gellight-token": "t" * 20}
+        cookies = {cookie(three.server.base.strip("/")): "t" * 20}
         assert ask(three.server, "1/status", cookies=cookies)[0] == 200
         assert ask(three.server, "1/status", cookies=cookies, headers={"Origin": "http://example.org"})[0] == 403
 

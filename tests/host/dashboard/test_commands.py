@@ -140,6 +140,6 @@ def test_what_the_stage_refuses_is_told(page: Page, source: FormulaSource) -> No
 
 def test_a_sensor_without_stage_says_so() -> None:
     with DashboardServer(FormulaSource(), port=0) as server, pages() as connect:
-        page = connect(server.url)
+        page = connect(server.base)
         assert page.text("status")["stage"] is None
         assert "no stage" in page.answer(type="release")["message"]

@@ -12,7 +12,7 @@ LINE = re.compile(r'[a-z_]+(\{[a-z]+="[^"]*"\})? [-+0-9.e]+')
 
 
 def test_every_figure_has_its_type_and_a_number(server: DashboardServer) -> None:
-    _, text, headers = get(server.url + "metrics")
+    _, text, headers = get(server.base + "metrics")
     assert headers["Content-Type"].startswith("text/plain; version=0.0.4")
     lines = text.splitlines()
     values = dict(line.rsplit(" ", 1) for line in lines if not line.startswith("#"))
@@ -27,10 +27,10 @@ def test_every_figure_has_its_type_and_a_number(server: DashboardServer) -> None
 
 
 def test_health_is_200_or_503_with_the_reason(source: FormulaSource, server: DashboardServer) -> None:
-    status, text, _ = get(server.url + "health")
+    status, text, _ = get(server.base + "health")
     assert (status, json.loads(text)) == (200, {"ok": True, "error": None})
     source.error = "reconnecting to sensor A"
-    status, text, _ = get(server.url + "health")
+    status, text, _ = get(server.base + "health")
     assert (status, json.loads(text)["error"]) == (503, "reconnecting to sensor A")
 
 
@@ -51,3 +51,8 @@ def test_findings_are_shown_and_what_is_not_known_yet_is_left_out() -> None:
     warm = metric_lines({"ring": {"chip_c": 41.4, "ring_c": None}})
     assert [line for line in warm if line.startswith("gellight_light")] == ['gellight_light_celsius{part="chip"} 41.4']
     assert not [line for line in lines if "frame_age" in line]
+
+
+def test_counters_keep_all_of_their_digits() -> None:
+    for frames in (999_999, 1_000_001, 12_345_678_901):
+        assert f"gellight_frames_total {frames}" in list(metric_lines({"frames": frames, "error": None}))

@@ -32,7 +32,7 @@ def test_the_page_asks_nobody_but_this_machine(
     page.goto(server.url)
     draw(page, source, 1.0)
     page.close()
-    own = (server.url, server.url.replace("http:", "ws:"), f"blob:{server.url}")
+    own = (server.base, server.base.replace("http:", "ws:"), f"blob:{server.base}")
     assert [url for url in asked if not url.startswith(own)] == []
     assert any(url.endswith("vendor/three-0.185/three.module.min.js") for url in asked)
     assert any(url.startswith("ws:") for url in asked)

@@ -21,6 +21,7 @@ from gellight.dashboard.page_files import FOR_EVER, PageFiles
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import PIXEL_MM, bump
+from tests.helpers.page_client import bearer
 from tests.helpers.view_messages import decode
 
 
@@ -30,7 +31,7 @@ def get(url: str, **headers: str) -> tuple[int, bytes, Mapping[str, str]]:
     async def run() -> tuple[int, bytes, Mapping[str, str]]:
         async with (
             aiohttp.ClientSession(auto_decompress=False) as session,
-            session.get(url, headers=headers) as response,
+            session.get(url, headers=bearer() | headers) as response,
         ):
             return response.status, await response.read(), response.headers.copy()
 
@@ -42,34 +43,34 @@ PLAIN = {"Accept-Encoding": "identity"}
 
 
 def test_text_comes_compressed_and_is_the_file(server: DashboardServer) -> None:
-    status, body, headers = get(server.url + "main.js", **PACKED)
+    status, body, headers = get(server.base + "main.js", **PACKED)
     assert (status, headers["Content-Encoding"], headers["Vary"]) == (200, "gzip", "Accept-Encoding")
     assert gzip.decompress(body) == (PAGE / "main.js").read_bytes()
     assert "javascript" in headers["Content-Type"]
 
 
 def test_who_cannot_unpack_gets_it_plain(server: DashboardServer) -> None:
-    _, body, headers = get(server.url + "main.js", **PLAIN)
+    _, body, headers = get(server.base + "main.js", **PLAIN)
     assert "Content-Encoding" not in headers
     assert body == (PAGE / "main.js").read_bytes()
 
 
 def test_what_the_browser_has_is_not_sent_again(server: DashboardServer) -> None:
-    tag = get(server.url + "main.js", **PACKED)[2]["ETag"]
-    status, body, headers = get(server.url + "main.js", **PACKED, **{"If-None-Match": tag})
+    tag = get(server.base + "main.js", **PACKED)[2]["ETag"]
+    status, body, headers = get(server.base + "main.js", **PACKED, **{"If-None-Match": tag})
     assert (status, body, headers["ETag"], headers["Cache-Control"]) == (304, b"", tag, "no-cache")
-    assert get(server.url + "main.js", **PACKED, **{"If-None-Match": '"another"'})[0] == 200
+    assert get(server.base + "main.js", **PACKED, **{"If-None-Match": '"another"'})[0] == 200
 
 
 def test_libraries_are_kept_by_the_browser_for_good(server: DashboardServer) -> None:
     vendored = next((PAGE / "vendor").glob("*/three.module.min.js")).relative_to(PAGE).as_posix()
-    assert get(server.url + vendored, **PACKED)[2]["Cache-Control"] == FOR_EVER
+    assert get(server.base + vendored, **PACKED)[2]["Cache-Control"] == FOR_EVER
     assert any(character.isdigit() for character in vendored), "the folder names the version"
 
 
 def test_all_that_the_page_loads_is_small(server: DashboardServer) -> None:
     names = [path.relative_to(PAGE).as_posix() for path in PAGE.rglob("*.js")]
-    assert sum(len(get(server.url + name, **PACKED)[1]) for name in names) < 260_000
+    assert sum(len(get(server.base + name, **PACKED)[1]) for name in names) < 260_000
 
 
 def imported(name: str) -> set[str]:

@@ -138,7 +138,7 @@ def test_the_page_comes_back_after_the_server(opened: Open, source: FormulaSourc
     draw(page, source, 0.5)
     server.stop()
     expect(page.get_by_test_id("state")).to_have_text("reconnecting")
-    with DashboardServer(source, port=int(server.url.split(":")[2].strip("/"))):
+    with DashboardServer(source, port=int(server.base.split(":")[2].strip("/"))):
         page.wait_for_function("() => gellight.state !== 'lost'")
         draw(page, source, 0.7)
         becomes_live(page, source)
@@ -167,7 +167,7 @@ def test_a_press_that_was_lost_with_the_server_blocks_no_later_one(
     gate.set()
     stopping.join()
     assert [record for record in caplog.records if record.levelname == "ERROR"] == []
-    with DashboardServer(source, port=int(server.url.split(":")[2].strip("/"))):
+    with DashboardServer(source, port=int(server.base.split(":")[2].strip("/"))):
         draw(page, source, 0.7)
         page.get_by_test_id("object-WAVE").click()
         page.get_by_test_id("press-here").click()

@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 from playwright.sync_api import expect
 
+from gellight.dashboard import messages
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.browsing import Open, draw, wait_until
-from tests.helpers.dashboard_source import FormulaSource
+from tests.helpers.dashboard_source import FormulaSource, bump
 
 pytestmark = pytest.mark.browser
 
@@ -34,7 +35,7 @@ def test_when_the_server_is_gone_the_values_are_dim_and_nothing_can_be_pressed(
     assert "grayscale" in page.evaluate("getComputedStyle(document.getElementById('depth')).filter")
     expect(page.get_by_test_id("press-here")).to_be_disabled()
     expect(page.get_by_test_id("press-hint")).to_have_text("The server is gone.")
-    with DashboardServer(source, port=int(server.url.split(":")[2].strip("/"))):
+    with DashboardServer(source, port=int(server.base.split(":")[2].strip("/"))):
         banner.get_by_role("button", name="Try now").click(no_wait_after=True)
         expect(banner).to_have_count(0)
         expect(page.get_by_test_id("press-here")).to_be_enabled()
@@ -157,3 +158,18 @@ def test_a_double_click_on_the_surface_turns_it_back(opened_3d: Open, source: Fo
         return [away.map((value, i) => value !== start[i]), back.join() === start.join(), changes];
     }""")
     assert turned == [[True, True, True], True, 4]
+
+
+def test_a_frame_of_another_version_is_said_with_the_remedy_and_the_page_goes_on_after_it(
+    opened: Open, source: FormulaSource, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = opened()
+    draw(page, source, 0.5)
+    with monkeypatch.context() as patch:
+        patch.setattr(messages, "VERSION", messages.VERSION + 1)
+        source.put(bump(0.6, 0, 0))
+        banner = page.get_by_test_id("banner-undecoded")
+        expect(banner).to_contain_text("the server speaks another version: reload this page")
+        expect(banner.get_by_role("button", name="Reload")).to_be_visible()
+    draw(page, source, 0.7)
+    expect(banner).to_have_count(0)

@@ -42,7 +42,7 @@ def server(source: FormulaSource, files: Path) -> Iterator[DashboardServer]:
 
 def test_page_cookie_and_frames_are_encrypted(server: DashboardServer, files: Path) -> None:
     trusting = ssl.create_default_context(cafile=files / "own.pem")
-    base, origin = server.url.partition("?")[0], server.url.partition("/?")[0]
+    base, origin = server.base, server.base.strip("/")
     bearer = {"Authorization": f"Bearer {TOKEN}"}
     assert base.startswith("https://")
     assert "Secure" in get(server.url, ssl=trusting)[2]["Set-Cookie"]

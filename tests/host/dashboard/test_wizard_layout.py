@@ -51,7 +51,8 @@ def server(source: FormulaSource, calibration: Scripted) -> Iterator[DashboardSe
 
 @pytest.fixture
 def opened(browser: Browser, server: DashboardServer) -> Iterator[tuple[Page, Resize]]:
-    with window(browser, server.url + "calibrate.html", "() => wizard.shown > 1") as page_and_size:
+    url = f"{server.base}calibrate.html?token={server.token}"
+    with window(browser, url, "() => wizard.shown > 1") as page_and_size:
         yield page_and_size
 
 

@@ -7,14 +7,14 @@ from typing import Any
 
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import FormulaSource
-from tests.helpers.page_client import get
+from tests.helpers.page_client import bearer, get
 from tests.helpers.scripted_calibration import Scripted
 
 
 def post(server: DashboardServer, body: object, **headers: str) -> tuple[int, dict[str, Any]]:
     content = body if isinstance(body, bytes) else json.dumps(body).encode()
     request = urllib.request.Request(
-        server.url + "calibration", content, {"Content-Type": "application/json", **headers}
+        server.base + "calibration", content, {"Content-Type": "application/json", **bearer(), **headers}
     )
     try:
         with urllib.request.urlopen(request) as answer:
@@ -52,18 +52,20 @@ def test_another_site_can_send_nothing(server: DashboardServer, calibration: Scr
 def test_without_a_calibration_service_everything_says_so(source: FormulaSource) -> None:
     with DashboardServer(source, port=0) as server:
         assert "no calibration" in post(server, {"type": "zero"})[1]["message"]
-        assert get(server.url + "calibration")[0] == 404
+        assert get(server.base + "calibration")[0] == 404
 
 
 def test_a_report_is_shown_without_scripts_and_a_missing_one_told(server: DashboardServer) -> None:
-    _, text, headers = get(server.url + "calibration/report/" + "a" * 16)
+    _, text, headers = get(server.base + "calibration/report/" + "a" * 16)
     assert "Calibration of A17" in text
     assert headers["Content-Security-Policy"].startswith("default-src 'none'; style-src 'unsafe-inline'")
     for wrong in ("b" * 16, "..%2F..%2Fx"):
-        assert get(server.url + "calibration/report/" + wrong)[0] == 404
+        assert get(server.base + "calibration/report/" + wrong)[0] == 404
 
 
 def test_a_picture_that_is_not_there_is_told(server: DashboardServer) -> None:
-    with urllib.request.urlopen(server.url + "calibration/picture/live") as answer:
+    with urllib.request.urlopen(
+        urllib.request.Request(server.base + "calibration/picture/live", headers=bearer())
+    ) as answer:
         assert answer.read()[:2] == b"\xff\xd8"
-    assert get(server.url + "calibration/picture/press")[0] == 404
+    assert get(server.base + "calibration/picture/press")[0] == 404

@@ -6,9 +6,10 @@ import socket
 import stat
 import threading
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from typing import get_args
 
+import numpy as np
 import pytest
 
 from gellight.base.errors import InputError, StreamError
@@ -17,6 +18,7 @@ from gellight.stream.calls import READING, Call
 from gellight.stream.network import key, subscribing_session
 from gellight.stream.publisher import Publisher
 from gellight.stream.running import folder, running
+from gellight.stream.sensor import Sensor
 from gellight.stream.source import NoFrameError
 from gellight.stream.subscription import subscribe
 from tests.helpers.command_line import invoke
@@ -169,3 +171,19 @@ def test_the_status_of_a_sensor_without_a_constant_has_no_force() -> None:
         assert frames.status()["touch"]["force"] is None
         said = invoke("status").stdout
         assert re.search(r"; \d\.\d{3} mm deep\n$", said), said
+
+
+@pytest.mark.parametrize("kind", ["connect", "subscribe"])
+def test_bad_arguments_are_refused_in_words_by_both_kinds_of_source(kind: str) -> None:
+    daemon, _ = bump_daemon()
+    with ExitStack() as stack:
+        if kind == "subscribe":
+            stack.enter_context(daemon)
+            stack.enter_context(Publisher(daemon, name="finger"))
+        source = stack.enter_context(subscribe("finger") if kind == "subscribe" else Sensor(daemon))
+        for colours in (np.full((12, 3), 300), np.full((12, 3), 0.5), np.zeros((12, 4), np.uint8), np.zeros(12, int)):
+            with pytest.raises(InputError, match=r"give \(12, 3\) whole numbers from 0 to 255"):
+                source.light(colours)
+        for press in (("BALL", float("nan")), (1, 0.5), ("BALL", "deep")):
+            with pytest.raises(InputError, match=r"(depth_mm|object) = "):
+                source.press(*press)

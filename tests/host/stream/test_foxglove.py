@@ -175,3 +175,26 @@ def test_the_layout_is_current_and_shows_topics_that_are_there() -> None:
     assert named == {"/gellight/image_raw", "/gellight/depth/image", "/gellight/points", "/gellight/contact",
                      "/gellight/contact/wrench", "/diagnostics"}  # fmt: skip
     assert named <= set(TOPICS)
+
+
+@pytest.mark.parametrize(
+    ("origin", "welcome"),
+    [(None, True), ("https://app.foxglove.dev", True), ("http://localhost:8080", True), ("file://", True),
+     ("http://example.org", False), ("https://evilfoxglove.dev", False), ("http://localhost.example.org", False),
+     ("null", False), ("http://127.0.0.1.example.org", False)],
+)  # fmt: skip
+def test_a_web_page_of_strangers_does_not_see_the_sensor(origin: str | None, welcome: bool) -> None:
+    """Nor does it find the server behind the door: it is at one of 65536 addresses."""
+
+    async def connect(url: str) -> bool:
+        headers = {"Origin": origin} if origin else {}
+        async with aiohttp.ClientSession() as client:
+            try:
+                async with client.ws_connect(url, protocols=["foxglove.sdk.v1"], headers=headers) as wire:
+                    return (await wire.receive_json())["op"] == "serverInfo"
+            except aiohttp.WSServerHandshakeError as error:
+                return error.status != 403
+
+    daemon, _ = bump_daemon()
+    with daemon, FoxgloveServer(daemon, name="finger", port=0) as server:
+        assert asyncio.run(connect(server.url)) == welcome

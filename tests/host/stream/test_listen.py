@@ -3,13 +3,13 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from queue import SimpleQueue
 from typing import Any
 
 import pytest
 
-from gellight.base.errors import StreamError
+from gellight.base.errors import InputError, StreamError
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream, ReconnectingError
 from gellight.frames.frames import CameraFrame, TactileFrame
@@ -212,3 +212,39 @@ def test_what_a_callback_raises_is_raised_at_the_end() -> None:
 
     with daemon, Publisher(daemon), pytest.raises(ZeroDivisionError, match="in the callback"):
         listening()
+
+
+@pytest.mark.parametrize("close_of", ["connect", "subscribe"])
+def test_a_loop_ends_when_another_thread_closes_its_source(close_of: str) -> None:
+    daemon, _ = bump_daemon()
+    with ExitStack() as stack:
+        if close_of == "subscribe":
+            stack.enter_context(daemon)
+            stack.enter_context(Publisher(daemon, name="finger"))
+        source = subscribe("finger") if close_of == "subscribe" else Sensor(daemon)
+        said: list[object] = []
+
+        def loop() -> None:
+            try:
+                said.extend(frame.camera_frame.sequence for frame in source)
+            except Exception as error:
+                said.append(error)
+            said.append("ended")
+
+        thread = threading.Thread(target=loop)
+        thread.start()
+        time.sleep(0.5)
+        source.close()
+        thread.join(20)
+    assert said[-1] == "ended"
+    assert all(isinstance(one, int) for one in said[:-1]), said[-2:]
+
+
+def test_a_source_that_gives_every_frame_has_one_reader() -> None:
+    daemon, _ = bump_daemon()
+    with Sensor(daemon, every=True) as source:
+        source.listen(lambda frame: None)
+        with pytest.raises(InputError, match="one listener: open another source"):
+            source.listen(lambda frame: None)
+        with pytest.raises(InputError, match="the listener gets all frames: open another source"):
+            source.next_frame()

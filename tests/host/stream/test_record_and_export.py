@@ -7,6 +7,7 @@ import re
 import signal
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -16,10 +17,11 @@ from click.testing import Result
 
 import gellight
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import extend_bundle
+from gellight.bundle.bundle import extend_bundle, load_bundle, packed_bundle
 from gellight.frame_path import pipeline
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
+from gellight.lab.report.pictures import encode_png
 from gellight.reconstruction.native import library
 from gellight.recording.array_files import STEP, write_arrays
 from gellight.recording.frame_record import packed_picture
@@ -296,3 +298,40 @@ def test_the_first_block_of_the_page_runs_as_it_is_printed(tmp_path: Path) -> No
     done = children.run(["bash", "-euc", block], cwd=tmp_path, env=environment)
     assert done.returncode == 0, done.stderr
     assert list((tmp_path / "press").glob("*.npz"))
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_every_picture_of_a_folder_is_recorded_and_none_gets_the_bundle_of_another_sensor(
+    tmp_path: Path, count: int
+) -> None:
+    for number in range(count):
+        (tmp_path / f"{number}.png").write_bytes(encode_png(np.full((48, 64, 3), 40 * number + 40, np.uint8)))
+    done = children.gellight("record", "--sensor", str(tmp_path), "--out", str(tmp_path / "all.mcap"), "--no-publish")
+    assert done.returncode == 0, done.stderr
+    assert "these pictures have no bundle, so there is no depth: give that of their sensor by" in done.stderr
+    recording = Recording(tmp_path / "all.mcap")
+    assert [one.image("here")[0, 0, 0] for one in recording.frames()] == [40 * number + 40 for number in range(count)]
+    assert not recording.bundle.calibrated
+
+
+@pytest.mark.nightly
+def test_a_recording_without_a_frame_is_refused_and_leaves_no_file(recording: Path, tmp_path: Path) -> None:
+    slow, out = f"replay://{recording}?speed=0.04", tmp_path / "slow.mcap"
+    done = children.gellight("record", "--sensor", slow, "--out", str(out), "--seconds", "1", "--no-publish")
+    assert (done.returncode, out.exists()) == (2, False), done.stderr
+    assert "no frame came, so there is no" in done.stderr
+
+
+def test_an_export_with_another_bundle_says_so_and_scales_by_it(recording: Path, tmp_path: Path) -> None:
+    bundle = load_bundle("synthetic")
+    wide = replace(bundle, manifest=bundle.manifest.model_copy(update={"pixel_size_mm": (0.1, 0.1)}))
+    (tmp_path / "wide.gelcal").write_bytes(packed_bundle(wide))
+    by = ["--calibration", str(tmp_path / "wide.gelcal"), "--every", "10"]
+    for kind in ("webdataset", "ply"):
+        assert children.gellight("export", str(recording), "--out", str(tmp_path), "--as", kind, *by).returncode == 0
+    told = (tmp_path / "webdataset/README.md").read_text()
+    assert load_bundle(str(tmp_path / "wide.gelcal")).identity in told
+    assert "(0.1, 0.1)" in told
+    (surface,) = tmp_path.glob("*.ply")
+    x_mm = read_ply(surface)[0]["x"]
+    assert np.ptp(x_mm) == pytest.approx(63.9, abs=0.01)

@@ -16,6 +16,7 @@ from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import STEEP, MapOnRequest
 from gellight.frames.pose import ObjectPose
+from gellight.frames.shear import MOST_DOTS, DotsSeen, Shear
 from gellight.reconstruction.contact import MOST_PATCHES, measure_patches
 from gellight.reconstruction.integration import normals
 from gellight.reconstruction.measures import BundleMeasures
@@ -236,3 +237,14 @@ def test_hostile_bytes_neither_crash_nor_take_memory(data: st.DataObject) -> Non
         return
     assert frame.depth_mm.base is not None, "a view of the message"
     assert frame.depth_mm.nbytes <= len(message)
+
+
+def test_as_many_dots_and_contacts_as_a_gel_may_have_travel() -> None:
+    frame, places = full_frame(), np.random.default_rng(0).uniform(0, 640, (MOST_DOTS, 2))
+    dots = DotsSeen(rest_px=places, places_px=places + 3, reasons=np.zeros(MOST_DOTS, np.uint8))
+    many = replace(
+        frame, camera_frame=replace(frame.camera_frame, dots=dots), contacts=frame.contacts[:1] * MOST_PATCHES
+    )
+    vars(many)["shear"] = Shear(dots=dots, field_mm=places / 1000, unknown="")
+    come = decode(encode(many), lambda zero: None)
+    assert (len(come.camera_frame.dots.reasons), len(come.contacts)) == (MOST_DOTS, len(many.contacts))

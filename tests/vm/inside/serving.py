@@ -8,6 +8,7 @@ import urllib.request
 from collections.abc import Callable
 from typing import Any
 
+from gellight.stream.running import own_token
 from tests.vm.inside.agent import report
 from tests.vm.inside.sensing import gellight
 
@@ -40,9 +41,12 @@ def _await(condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
 
 def _status() -> dict[str, Any]:
     """Return the status; waits until somebody serves it."""
+    asked = urllib.request.Request(
+        f"http://127.0.0.1:{PORT}/status", headers={"Authorization": f"Bearer {own_token()}"}
+    )
     while True:
         try:
-            with urllib.request.urlopen(f"http://127.0.0.1:{PORT}/status", timeout=20) as answer:
+            with urllib.request.urlopen(asked, timeout=20) as answer:
                 status: dict[str, Any] = json.load(answer)
                 return status
         except urllib.error.URLError:

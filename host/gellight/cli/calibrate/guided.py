@@ -18,10 +18,9 @@ from gellight.cli.ending import Ending
 from gellight.cli.showing import show
 from gellight.daemon.bundle_choice import sensor_name
 from gellight.lab.calibration.choices import RoutineOptions
-from gellight.lab.calibration.readiness import check_target
 from gellight.lab.calibration.records import MeasuredLens, MeasuredPixelSize, PinGrid
 from gellight.lab.calibration.routine import Routine
-from gellight.lab.calibration.state import Identity, Steps, discard, kept_like
+from gellight.lab.calibration.state import Identity, Steps, kept_like
 from gellight.lab.simulator.virtual_hand import hand_of
 from gellight.lab.training.training import like_words
 from gellight.opening import open_camera
@@ -69,11 +68,9 @@ def _calibrate(
             ring=RingGeometry.from_overrides(settings.geometry.overrides()),
             gel_thickness_mm=thickness_mm,
         )
-        if target.restart:
-            check_target(options, target.state, camera.image_shape)
-            discard(target.state)
         hand = None if hand_seed is None else hand_of(camera, seed=hand_seed)
-        routine = Routine(camera, options, target.state, hand=hand, install=target.installing(camera, options))
+        install = target.installing(camera, options)
+        routine = Routine(camera, options, target.state, hand=hand, install=install, anew=target.restart)
         routine.act("start")
         try:
             follow(routine, target.state, interactive=hand is None, quiet=quiet)

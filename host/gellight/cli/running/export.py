@@ -41,9 +41,9 @@ def export(
 ) -> None:
     """Write every n-th frame of a recording into the folder `out`, and show how many; scale_um: of the colours."""
     recording = Recording(file)
-    felt = felt_frames(recording, load_bundle(calibration) if calibration else None)
+    bundle = load_bundle(calibration) if calibration else None
+    felt, used = felt_frames(recording, bundle), bundle or recording.bundle
     frames = islice(map(ObjectFollower(on=track).follow, felt), 0, None, every)
-    used = recording.bundle
     known: dict[str, Any] = {"pixel_size_mm": used.pixel_size_mm, "calibration": used.identity, "source": file.name}
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -58,7 +58,7 @@ def export(
                 count = write_lerobot(frames, out / ONE_FILE[kind], fps=fps_of(recording) / every, task=file.stem,
                                       png=encode_png, tracked=track)  # fmt: skip
             case _:
-                count = sum(_written(frame, out, kind, scale_um, recording.bundle) for frame in frames)
+                count = sum(_written(frame, out, kind, scale_um, used) for frame in frames)
     except OSError as error:
         why = error.strerror or error
         raise InputError(f"{out} cannot be written ({why}): choose another folder, or free space") from error

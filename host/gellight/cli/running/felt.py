@@ -1,30 +1,41 @@
 """The tactile frames of a recording, computed from its pictures."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 
+from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle
-from gellight.frame_path.pipeline import Reconstructor
-from gellight.frames.frames import CameraFrame, CaptureStamp, Provenance, TactileFrame
+from gellight.daemon.active_pipeline import path_for
+from gellight.daemon.configuration import mode_config
+from gellight.frame_path.pipeline import FramePath
+from gellight.frames.camera import EndOfStream
+from gellight.frames.frames import CaptureStamp, Provenance, TactileFrame
+from gellight.frames.picture import prepared
 from gellight.recording.recording_file import Recording
+from gellight.recording.replay_camera import ReplayCamera, ReplayUrl
 
 
 def felt_frames(recording: Recording, bundle: Bundle | None) -> Iterator[TactileFrame]:
-    """Yield the tactile frames of a recording, by `bundle` or by the one that was in use at each frame."""
-    reconstructor: Reconstructor | None = None
-    for record in recording.frames():
-        info, source = record.info, str(recording.path)
-        wanted = bundle or recording.bundles[info.zero]
-        if reconstructor is None or reconstructor.bundle is not wanted:
-            reconstructor = Reconstructor(wanted)
-        stamp = CaptureStamp(zeroed=wanted, unix_s=info.unix_s)
-        image = record.image(source)
-        taken = CameraFrame(image=image, time_s=info.time_s, sequence=info.sequence, source=source, stamp=stamp)
-        provenance = Provenance(
-            calibration=(bundle or recording.bundle).identity,
-            zero=wanted.identity,
-            pixel_size_mm=wanted.pixel_size_mm,
-            unix_s=info.unix_s,
-            ages_s={},
-        )
-        yield replace(reconstructor.reconstruct(taken), provenance=provenance)
+    """Yield the tactile frames of a recording, by `bundle` or by the one that was in use at each frame.
+
+    They are those of a replay, with the times of the recording.
+    """
+    camera = ReplayCamera(recording, url=str(recording.path), chosen=ReplayUrl(speed=0))
+    shown = prepared(camera, bundle or camera.bundle)
+    path: FramePath | None = None
+    with suppress(EndOfStream):
+        while True:
+            frame, info = shown.read(), camera.record.info
+            wanted = bundle or recording.bundles[info.zero]
+            if path is None or path.bundle is not wanted:
+                path = path_for(mode_config(wanted, Settings()), wanted)
+            stamp = CaptureStamp(zeroed=wanted, unix_s=info.unix_s)
+            provenance = Provenance(
+                calibration=(bundle or recording.bundle).identity,
+                zero=wanted.identity,
+                pixel_size_mm=wanted.pixel_size_mm,
+                unix_s=info.unix_s,
+                ages_s={},
+            )
+            yield replace(path.reconstruct(replace(frame, time_s=info.time_s, stamp=stamp)), provenance=provenance)

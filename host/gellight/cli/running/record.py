@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -35,22 +36,27 @@ def record(
     """Record this number of frames or seconds (0: for ever) in the file `out`, and show what was recorded."""
     with opened(settings, dashboard=dashboard) as (daemon, _):
         recorder = Recorder(daemon, out, name=settings.stream.name, depth=depth, maps=maps, frames=frames)
-        if not daemon.camera.waits:  # of a file every frame is recorded
-            logs.say(f"recording: about {recorder.bytes_a_minute() / 1e6:.0f} MB a minute")
         with recorder, until_interrupted(not (seconds or frames)):
-            follow(daemon, recorder, frames, seconds)
+            begun_s = time.monotonic()
+            if not daemon.camera.waits:  # of a file every frame is recorded
+                with suppress(TimeoutError, EndOfStream):  # of a slow sensor it is not known
+                    logs.say(f"recording: about {recorder.bytes_a_minute() / 1e6:.0f} MB a minute")
+            follow(daemon, recorder, frames, seconds and begun_s + seconds)
+        if not recorder.status.frames:
+            out.unlink()
+            raise InputError(f"no frame came, so there is no {out}: see what `gellight doctor` says of the sensor")
         show({"file": str(out), **asdict(recorder.status)}, as_json, said(out, recorder.status))
     if recorder.ended:
         raise InputError(recorder.status.ended)
 
 
-def follow(daemon: SensorSession, recorder: Recorder, frames: int, seconds: float) -> None:
-    """Wait until this number of frames or seconds is recorded (0: for ever), or until there is no more to record."""
-    begun_s = shown_s = time.monotonic()
+def follow(daemon: SensorSession, recorder: Recorder, frames: int, until_s: float) -> None:
+    """Wait until so many frames are recorded or this time has come (0: for ever), or there is no more to record."""
+    shown_s = time.monotonic()
     sequence = -1
     while not recorder.ended and not (frames and recorder.status.frames >= frames):
         now_s = time.monotonic()
-        if seconds and now_s - begun_s >= seconds:
+        if until_s and now_s >= until_s:
             return
         try:
             sequence = daemon.next_frame(sequence, WAIT_S).camera_frame.sequence

@@ -28,6 +28,7 @@ import { WatchNotice } from "./watch.js";
 
 const FPS_WINDOW_MS = 2000;
 const TICK_MS = 200;
+const UNDECODED_MS = 1000; // a frame that cannot be shown is followed by the next one after this time
 
 const element = (id) => document.getElementById(id);
 
@@ -114,7 +115,9 @@ async function openSurface() {
 // ---- frames ----
 
 async function receive(buffer) {
-  const view = await decoder.decode(buffer);
+  const view = await decoder.decode(buffer).catch((error) => tellUndecoded(error));
+  if (!view) return;
+  banners.hide("undecoded");
   recent.add(view.header.time_s, buffer);
   history.add(view.header.time_s, view.header.contact.indentation_mm);
   if (waiting) {
@@ -123,6 +126,12 @@ async function receive(buffer) {
   }
   waiting = view;
   ask();
+}
+
+/** Say why a frame cannot be shown, and wait for the next one. */
+function tellUndecoded(error) {
+  banners.show("undecoded", "fault", `A frame cannot be shown: ${error.message}.`, [["Reload", () => location.reload()]]);
+  setTimeout(giveCredit, UNDECODED_MS);
 }
 
 /** Let the browser call `turn`: only where something is to be drawn, for every call has it compose the whole page. */

@@ -50,14 +50,15 @@ class Routine:
         *,
         hand: VirtualHand | None = None,
         install: Install | None = None,
+        anew: bool = False,
     ) -> None:
         """Prepare to calibrate the sensor behind `camera`, which stays open at the end.
 
-        folder: where the state is kept; what an interrupted routine left there is taken up. hand: presses where nobody
-        does. install: puts a bundle that passed into service.
+        folder: where the state is kept; what an interrupted routine left there is taken up, or with `anew` removed.
+        hand: presses where nobody does. install: puts a bundle that passed into service.
         Raises InputError or BundleError at once for what could not be written at the end, see `readiness`.
         """
-        self._calibration = CalibrationRun(camera, options, folder, hand=hand)
+        self._calibration = CalibrationRun(camera, options, folder, hand=hand, anew=anew)
         self._install = install
         self._thread: threading.Thread | None = None
         self.error: GellightError | None = None

@@ -15,7 +15,7 @@ from gellight.lab.calibration.choices import LEAST_PRESSES, RoutineOptions
 from gellight.lab.calibration.display import STEPS, Display
 from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.readiness import check_target
-from gellight.lab.calibration.state import Identity
+from gellight.lab.calibration.state import Identity, discard
 from gellight.lab.simulator.virtual_hand import VirtualHand, prism_of
 
 
@@ -27,15 +27,26 @@ class CalibrationRun:
     """One calibration while it runs: used by the thread of the routine; any thread may use `submit` and `display`."""
 
     def __init__(
-        self, camera: Camera, options: RoutineOptions, folder: Path, *, hand: VirtualHand | None = None
+        self,
+        camera: Camera,
+        options: RoutineOptions,
+        folder: Path,
+        *,
+        hand: VirtualHand | None = None,
+        anew: bool = False,
     ) -> None:
-        """Open the state in `folder`; InputError or BundleError for a folder or a bundle that cannot be written."""
+        """Open the state in `folder`; InputError or BundleError for a folder or a bundle that cannot be written.
+
+        anew: what is in the folder is removed, after everything else was found to be possible.
+        """
         check_target(options, folder, camera.image_shape)
         if hand is not None and options.tools.prism_angle_deg is not None:
             prism_of(options.tools.prism_angle_deg)
         self.camera = camera
         self.hand = hand
         self.display = Display(steps=tuple(s for s in STEPS if s != "lens" or options.tools.pin_pitch_mm is not None))
+        if anew:
+            discard(folder)
         self.folder = Folder.open(folder, _identity(camera, options))
         self.options = replace(options, like=self.folder.keep_like(options.like))
         if options.name:

@@ -92,14 +92,14 @@ def test_saying_that_the_edge_is_there_ends_the_episode() -> None:
 
 @pytest.mark.parametrize(("away_mm", "reward"), [(0.49, 1.0), (-0.49, 1.0), (0.51, -1.0), (-0.51, -1.0)])
 def test_an_edge_half_a_millimetre_from_the_middle_is_there(away_mm: float, reward: float) -> None:
-    env = SlideToEdge(("wrench",), sensor=NARROW)
+    env = SlideToEdge(("wrench",), sensor=COARSE)
     env.reset(seed=1)
     env._away_mm = away_mm
     assert env.step(np.array([0, 0, 0.1]))[1:3] == (reward, True)
 
 
 def test_edges_begin_4_to_16_mm_away_and_within_30_degrees() -> None:
-    env = SlideToEdge(("wrench",), sensor=NARROW)
+    env = SlideToEdge(("wrench",), sensor=COARSE)
     told = [env.reset(seed=seed)[1] for seed in range(60)]
     away, turned = (np.array([one[name] for one in told]) for name in ("away_mm", "turn_rad"))
     assert 4 < away.min() < 5
@@ -109,13 +109,13 @@ def test_edges_begin_4_to_16_mm_away_and_within_30_degrees() -> None:
 
 @pytest.mark.parametrize("make", [SlideToEdge, InsertPeg])
 def test_an_episode_has_thirty_steps(make: Any) -> None:
-    env = make(("wrench",), sensor=NARROW)
+    env = make(("wrench",), sensor=COARSE)
     env.reset(seed=1)
     assert [env.step(np.zeros(3))[3] for _ in range(30)] == [False] * 29 + [True]
 
 
 def test_nothing_is_moved_out_of_reach() -> None:
-    press, peg = PressAndTell(("BALL", "TSTEP"), ("wrench",), sensor=NARROW), InsertPeg(("wrench",), sensor=NARROW)
+    press, peg = PressAndTell(("BALL", "TSTEP"), ("wrench",), sensor=COARSE), InsertPeg(("wrench",), sensor=NARROW)
     press.reset(seed=1)
     assert [press.step(0)[4]["place_mm"][0] for _ in range(7)][-1] == 8.0
     peg.reset(seed=1)

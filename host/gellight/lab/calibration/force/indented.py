@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
+from gellight.frame_path.sequence_path import SequencePath
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import ImageCamera
 from gellight.frames.picture import prepared
@@ -77,12 +78,14 @@ class _Feeling:
     """The frame path of one bundle, asked for the integral of the pressure."""
 
     def __init__(self, bundle: Bundle, layers: Sequence[Layer]) -> None:
-        self._reconstructor, self._layers = Reconstructor(bundle), layers
+        self._reconstructor, self._layers = SequencePath(Reconstructor(bundle)), layers
         self._pixel_size_mm = bundle.pixel_size_mm
 
     def integral_mm2(self, frame: CameraFrame) -> list[float]:
-        """One for each layer; NaN where the load goes on beyond the view."""
+        """One for each layer; NaN where it is not known, as where the load goes on beyond the view."""
         depth_mm = self._reconstructor.reconstruct(frame).depth_mm
+        if np.isnan(depth_mm).any():  # under another light of a sequence nothing is felt
+            return [np.nan] * len(self._layers)
         found = [indenting(depth_mm, self._pixel_size_mm, layer) for layer in self._layers]
         return [np.nan if one.at_border else one.integral_mm2 for one in found]
 
@@ -126,5 +129,4 @@ def _frames(recording: Recording, readings: ForceReadings) -> Iterator[tuple[flo
             continue
         number += 1
         if (number - 1) % every == 0:
-            image = record.image(str(recording.path))
-            yield info.unix_s, info.zero, CameraFrame(image=image, time_s=info.time_s, sequence=info.sequence)
+            yield info.unix_s, info.zero, record.camera_frame(str(recording.path))

@@ -1,0 +1,103 @@
+"""Every door of a running sensor, tried by another user of the computer: the table of docs/security.md.
+
+Other computers have no other doors, and with `--lan` the same ones. Web pages: test_access.py of the dashboard,
+test_foxglove.py.
+"""
+
+import os
+import threading
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.dashboard.server import DashboardServer
+from gellight.stream.publisher import MOST_WAITING, Publisher
+from gellight.stream.running import folder, running
+from gellight.stream.subscription import subscribe
+from tests.helpers.dashboard_source import FormulaSource
+from tests.helpers.places import CHECKOUT
+from tests.helpers.stranger import as_stranger
+from tests.helpers.streamed import bump_daemon
+
+
+@pytest.mark.parametrize("config", [None, CHECKOUT / "docs/examples/local.json5"])
+def test_zenoh_lets_nobody_speak_for_the_daemon(tmp_path: Path, config: Path | None) -> None:
+    """Neither by a key that means the daemon's, nor where a file of settings allows all."""
+    config = config and tmp_path / "all.json5"
+    if config:
+        config.write_text(
+            '{access_control: {enabled: true, default_permission: "deny", subjects: [{id: "any"}], policies: [{rules: '
+            '["all"], subjects: ["any"]}], rules: [{id: "all", permission: "allow", flows: ["egress", "ingress"], '
+            'key_exprs: ["**"], messages: ["put", "delete", "declare_subscriber", "query", "reply", "declare_queryable"'
+            ', "liveliness_token", "declare_liveliness_subscriber", "liveliness_query"]}]}}'
+        )
+    daemon, _ = bump_daemon()
+    asked = list[object]()
+    with TemporaryDirectory() as shared, daemon, Publisher(daemon, name="finger", config=config) as publisher:
+        Path(shared).chmod(0o777)  # the test's own folder is closed to others
+        ready, ended = Path(shared) / "ready", Path(shared) / "ended"
+        endpoint = running()[0].endpoint
+        attack = threading.Thread(target=lambda: asked.append(as_stranger("speaks", endpoint, str(ready), str(ended))))
+        attack.start()
+        try:
+            while not ready.exists() and attack.is_alive():
+                time.sleep(0.05)
+            for target in ("finger", endpoint.replace("tcp/", "zenoh://") + "/finger"):
+                with subscribe(target, every=True, token=publisher.token) as frames:
+                    told = {frames.next_frame().contact.indentation_mm for _ in range(50)}
+                    assert len(told) > 40, "only the daemon's own frames, each deeper than the one before"
+                    assert frames.status()["mode"] == "formula"
+                    with pytest.raises(InputError, match=r"simulated gel only"):
+                        frames.press("BALL", 1.0)
+        finally:
+            ended.touch()
+            attack.join()
+    assert asked == [[]]
+
+
+def test_zenoh_gives_frames_to_all_and_changes_nothing_without_the_token() -> None:
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon, name="finger"):
+        read, *changed = as_stranger("calls", running()[0].endpoint)
+    assert read == "True"
+    assert all("changed by those that bring its token" in said for said in changed), changed
+
+
+def test_a_flood_of_calls_waits_in_a_queue_that_ends_and_keeps_nobody_waiting_who_has_the_token() -> None:
+    daemon, _ = bump_daemon()
+    waiting = threading.Event()
+    daemon_status, daemon.status = daemon.status, lambda: (waiting.wait(20), daemon_status())[1]  # type: ignore[method-assign]
+    with daemon, Publisher(daemon, name="finger"), subscribe("finger") as frames:
+        asked = [threading.Thread(target=frames.status) for _ in range(MOST_WAITING)]
+        for one in asked:
+            one.start()
+        time.sleep(1)
+        told = as_stranger("flood", running()[0].endpoint)
+        begun_s = time.monotonic()
+        with pytest.raises(InputError, match="simulated gel only"):
+            frames.press("BALL", 1.0)
+        assert time.monotonic() - begun_s < 5
+        waiting.set()
+        for one in asked:
+            one.join()
+    assert len(told) == 2, told
+    assert "16 calls wait for their answers already" in told[0]
+    assert told[1].startswith("no call of GelLight")
+
+
+def test_the_files_of_the_stream_are_their_owners_alone() -> None:
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon, name="finger"), DashboardServer(FormulaSource(), port=0) as server:
+        assert server.token == (folder() / "page.token").read_text()
+        tried = [folder() / "finger.json", folder() / "page.token", running()[0].memory]
+        if os.getuid() == 0:
+            assert set(as_stranger("files", *map(str, tried))) == {"PermissionError"}
+        assert {Path(one).stat().st_mode & 0o077 for one in tried} == {0}
+
+
+def test_the_page_answers_nobody_without_the_token() -> None:
+    with DashboardServer(FormulaSource(), port=0) as server:
+        assert set(as_stranger("page", server.base)) == {"401"}
