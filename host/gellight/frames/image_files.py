@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import CameraError, InputError, first_line
+from gellight.base.errors import CameraError, InputError, first_line, printable
 from gellight.base.png import cut_off
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
@@ -38,7 +38,7 @@ class ImageCamera(Camera):
         if not paths:
             raise CameraError(f"no images: {KINDS}")
         self._paths = tuple(paths)
-        self.url = url if url is not None else str(paths[0])
+        self.url = printable(paths[0] if url is None else url)
         height, width, _ = read_image(self._paths[0]).shape
         self.image_shape = (height, width)
         self._next = 0
@@ -58,7 +58,7 @@ class ImageCamera(Camera):
                 f"{path} is {_size(image.shape)}, {self._paths[0].name} is {_size(self.image_shape)}: "
                 "put images of one size together"
             )
-        return CameraFrame(image=image, time_s=time.monotonic(), sequence=sequence, source=str(path))
+        return CameraFrame(image=image, time_s=time.monotonic(), sequence=sequence, source=printable(path))
 
     def close(self) -> None:
         """End the delivery."""

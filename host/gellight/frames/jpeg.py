@@ -178,7 +178,7 @@ def _continuous(data: bytes, layout: Layout) -> Image:
 
 
 def _is_zeros(taller: Image, below: NDArray[np.intp], layout: Layout) -> bool:
-    """Whether the last MCU of a picture, the first of `below`, is as the next one: of zeros behind its data, or of none.
+    """Whether the last MCU of a picture, the first of `below`, is like the next one: of zeros behind the data, or grey.
 
     White and black may be alike in a sound picture, too.
     """
