@@ -22,6 +22,7 @@ from gellight.frames import picture
 from gellight.frames.dots import Dots
 from gellight.frames.frames import CameraFrame, CaptureStamp
 from gellight.frames.image_files import read_image
+from gellight.frames.jpeg import CorruptPictureError
 from gellight.frames.picture import PictureSteps, steps_of
 from gellight.frames.view import View
 from gellight.photometric import lights_file
@@ -32,7 +33,6 @@ from gellight.ring import protocol
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import Packet, decode, encode
 from gellight.sensor.v4l2.decoding import decode as decode_picture
-from gellight.sensor.v4l2.errors import CorruptPictureError
 from gellight.sensor.v4l2.formats import Mode
 from gellight.stream import wire
 from gellight.stream.calls import read_call

@@ -1,6 +1,7 @@
 """A csv file with names of columns in its first line, read with file, line and value in every refusal."""
 
 import csv
+import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,13 +25,16 @@ def read_csv(path: Path, what: str) -> tuple[list[str], list[tuple[int, Row]]]:
     Raises InputError, naming `what`, where it cannot be read, and for a row with more values than there are columns.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.DictReader(stream)
-            rows = [(reader.line_num, dict(row)) for row in reader]
-            names = list(reader.fieldnames or [])
+        content = path.read_bytes()
+        if b"\0" in content:  # UTF-16, or no text at all
+            raise csv.Error("it has a zero byte")
+        # Names of files need not be UTF-8, and are written as they are.
+        reader = csv.DictReader(io.StringIO(content.decode("utf-8-sig", "surrogateescape"), newline=""))
+        rows = [(reader.line_num, dict(row)) for row in reader]
+        names = list(reader.fieldnames or [])
     except OSError as error:
         raise InputError(f"{what} {path} cannot be opened ({error.strerror}): check the name") from error
-    except (UnicodeDecodeError, csv.Error) as error:
+    except csv.Error as error:
         raise InputError(f"{what} {path} is not a csv file ({error}): save it as UTF-8 text") from error
     for line, row in rows:
         if any(row.pop(None, ())):  # where DictReader puts what is left

@@ -44,3 +44,8 @@ def first_line(error: Exception) -> str:
     """
     said = (isinstance(error, OSError) and error.strerror) or str(error).strip()
     return (said or type(error).__name__).splitlines()[0]
+
+
+def printable(name: object) -> str:
+    """Return the name of a file with U+FFFD for what is no UTF-8, so that it can be drawn, stored and sent."""
+    return str(name).encode(errors="surrogateescape").decode(errors="replace")

@@ -1,7 +1,9 @@
 """`gellight`: the verbs; `ending.py` turns an error into a message, and every end into an exit status."""
 
 import importlib.metadata
+import io
 import os
+import sys
 from typing import Annotated
 
 import typer
@@ -70,4 +72,6 @@ def run() -> None:
     # NumPy's BLAS would keep a second thread spinning between our small products, and take a core from the frame path:
     # 22 instead of 28 frames a second on two cores. NumPy reads the variable when it is first imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # as stderr has it: names of files need not be UTF-8
     end(app)

@@ -3,12 +3,17 @@
 A frame's dark spots are given to the dots by where the dots were in the frame before. Where that does not fit, as after
 a jump of more than half a pitch, the names are found anew in this one frame: the gel is bonded to its support, so its
 displacement changes little from a dot to the next. From the largest part of the lattice whose dots are where they were,
-names are passed on from neighbour to neighbour, always to the dot that fits best. A dot without a spot is not seen, and
+names are passed on from neighbour to neighbour, to the dots that fit best first. A dot without a spot is not seen, and
 the reason is told; its place is then a guess from its neighbours.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from gellight.frames.dot_places import DARKNESS_SHARE, Spots, border_px, find_spots
 from gellight.frames.shear import DotsSeen, Unseen
@@ -31,6 +36,10 @@ _GROWTH = 0.5
 """of how much two neighbours differ, the next one differs from the nearer of them"""
 _PARTS, _LEAST_PART = 4, 2
 """so many parts, of so many dots at least, are tried as the beginning of new names"""
+_MOST_WALKED = 1500
+"""dots that are named anew in one frame, all tries together: the camera waits for it"""
+_CANDIDATES = 4
+"""spots that a dot may choose from, the nearest ones"""
 _SHARE_SEEN = 0.6
 """of the dots: with fewer nothing is said of the gel"""
 _STRAY_SHARE = {True: 0.15, False: 0.05}
@@ -53,6 +62,7 @@ class DotFollower:
         np.fill_diagonal(distance, np.inf)
         self.pitch_px = float(np.median(distance.min(axis=1)))
         self._near = _neighbours(distance, self.pitch_px)
+        self._beyond = _beyond(rest_px, self._near)
         self._moved = np.zeros_like(rest_px)
         """(N, 2) from `rest_px`, in the frame before"""
         self._known = False
@@ -60,20 +70,20 @@ class DotFollower:
 
     def follow(self, image: NDArray[np.uint8]) -> DotsSeen:
         """Return where the dots are in a (H, W, 3) picture."""
-        spots = find_spots(image, self._diameter_px, self._least)
+        spots, size_px = find_spots(image, self._diameter_px, self._least), (image.shape[1], image.shape[0])
         named = self._as_before(spots.places_px)
-        if not self._fits(named, spots.places_px):
+        if self._may_be_all(spots, size_px) and not self._fits(named, spots.places_px):
             named = self._anew(spots.places_px)
-        return self._told(named, spots, (image.shape[1], image.shape[0]))
+        return self._told(named, spots, size_px)
 
     def _as_before(self, spots: Floats) -> Numbers:
         """(N,) the spot of each dot, -1 for none: each other's nearest to where the dots were."""
         if not len(spots):
             return np.full(len(self.rest_px), -1)
-        distance = np.hypot(*np.moveaxis((self.rest_px + self._moved)[:, None] - spots[None], 2, 0))
-        nearest = distance.argmin(axis=1)
-        each, dots = distance.argmin(axis=0), np.arange(len(distance))
-        fits = (each[nearest] == dots) & (distance[dots, nearest] < _FITS * self.pitch_px)
+        expected = self.rest_px + self._moved
+        distance, nearest = cKDTree(spots).query(expected)
+        each = cKDTree(expected).query(spots)[1]
+        fits = (each[nearest] == np.arange(len(expected))) & (distance < _FITS * self.pitch_px)
         return np.where(fits, nearest, -1)
 
     def _fits(self, named: Numbers, spots: Floats) -> bool:
@@ -86,8 +96,7 @@ class DotFollower:
         if not (missing.any() and left.size):
             return True
         expected = self.rest_px[missing] + self._guessed(moved, seen)[missing]
-        between = np.hypot(*np.moveaxis(expected[:, None] - spots[left][None], 2, 0))
-        return bool((between > _FITS * self.pitch_px).all())
+        return bool((cKDTree(spots[left]).query(expected)[0] > _FITS * self.pitch_px).all())
 
     def _torn(self, moved: Floats) -> Bools:
         """(N, NEIGHBOURS) whether a dot has moved against its neighbour farther than the gel stretches."""
@@ -106,20 +115,28 @@ class DotFollower:
     def _anew(self, spots: Floats) -> Numbers:
         """(N,) the spot of each dot, named from neighbour to neighbour.
 
-        It begins with each large part whose dots are where they were; the names that tear the gel least are taken.
+        It begins with each large part whose dots are where they were; the first names that fit and leave nothing
+        unnamed are taken, and where there are none those that tear the gel least.
         """
+        walked, left = [], _MOST_WALKED
+        for named, reach in self._beginnings(spots):
+            walk = _Walk(self.rest_px, self._near, self._beyond, spots, reach * self.pitch_px)
+            walked.append(walk.from_named(named))
+            left -= len(named)
+            given = int((walked[-1] >= 0).sum())
+            if left <= 0 or (given == min(len(named), len(spots)) and self._fits(walked[-1], spots)):
+                break
+        return min(walked, key=lambda names: self._misfit(names, spots), default=np.full(len(self.rest_px), -1))
+
+    def _beginnings(self, spots: Floats) -> Iterator[tuple[Numbers, float]]:
+        """Yield (N,) spots of the dots of each part, and how far in pitches the others are looked for from there."""
         named = self._as_before(spots)
-        if not len(spots):
-            return named
-        step = np.hypot(*(spots[named] - self.rest_px - self._moved).T) / self.pitch_px
         moved = np.where((named >= 0)[:, None], spots[named] - self.rest_px, 0)
-        torn, walked = self._torn(moved), []
+        step, torn = np.hypot(*(moved - self._moved).T) / self.pitch_px, self._torn(moved)
         for still in _STILL:
             for part in self._parts((named >= 0) & (step < still), torn):
                 for reach in _REACHES:
-                    walk = _Walk(self.rest_px, self._near, spots, reach * self.pitch_px)
-                    walked.append(walk.from_named(np.where(part, named, -1)))
-        return min(walked, key=lambda names: self._misfit(names, spots), default=np.full_like(named, -1))
+                    yield np.where(part, named, -1), reach
 
     def _misfit(self, named: Numbers, spots: Floats) -> float:
         """How badly names fit: the dots without a spot, and how unevenly the gel moves."""
@@ -131,17 +148,12 @@ class DotFollower:
 
     def _parts(self, dots: Bools, torn: Bools) -> list[Bools]:
         """(N,) the largest sets of `dots` that hang together by neighbours that are not torn apart."""
-        label = np.where(dots, np.arange(len(dots)), -1)
         joined = dots[:, None] & dots[self._near] & (self._near >= 0) & ~torn
-        while True:
-            lowest = np.where(joined, label[self._near], len(dots)).min(axis=1)
-            lower = np.where(dots, np.minimum(label, lowest), -1)
-            if (lower == label).all():
-                break
-            label = lower
+        links = np.nonzero(joined)[0], self._near[joined]
+        label = connected_components(coo_array((np.ones(len(links[0])), links), shape=(len(dots), len(dots))))[1]
         sizes = np.bincount(label[dots], minlength=1)
         largest = np.argsort(-sizes, kind="stable")[:_PARTS]
-        return [label == one for one in largest if sizes[one] >= _LEAST_PART]
+        return [dots & (label == one) for one in largest if sizes[one] >= _LEAST_PART]
 
     def _told(self, named: Numbers, spots: Spots, size_px: tuple[int, int]) -> DotsSeen:
         seen, places = named >= 0, spots.places_px
@@ -169,9 +181,7 @@ class DotFollower:
         if spots.brightness_grey < _DARK_GREY:
             return f"the gel is too dark ({spots.brightness_grey:.0f} of 255 grey levels) to see its marker dots"
         left = np.setdiff1d(np.arange(found), named)
-        # At the border of the picture dots come in that the untouched gel did not show.
-        edge_px = np.minimum(spots.places_px, np.array(size_px) - 1 - spots.places_px).min(axis=1)
-        strays = int((edge_px[left] > 0.6 * self.pitch_px).sum())
+        strays = int(self._inner(spots, size_px)[left].sum())
         if seen < _SHARE_SEEN * count <= found or strays > _STRAY_SHARE[self._known] * count:
             return (
                 f"{found} marker dots are seen, of which {seen} are where the calibration has its {count}: this is "
@@ -183,6 +193,18 @@ class DotFollower:
                 "the gel, or calibrate it anew"
             )
         return ""
+
+    def _inner(self, spots: Spots, size_px: tuple[int, int]) -> Bools:
+        """(M,) whether a spot is not at the border, where dots come in that the untouched gel did not show."""
+        edge_px = np.minimum(spots.places_px, np.array(size_px) - 1 - spots.places_px).min(axis=1)
+        return np.asarray(edge_px > 0.6 * self.pitch_px)
+
+    def _may_be_all(self, spots: Spots, size_px: tuple[int, int]) -> bool:
+        """Whether some names may leave the frame without a problem: light, spots enough, and not far too many."""
+        count, found = len(self.rest_px), len(spots.places_px)
+        strays = int(self._inner(spots, size_px).sum()) - count
+        lit = spots.brightness_grey >= _DARK_GREY
+        return lit and found >= _SHARE_SEEN * count and strays <= _STRAY_SHARE[self._known] * count
 
     def _unlike(self, moved: Floats, seen: Bools) -> str:
         """Return why these may be the dots of another gel; empty once they were seen at rest."""
@@ -198,37 +220,36 @@ class DotFollower:
 class _Walk:
     """Gives names from neighbour to neighbour."""
 
-    def __init__(self, rest: Floats, near: Numbers, spots: Floats, reach: float) -> None:
-        self._rest, self._near, self._spots, self._reach = rest, near, spots, reach
-        self._beyond = _beyond(rest, near)
+    def __init__(self, rest: Floats, near: Numbers, beyond: Numbers, spots: Floats, reach: float) -> None:
+        self._rest, self._near, self._beyond, self._spots, self._reach = rest, near, beyond, spots, reach
+        self._tree = cKDTree(spots)
 
     def from_named(self, named: Numbers) -> Numbers:
         """Return (N,) spots by dot, -1 for none, of which some are given."""
         named = named.copy()
-        free = np.ones(len(self._spots), bool)
-        free[named[named >= 0]] = False
+        free = np.ones(len(self._spots) + 1, bool)
+        free[named[named >= 0]] = free[-1] = False
         while True:
-            dot, spot = self._best(named, free)
-            if dot < 0:
+            dots, spots = self._best(named, free)
+            if not len(dots):
                 return named
-            named[dot], free[spot] = spot, False
+            named[dots], free[spots] = spots, False
 
-    def _best(self, named: Numbers, free: Bools) -> tuple[int, int]:
-        """Return the unnamed dot and the free spot that fit best, -1 where none do."""
+    def _best(self, named: Numbers, free: Bools) -> tuple[Numbers, Numbers]:
+        """Return the better half of the unnamed dots that fit a free spot beside named ones, and their spots."""
         known = (named >= 0)[self._near] & (self._near >= 0)
         ask = np.flatnonzero((named < 0) & known.any(axis=1))
-        if not (ask.size and free.any()):
-            return -1, -1
+        if not ask.size:
+            return ask, ask
         expected = self._rest[ask] + self._carried_on(ask, named, known[ask])
-        spots = np.flatnonzero(free)
-        distance = np.hypot(*np.moveaxis(expected[:, None] - self._spots[spots][None], 2, 0))
+        distance, spots = self._tree.query(expected, _CANDIDATES, distance_upper_bound=self._reach)
+        chosen = np.where(free[spots], distance, np.inf).argmin(axis=1)[:, None]
+        distance, spots = (np.take_along_axis(of_all, chosen, axis=1)[:, 0] for of_all in (distance, spots))
         # Many named neighbours are worth some distance: what they say together is surer.
-        cost = distance - 0.05 * self._reach * known[ask].sum(axis=1)[:, None]
-        cost[distance > self._reach] = np.inf
-        row, column = np.unravel_index(int(cost.argmin()), cost.shape)
-        if not np.isfinite(cost[row, column]):
-            return -1, -1
-        return int(ask[row]), int(spots[column])
+        cost = np.where(free[spots], distance - 0.05 * self._reach * known[ask].sum(axis=1), np.inf)
+        order = np.argsort(cost, kind="stable")[: (int(np.isfinite(cost).sum()) + 1) // 2]
+        order = order[np.unique(spots[order], return_index=True)[1]]
+        return ask[order], spots[order]
 
     def _carried_on(self, dots: Numbers, named: Numbers, known: Bools) -> Floats:
         """(n, 2) displacement of dots, as their named neighbours have it and as it grows from the dots behind these."""
@@ -241,12 +262,9 @@ class _Walk:
 
 def _beyond(rest: Floats, near: Numbers) -> Numbers:
     """(N, NEIGHBOURS) the dot that lies as far behind a neighbour as this is away, -1 where there is none."""
-    at = 2 * rest[near] - rest[:, None]
-    distance = np.hypot(*np.moveaxis(at[:, :, None] - rest[None, None], 3, 0))
-    nearest = distance.argmin(axis=2)
+    distance, nearest = cKDTree(rest).query(2 * rest[near] - rest[:, None])
     apart = np.hypot(*np.moveaxis(rest[near] - rest[:, None], 2, 0))
-    fits = (near >= 0) & (distance.min(axis=2) < 0.3 * apart)
-    return np.where(fits, nearest, -1)
+    return np.where((near >= 0) & (distance < 0.3 * apart), nearest, -1)
 
 
 def _neighbours(distance: Floats, pitch_px: float) -> Numbers:

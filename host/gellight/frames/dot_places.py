@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from gellight.base.errors import InputError
 
@@ -25,6 +26,10 @@ _EDGE_SHARE = 0.35
 """of a dot's darkness: what is less dark does not count for its middle"""
 _REACH = 0.8
 """diameters around a dot that its middle is found in"""
+_BLACK_GREY = 4.0
+"""where the gel is darker than that there is nothing to be darker than"""
+_MOST_SPOTS = 2000
+"""the darkest ones of a picture: twice the dots that a gel may have, and noise has any number"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +52,7 @@ def find_spots(image: NDArray[np.uint8], diameter_px: float, least_darkness: flo
     part = np.ascontiguousarray(bright[: height * shrink, : width * shrink])
     small = np.asarray(cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
     around = _gel_around(small, diameter_px / shrink)
-    dark = np.maximum(1 - small / around, 0, dtype=np.float32)
+    dark = np.where(around > _BLACK_GREY, np.maximum(1 - small / around, 0, dtype=np.float32), np.float32(0))
     places, darkness = _peaks(dark, diameter_px / shrink, least_darkness)
     if len(places):
         for _ in range(2):  # the window follows the middle once
@@ -75,7 +80,7 @@ def _gel_around(small: NDArray[np.uint8], diameter_px: float) -> NDArray[np.floa
     """(h, w) how bright the gel would be without dots."""
     side = int(2.2 * diameter_px) | 1
     closed = cv2.morphologyEx(small, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8))
-    return np.maximum(cv2.blur(closed.astype(np.float32), (side, side)), 4.0)
+    return np.maximum(cv2.blur(closed.astype(np.float32), (side, side)), _BLACK_GREY)
 
 
 def _peaks(dark: NDArray[np.float32], diameter_px: float, least: float) -> tuple[Floats, NDArray[np.float32]]:
@@ -83,12 +88,13 @@ def _peaks(dark: NDArray[np.float32], diameter_px: float, least: float) -> tuple
     smooth = cv2.GaussianBlur(dark, (0, 0), 0.3 * diameter_px)
     side = int(diameter_px) | 1
     rows, columns = np.nonzero((smooth >= cv2.dilate(smooth, np.ones((side, side), np.uint8))) & (smooth > least))
-    places, darkness = np.stack([columns, rows], axis=1).astype(np.float64), smooth[rows, columns]
-    order = np.argsort(-darkness, kind="stable")
-    places, darkness = places[order], darkness[order]
-    apart = np.hypot(*np.moveaxis(places[:, None] - places[None], 2, 0)) > 0.6 * diameter_px
-    alone = (apart | ~np.tri(len(places), k=-1, dtype=bool)).all(axis=1)  # beside a darker one it is the same spot
-    return places[alone], darkness[alone]
+    darkest = np.argsort(-smooth[rows, columns], kind="stable")[:_MOST_SPOTS]
+    rows, columns = rows[darkest], columns[darkest]
+    places, alone = np.stack([columns, rows], axis=1).astype(np.float64), np.ones(len(rows), bool)
+    if len(places):
+        pairs = cKDTree(places).query_pairs(0.6 * diameter_px, output_type="ndarray")
+        alone[pairs.max(axis=1)] = False  # beside a darker one it is the same spot
+    return places[alone], smooth[rows, columns][alone]
 
 
 def _middles(dark: NDArray[np.float32], places: Floats, diameter_px: float) -> tuple[Floats, NDArray[np.bool_]]:

@@ -14,10 +14,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import CameraError, InputError, first_line
+from gellight.base.errors import CameraError, InputError, first_line, printable
 from gellight.base.png import cut_off
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
+from gellight.frames.jpeg import CorruptPictureError, decode_jpeg_file
 from gellight.frames.video_files import VIDEO_SUFFIXES, frame_of_video, frames_of_video, is_frame_of_video
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
@@ -37,7 +38,7 @@ class ImageCamera(Camera):
         if not paths:
             raise CameraError(f"no images: {KINDS}")
         self._paths = tuple(paths)
-        self.url = url if url is not None else str(paths[0])
+        self.url = printable(paths[0] if url is None else url)
         height, width, _ = read_image(self._paths[0]).shape
         self.image_shape = (height, width)
         self._next = 0
@@ -57,7 +58,7 @@ class ImageCamera(Camera):
                 f"{path} is {_size(image.shape)}, {self._paths[0].name} is {_size(self.image_shape)}: "
                 "put images of one size together"
             )
-        return CameraFrame(image=image, time_s=time.monotonic(), sequence=sequence, source=str(path))
+        return CameraFrame(image=image, time_s=time.monotonic(), sequence=sequence, source=printable(path))
 
     def close(self) -> None:
         """End the delivery."""
@@ -85,10 +86,12 @@ def read_levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
     if path.suffix.lower() not in IMAGE_SUFFIXES:
         raise InputError(f"{path} is not an image by its name: convert it to one of {' '.join(IMAGE_SUFFIXES)}")
     try:
-        content = np.fromfile(path, np.uint8)
-        readable = content.size and not cut_off(content.tobytes())
-        image = cv2.imdecode(content, cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION) if readable else None
-    except (OSError, cv2.error) as error:
+        content = path.read_bytes()
+        if (decoded := decode_jpeg_file(content)) is not None:
+            return decoded
+        readable, flags = content and not cut_off(content), cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
+        image = cv2.imdecode(np.frombuffer(content, np.uint8), flags) if readable else None
+    except (OSError, cv2.error, CorruptPictureError) as error:
         raise InputError(f"{path} cannot be read ({first_line(error)}): capture or copy it again") from error
     if image is None:
         raise InputError(f"{path} is not an image or is cut off: capture or copy it again")

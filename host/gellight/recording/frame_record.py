@@ -13,10 +13,10 @@ from gellight.base.allowed import StrictModel
 from gellight.base.errors import InputError
 from gellight.base.png import is_whole
 from gellight.frames.frames import CameraFrame, CaptureStamp, ExposureSeries, LightLabel
+from gellight.frames.jpeg import CorruptPictureError
 from gellight.frames.shear import DotFigures, DotsSeen
 from gellight.recording.ros_messages import RosImage, decode_compressed, encode_compressed
 from gellight.sensor.v4l2.decoding import decode
-from gellight.sensor.v4l2.errors import CorruptPictureError
 from gellight.sensor.v4l2.formats import Mode
 
 MOST_PX = 8192

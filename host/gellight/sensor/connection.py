@@ -78,7 +78,7 @@ class Connection:
         self._clock = around.kernel.clock
         self.ring = self._open_ring(around)
         try:
-            wanted = options_for(self.ring)
+            self.wanted = wanted = options_for(self.ring)
             self.camera = V4l2Camera(
                 sensor.camera.path, wanted.options, shape=wanted.shape, url=url, kernel=around.kernel,
                 sysfs=around.sysfs,

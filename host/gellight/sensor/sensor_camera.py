@@ -68,13 +68,22 @@ class SensorCamera(Camera):
         self._last, self._reconnections = -1, 0
         self._absence: Absence | None = None
         self._connection: Connection | None = None
+        self._exchange = threading.Lock()
+        """held while what is wanted, or what it is put into effect on, is exchanged: nothing wanted is lost between"""
         self._connect(sensor)
 
     def _connect(self, sensor: Sensor) -> None:
         connection = Connection(
             sensor, self._options_for, named_ring=self._given.ring, url=self.url, around=self._surroundings
         )
-        self._sensor, self._connection = sensor, connection
+        with self._exchange:
+            if connection.wanted is not self._options:  # adopted while the sensor was being opened
+                try:
+                    connection.apply(self._options, self._options.options.controls())
+                except BaseException:
+                    connection.close()
+                    raise
+            self._sensor, self._connection = sensor, connection
         self.ring = connection.ring
         self.controls: CameraControls | None = connection.camera.controls
         self.image_shape = connection.camera.image_shape
@@ -97,21 +106,24 @@ class SensorCamera(Camera):
         BoardError or InputError; then the sensor is set as before, or looked for.
         """
         before = self._options
-        connection = self._connection  # the thread that reads may let go of it at any time
         self._warn_of_dark(colours)
         if unknown := sorted(set(controls) - set(KNOBS)):
             raise CameraError(f"{self.url} has no control {unknown[0]!r} (known are: {', '.join(KNOBS)}): leave it out")
         recorded = {**before.options.model_dump(include=before.options.model_fields_set), **controls}
-        self._options = replace(before, options=self._given.over(recorded), colours=colours)
+        with self._exchange:
+            self._options = replace(before, options=self._given.over(recorded), colours=colours)
+            connection = self._connection  # the thread that reads may let go of it at any time
         if connection is None:
             return
         try:
             named = {name: value for name, value in controls.items() if name not in self._given.model_fields_set}
             connection.apply(self._options, named)
         except GellightError:
-            self._options = before
+            with self._exchange:
+                self._options, connection = before, self._connection
             try:
-                connection.apply(before, before.options.controls())
+                if connection is not None:
+                    connection.apply(before, before.options.controls())
             except GellightError as error:
                 logger.warning("the sensor is not set as before: %s", error)
             raise

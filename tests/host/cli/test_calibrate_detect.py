@@ -1,6 +1,7 @@
 """`gellight calibrate detect`: images in, the csv that `fit` reads out, and a reason for each image not used."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.deformation import NO_OBJECT, grid
 from sim_reference.geometry import SensorGeometry
+from tests.helpers.children import gellight
 from tests.helpers.command_line import invoke, refused
 from tests.helpers.places import REAL_CROPS
 
@@ -53,6 +55,15 @@ def test_the_csv_is_what_fit_reads_and_the_circles_are_right(folder: Path) -> No
     for press, (x, y, _) in zip(presses, PLACES, strict=True):
         assert press.center_x_px == pytest.approx(x / PIXEL_MM + 159.5, abs=0.6)
         assert press.center_y_px == pytest.approx(y / PIXEL_MM + 119.5, abs=0.6)
+
+
+def test_a_name_that_is_not_utf_8_is_in_the_csv_as_on_the_disk(folder: Path, tmp_path: Path) -> None:
+    image, out = tmp_path / os.fsdecode("按压.png".encode("gbk")), tmp_path / "presses.csv"
+    image.write_bytes((folder / "a.png").read_bytes())
+    done = gellight("calibrate", "detect", image, "--reference", folder / "untouched.png", *BALL, "--out", out)
+    assert done.returncode == 0, done.stderr
+    (press,) = read_presses(out, ball=Ball(radius_mm=4, pixel_size_mm=PIXEL_MM), image_shape=(240, 320))
+    assert press.image == image
 
 
 def test_a_press_whose_centre_is_off_the_picture_has_its_row_and_its_errors(folder: Path, tmp_path: Path) -> None:

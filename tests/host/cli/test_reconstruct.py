@@ -16,7 +16,7 @@ from typer.testing import Result
 from gellight.bundle.bundle import extend_bundle, load_bundle, save_bundle
 from gellight.cli.ending import Ending
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.frames.image_files import read_image
+from gellight.frames.image_files import ImageCamera, read_image
 from gellight.lab.report.pictures import (
     depth_bar,
     depth_picture,
@@ -26,6 +26,7 @@ from gellight.lab.report.pictures import (
     write_png,
 )
 from tests.helpers.analytic_surfaces import gaussian
+from tests.helpers.children import gellight
 from tests.helpers.command_line import invoke, refused
 from tests.helpers.linear_sensor import linear_bundle, photograph
 from tests.helpers.places import of_real, real_picture
@@ -72,6 +73,16 @@ def test_maps_and_picture_of_each_image_are_written(tmp_path: Path, bundle: Path
     assert read_image(tmp_path / "out" / "deep" / "press1.png").shape[0] > 2 * SHAPE[0]
     assert "press1.png" in result.stdout
     assert "indentation mm" in result.stdout
+
+
+def test_a_name_that_is_not_utf_8_is_drawn_printed_and_written(tmp_path: Path, bundle: Path) -> None:
+    """As archives have them that were packed on a Chinese Windows. OpenCV dies of such a text."""
+    name = os.fsdecode("按压.png".encode("gbk"))
+    press(tmp_path / "press.png").rename(tmp_path / name)
+    done = gellight("reconstruct", tmp_path / name, "--calibration", bundle, "--out", tmp_path / "out")
+    assert "\\udcb0" in done.stdout
+    assert (tmp_path / "out" / name).is_file()
+    assert ImageCamera([tmp_path / name]).read().source.endswith("\ufffd\ufffd\u0479.png")
 
 
 def test_force_and_pressure_are_written_where_the_bundle_knows_them(tmp_path: Path, bundle: Path) -> None:

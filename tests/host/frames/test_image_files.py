@@ -168,6 +168,17 @@ print(next(int(line.split()[1]) // 1024 for line in open("/proc/self/status") if
 """
 
 
+def test_a_jpeg_that_breaks_off_is_refused_and_what_lies_behind_one_is_not(tmp_path: Path) -> None:
+    data = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8))[1].tobytes()
+    cut, filled = tmp_path / "cut.jpg", tmp_path / "filled.jpg"
+    filled.write_bytes(data + bytes(9000))
+    assert read_image(filled).shape == (48, 64, 3)
+    for damaged in (data[: len(data) // 2], data[: len(data) // 2] + data[-2:]):
+        cut.write_bytes(damaged)
+        with pytest.raises(InputError, match="copy it again"):
+            read_image(cut)
+
+
 @pytest.mark.parametrize("suffix", [".png", ".jpg"])
 def test_a_small_file_that_would_take_gigabytes_is_refused(suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"bomb{suffix}"

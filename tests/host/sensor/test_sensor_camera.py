@@ -125,6 +125,29 @@ def test_a_bundle_is_adopted_by_a_sensor_that_is_away_as_soon_as_it_is_back(benc
         assert (bench.rings[-1].lit == [led.rgb for led in bundle.manifest.led]).all()
 
 
+def test_a_bundle_is_adopted_by_a_sensor_that_is_just_being_opened_again(
+    bench: Bench, bundle: Bundle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.plug("1-2", "GL0001")
+    with bench.open("auto?format=YUYV&width=32&height=24") as camera:
+        camera.read()
+        bench.unplug("1-2")
+        with pytest.raises(ReconnectingError):
+            camera.read()
+        bench.plug("1-2", "GL0001")
+        opened = bench.kernel.open
+
+        def open_slowly(path: str) -> int:
+            monkeypatch.setattr(bench.kernel, "open", opened)
+            camera.adopt({**bundle.controls, "exposure_us": 4000}, bundle.colours)  # by another thread
+            return opened(path)
+
+        monkeypatch.setattr(bench.kernel, "open", open_slowly)
+        camera.read()
+        assert (bench.rings[-1].lit == [led.rgb for led in bundle.manifest.led]).all()
+        assert camera.controls.read("exposure_us") == 4000
+
+
 def test_a_sensor_that_comes_back_just_when_it_is_closed_is_dark(bench: Bench, bundle: Bundle) -> None:
     bench.plug("1-2", "GL0001")
     camera = bench.open("auto", bundle)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import InputError
+from gellight.base.errors import InputError, printable
 from gellight.bundle.bundle import REPORT, Bundle, Description, load_bundle, write_bundle
 from gellight.bundle.limits import Limits
 from gellight.frame_path.pipeline import Reconstructor
@@ -194,7 +194,7 @@ def _example(run: CalibrationRun, judge: Judge) -> Example:
     checks = sorted(run.folder.state.checks, key=lambda check: check.figures.known_depth_mm)
     press = checks[len(checks) // 2].press(run.folder.path)
     image = read_image(press.image)
-    frame = CameraFrame(image=image, time_s=0.0, sequence=0, source=str(press.image))
+    frame = CameraFrame(image=image, time_s=0.0, sequence=0, source=printable(press.image))
     return Example(image, press, judge.on_gel(press), judge.reconstructor.reconstruct(frame), judge.ball)
 
 

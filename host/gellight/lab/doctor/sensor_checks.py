@@ -8,6 +8,7 @@ import numpy as np
 
 from gellight.base.errors import GellightError
 from gellight.frames.camera import Camera
+from gellight.frames.jpeg import CorruptPictureError
 from gellight.lab.doctor.shutter_meter import ShutterEstimate, measure_shutter
 from gellight.ring.heat import hot_text, ring_temperature_c
 from gellight.ring.light_ring import LightRing
@@ -15,7 +16,6 @@ from gellight.sensor.connection import Surroundings
 from gellight.sensor.discovery import Sensor
 from gellight.sensor.findings import Finding, Level, failure, judged, ok, problem, warning
 from gellight.sensor.v4l2.decoding import decode
-from gellight.sensor.v4l2.errors import CorruptPictureError
 from gellight.sensor.v4l2.stamps import StampMeaning, cadence
 from gellight.sensor.v4l2.stream import Picture
 from gellight.sensor.v4l2.video_camera import V4l2Camera

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.errors import printable
 from gellight.base.writing import write_file
 from gellight.frames.frames import Contact, TactileFrame
 
@@ -134,7 +135,7 @@ def _paper(height: int, width: int) -> Picture:
 
 
 def _write(picture: Picture, text: str, place: tuple[int, int], colour: tuple[int, int, int], size: float) -> None:
-    cv2.putText(picture, text, place, _FONT, size, colour, 1, cv2.LINE_AA)
+    cv2.putText(picture, printable(text), place, _FONT, size, colour, 1, cv2.LINE_AA)
 
 
 def _draw_scale(sheet: Picture, pixel_mm: float, width_px: int) -> None:

@@ -29,10 +29,6 @@ class DeniedError(CameraError):
     """The user may not open the camera."""
 
 
-class CorruptPictureError(ValueError):
-    """A picture is not whole, and why; it is counted, and the next one is taken."""
-
-
 @contextmanager
 def explaining(path: str, doing: str) -> Iterator[None]:
     """Raise an OSError of the kernel as the error of this module that names the remedy."""

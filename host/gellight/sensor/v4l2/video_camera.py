@@ -8,12 +8,13 @@ import numpy as np
 from gellight.base.errors import CameraError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, EncodedImage
+from gellight.frames.jpeg import CorruptPictureError
 from gellight.frames.status import CameraStatus
 from gellight.frames.timing import CameraTiming
 from gellight.sensor.v4l2.controls import V4l2Controls
 from gellight.sensor.v4l2.decoding import decode
 from gellight.sensor.v4l2.device import Device
-from gellight.sensor.v4l2.errors import CorruptPictureError, StalledError
+from gellight.sensor.v4l2.errors import StalledError
 from gellight.sensor.v4l2.formats import Offer
 from gellight.sensor.v4l2.kernel import LINUX, Kernel
 from gellight.sensor.v4l2.options import CaptureOptions

@@ -115,7 +115,7 @@ def test_an_episode_has_thirty_steps(make: Any) -> None:
 
 
 def test_nothing_is_moved_out_of_reach() -> None:
-    press, peg = PressAndTell(("BALL", "TSTEP"), ("wrench",), sensor=COARSE), InsertPeg(("wrench",), sensor=NARROW)
+    press, peg = PressAndTell(("BALL", "TSTEP"), ("wrench",), sensor=COARSE), InsertPeg(("wrench",), sensor=COARSE)
     press.reset(seed=1)
     assert [press.step(0)[4]["place_mm"][0] for _ in range(7)][-1] == 8.0
     peg.reset(seed=1)

@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gellight.sensor.v4l2.decoding import decode_jpeg, layout_of
-from gellight.sensor.v4l2.errors import CorruptPictureError
+from gellight.frames.jpeg import CorruptPictureError, decode_jpeg, layout_of
 from tests.helpers.v4l2_pictures import SAMPLINGS, coded_jpeg, jpeg, scene
 
 SHAPE = (240, 320)
@@ -30,6 +29,20 @@ def accepted(data: bytes) -> bool:
 
 
 # ---- whole ones ----
+
+
+@pytest.mark.parametrize("sampling", SAMPLINGS)
+@pytest.mark.parametrize("restart", [0, 4])
+@pytest.mark.parametrize("own_tables", [0, 1])
+def test_a_grey_gel_under_white_light_is_decoded(sampling: str, restart: int, own_tables: int) -> None:
+    """Its last blocks may be exactly at the mid-grey that blocks without data have."""
+    slope = 0.02 * np.indices(SHAPE)[::, ::-1, ::-1].sum(axis=0)
+    for level in np.arange(126.0, 131.0, 0.5):
+        grey = level + slope + np.random.default_rng(0).normal(0, 1, SHAPE)
+        image = np.repeat(np.rint(grey).astype(np.uint8)[..., None], 3, axis=2)
+        options = [cv2.IMWRITE_JPEG_QUALITY, 50, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, SAMPLINGS[sampling],
+                   cv2.IMWRITE_JPEG_RST_INTERVAL, restart, cv2.IMWRITE_JPEG_OPTIMIZE, own_tables]  # fmt: skip
+        assert accepted(cv2.imencode(".jpg", image, options)[1].tobytes()), level
 
 
 @pytest.mark.parametrize(("sampling", "restart"), KINDS)

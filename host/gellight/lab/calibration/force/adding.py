@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from gellight.base.errors import InputError
+from gellight.base.errors import InputError, printable
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.lab.calibration.force.fit import chosen_layer, fit_force, left_out_share
 from gellight.lab.calibration.force.indented import Felt, felt_in_images, felt_in_recording
@@ -42,7 +42,7 @@ def measure_force(
         poisson_ratio=layer.poisson_ratio,
         **asdict(fit),
         lag_s=round(felt.lag_s, 3),
-        source=forces.name,
+        source=printable(forces.name),
         created=datetime.now(UTC).replace(microsecond=0),
     )
     return with_sides(record, readings, bundle)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gellight.base.errors import InputError
+from gellight.base.errors import InputError, printable
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
@@ -98,7 +98,7 @@ def add_lens(bundle: Bundle, fit: LensFit, images: Sequence[Path], out: Path, *,
         **lens,
         learnt_from_circles="presses.npz" in bundle.files,  # the labels of presses are circles
         pitch_mm=fit.pitch_mm,
-        images=tuple(path.name for path in images),
+        images=tuple(printable(path.name) for path in images),
         pins=fit.pins,
         rms_before_px=fit.rms_before_px,
         rms_after_px=fit.rms_after_px,

@@ -184,7 +184,7 @@ def write_presses(path: Path, detections: Sequence[Detection]) -> None:
     writer.writerows({**one.record(), "image": os.path.relpath(one.image, path.parent)} for one in detections)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_file(path, text.getvalue().encode())
+        write_file(path, text.getvalue().encode(errors="surrogateescape"))
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error.strerror or error}): choose another place") from error
 
