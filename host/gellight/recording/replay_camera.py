@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.allowed import query_of
 from gellight.base.errors import CameraError, InputError
+from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
 from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
@@ -40,6 +41,8 @@ class ReplayUrl(BaseModel):
 
 class ReplayCamera(Camera):
     """Gives the frames of a recording; they carry their bundle, so `calibration = auto` finds it."""
+
+    bundle: Bundle
 
     def __init__(self, recording: Recording, *, url: str, chosen: ReplayUrl) -> None:
         """Begin where `chosen` says; InputError where nothing is recorded so late."""
