@@ -94,7 +94,7 @@ def _peaks(dark: NDArray[np.float32], diameter_px: float, least: float) -> tuple
     if len(places):
         pairs = cKDTree(places).query_pairs(0.6 * diameter_px, output_type="ndarray")
         alone[pairs.max(axis=1)] = False  # beside a darker one it is the same spot
-    return places[alone], smooth[rows, columns][alone]
+    return places[alone], np.asarray(smooth[rows, columns][alone], np.float32)
 
 
 def _middles(dark: NDArray[np.float32], places: Floats, diameter_px: float) -> tuple[Floats, NDArray[np.bool_]]:
