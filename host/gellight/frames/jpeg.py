@@ -169,7 +169,8 @@ def _continuous(data: bytes, layout: Layout) -> Image:
         taller = _opened(layout.taller(data), _SMALL, why="a JPEG that breaks off")
         _, _, far, farther = _middles(taller, below, layout, scale=_SMALL_SCALE)
         image = _opened(data)
-        short = _unfilled(image, below[:1], layout).all() and _is_zeros(_opened(layout.taller(data)), below, layout)
+        short = bool(_unfilled(image, below[:1], layout).all())
+        short = short and _is_zeros(_opened(layout.taller(data)), below, layout)
     if short:
         raise CorruptPictureError("a JPEG that breaks off")
     if (far != farther).any():
