@@ -47,7 +47,7 @@ pytest: $(VENV)/.test | browser
 	$(BIN)/pytest --numprocesses $(JOBS) --durations 20 $(ARGS)
 
 nightly: $(VENV)/.dev | browser tools
-	$(BIN)/pytest -m nightly --numprocesses 3 --durations 20 $(ARGS)
+	$(BIN)/pytest -m nightly --numprocesses $(if $(filter 0,$(JOBS)),0,3) --durations 20 $(ARGS)
 
 bench: $(VENV)/.test
 	$(BIN)/python -m tests.benchmarks.frame_times --press $(REAL)/press.png --untouched $(REAL)/untouched.png $(ARGS)

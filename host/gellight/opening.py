@@ -68,7 +68,7 @@ def _opened(
         return _adopted(open_opencv(text), bundle)
     if "://" in text:
         raise CameraError(f"no camera speaks {text.split('://')[0]}:// (in {text!r}): {KINDS}")
-    return _adopted(ImageCamera(image_files(text), url=text), bundle)
+    return _adopted(ImageCamera(image_files(text), url=text, live=True), bundle)
 
 
 def _adopted(camera: Camera, bundle: Bundle | ChooseBundle | None) -> Camera:

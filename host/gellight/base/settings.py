@@ -4,6 +4,7 @@ Each source is checked by itself before it is merged, so a mistake is reported w
 where a stronger source would have hidden it. An unknown key is an error.
 """
 
+import difflib
 import inspect
 import json
 import os
@@ -320,11 +321,11 @@ def _file_layer(path: Path) -> Layer:
 
 def _environment_layers() -> Iterator[Layer]:
     for variable, text in sorted(os.environ.items()):
-        for section in SECTIONS:
-            start = f"{PREFIX}{section}_".upper()
-            if variable.upper().startswith(start):
-                values = {section: {variable[len(start) :].lower(): text}}
-                yield _checked(f"environment variable {variable}", values, Settings.model_validate_strings)
+        section, _, key = variable.lower().removeprefix(PREFIX.lower()).partition("_")
+        # What resembles no section, as the GELLIGHT_NO_SKIPS of the tests, is for another program.
+        if variable.upper().startswith(PREFIX) and difflib.get_close_matches(section, SECTIONS):
+            values = {section: {key: text}}
+            yield _checked(f"environment variable {variable}", values, Settings.model_validate_strings)
 
 
 def _flag_layers(flags: Mapping[str, object]) -> Iterator[Layer]:

@@ -12,7 +12,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
@@ -49,10 +49,16 @@ def write_folder(target: Path, files: Mapping[str, bytes]) -> None:
         for name, content in files.items():
             _fill(os.open(partial / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), content)
         _flush_folder(partial)
-        if os.path.lexists(target):
+        there = os.path.lexists(target)
+        if not there:
+            try:
+                partial.rename(target)
+            except OSError:
+                there = os.path.lexists(target)  # another one has written it in this moment
+                if not there:
+                    raise
+        if there:
             _exchange(partial, target)
-        else:
-            partial.rename(target)
         _flush_folder(target.parent)
 
 
@@ -99,12 +105,22 @@ def _beside(target: Path) -> Iterator[Path]:
     for old in target.parent.glob(f".{glob.escape(target.name)}.*.partial"):
         with suppress(OSError), _held(old):
             _remove(old)
-    partial = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".partial", dir=target.parent))
-    try:
-        with _held(partial):
+    with ExitStack() as stack:
+        partial = _new_beside(target, stack)
+        try:
             yield partial
-    finally:
-        _remove(partial)
+        finally:
+            _remove(partial)
+
+
+def _new_beside(target: Path, stack: ExitStack) -> Path:
+    """Make and hold a folder; until it is held, another writer may take it for one that a killed process left."""
+    while True:
+        partial = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".partial", dir=target.parent))
+        with suppress(BlockingIOError, FileNotFoundError):
+            stack.enter_context(_held(partial))
+            if partial.exists():
+                return partial
 
 
 @contextmanager

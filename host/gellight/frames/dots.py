@@ -5,8 +5,8 @@ wider than a dot removes it, and what that changed is the dot ("black hat"). Dot
 anew in each picture; what is remembered is how wide and how dark they are, and where they were on the untouched gel, by
 which `dot_following.py` tells one from the other.
 
-Wide dots are looked for and filled in a picture of half the size, which is four times as fast: what is filled in is
-smooth.
+Dots are looked for in a picture at most 640 px wide, and wide ones are filled in one of half the size, or of a quarter
+and so on: what is filled in is smooth.
 """
 
 from typing import Annotated, Any
@@ -23,7 +23,9 @@ from gellight.frames.shear import MOST_DOTS
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 _HALVED_PX = 8.0
-"""from this diameter on half of the resolution is enough"""
+"""from this diameter on half of the resolution is enough, of four times that on a quarter"""
+_SEARCHED_PX = 640
+"""width at which dots are looked for, whatever the camera's mode"""
 _DISCS_PX = (7, 11, 17, 25, 37)
 _LEAST_GREY = 10.0
 _MEAN = np.full((1, 3), 1 / 3, np.float32)
@@ -71,8 +73,11 @@ class Dots(BaseModel):
         return np.where(mask[..., None], _smoothed(image, mask, self.diameter_px), image)
 
     def _small(self, image: NDArray[Any]) -> NDArray[Any]:
-        half = image.shape[1] // 2, image.shape[0] // 2
-        return cv2.resize(image, half, interpolation=cv2.INTER_AREA) if self.diameter_px >= _HALVED_PX else image
+        if self.diameter_px < _HALVED_PX:
+            return image
+        shrink = max(2, 2 ** int(np.log2(self.diameter_px / _HALVED_PX)))
+        small = image.shape[1] // shrink, image.shape[0] // shrink
+        return cv2.resize(image, small, interpolation=cv2.INTER_AREA)
 
     def _marked(self, image: NDArray[Any], diameter_px: float) -> Bools:
         spots, sizes = _spots(_black_hat(image, round(2 * diameter_px) | 1), self.darker_grey)
@@ -103,12 +108,16 @@ def find_dots(untouched: NDArray[np.uint8] | Floats) -> Dots | None:
 
     Dots are at least 9 round dark spots of about one size, at least 10 grey levels darker than the gel.
     """
+    wider = max(1.0, untouched.shape[1] / _SEARCHED_PX)
+    height, width = (round(size / wider) for size in untouched.shape[:2])
+    small = cv2.resize(untouched, (width, height), interpolation=cv2.INTER_AREA) if wider > 1 else untouched
     for side in _DISCS_PX:
-        if side > min(untouched.shape[:2]) // 3:
+        if side > min(height, width) // 3:
             break
-        found = _dots(_black_hat(untouched, side), side)
+        found = _dots(_black_hat(small, side), side)
         if found is not None:
-            return _with_places(found, untouched)
+            wide = found.model_copy(update={"diameter_px": round(found.diameter_px * wider, 2)})
+            return _with_places(wide, untouched)
     return None
 
 

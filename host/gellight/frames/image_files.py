@@ -29,15 +29,19 @@ KINDS = (
 
 
 class ImageCamera(Camera):
-    """Deliver image files, each once and in the given order, as the frames of a camera."""
+    """Deliver image files, each once and in the given order, as the frames of a camera.
+
+    `live`: a picture is of the moment in which it is read, as of a camera that runs. Otherwise time does not go on, so
+    that each picture stands for itself.
+    """
 
     waits = True
 
-    def __init__(self, paths: Sequence[Path], *, url: str | None = None) -> None:
+    def __init__(self, paths: Sequence[Path], *, url: str | None = None, live: bool = False) -> None:
         """Open the files; the first one is read to learn the size, the others when their turn comes."""
         if not paths:
             raise CameraError(f"no images: {KINDS}")
-        self._paths = tuple(paths)
+        self._paths, self._live = tuple(paths), live
         self.url = printable(paths[0] if url is None else url)
         height, width, _ = read_image(self._paths[0]).shape
         self.image_shape = (height, width)
@@ -58,7 +62,8 @@ class ImageCamera(Camera):
                 f"{path} is {_size(image.shape)}, {self._paths[0].name} is {_size(self.image_shape)}: "
                 "put images of one size together"
             )
-        return CameraFrame(image=image, time_s=time.monotonic(), sequence=sequence, source=printable(path))
+        time_s = time.monotonic() if self._live else 0.0
+        return CameraFrame(image=image, time_s=time_s, sequence=sequence, source=printable(path))
 
     def close(self) -> None:
         """End the delivery."""

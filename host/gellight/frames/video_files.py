@@ -28,20 +28,23 @@ class _Video:
 
     def _begin(self) -> None:
         self._capture: Any = cv2.VideoCapture(str(self._path))
-        self._next = 0
+        self._next, self._shown = 0, -1
         self._last: NDArray[np.uint8] | None = None
         if not self._capture.isOpened():
             raise InputError(f"{self._path} is no video that can be decoded: convert it, for example to .mp4 or .avi")
 
     def picture(self, number: int) -> NDArray[np.uint8]:
         """Return picture `number`, (H, W, 3) RGB; InputError where the video is shorter."""
-        if number < self._next - 1:
+        if number == self._shown and self._last is not None:
+            return self._last
+        if number < self._next:
             self._begin()
         while self._next <= number:
             if not (self._capture.grab() if self._next < number else self._decode()):
                 raise InputError(f"{self._path} ends after {self._next} pictures: number {number} is not there")
             self._next += 1
         assert self._last is not None
+        self._shown = number
         return self._last
 
     def _decode(self) -> bool:

@@ -18,6 +18,7 @@ from gellight.base.errors import InputError
 Array = NDArray[np.float64]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Pixels = Annotated[int, Field(ge=2, le=16384)]
+_MOST_FINER = 4
 Row = tuple[Number, Number, Number]
 
 
@@ -106,15 +107,23 @@ class View(BaseModel):
                 f"{name} is {image.shape[1]} x {image.shape[0]} px, the view is of pictures of {self.taken_width_px} x "
                 f"{self.taken_height_px} px: use the camera mode that the view was made with"
             )
-        matrix = np.array(self.homography)
-        # Where the view is coarser than the picture, noise and texture between its pixels would show as patterns.
-        coarser = float(np.sqrt(1 / max(abs(np.linalg.det(matrix[:2, :2])), 1e-12)))
-        if coarser > 1.5:
-            image = np.asarray(cv2.GaussianBlur(image, (0, 0), 0.35 * coarser), np.uint8)
+        # Where the view is coarser than the picture, noise and texture between its pixels would show as patterns: it is
+        # taken finer, and each of its pixels is the mean of some.
+        finer, size = self._finer, (self.width_px, self.height_px)
+        scaled = np.array([[finer, 0, (finer - 1) / 2], [0, finer, (finer - 1) / 2], [0, 0, 1]])
         warped = cv2.warpPerspective(
-            image, matrix, (self.width_px, self.height_px), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
-        return np.asarray(warped, np.uint8)
+            image, scaled @ np.array(self.homography), (finer * size[0], finer * size[1]),
+            flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE,
+        )  # fmt: skip
+        return np.asarray(warped if finer == 1 else cv2.resize(warped, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+    @property
+    def _finer(self) -> int:
+        """By how much its coarsest pixel is coarser than those of the picture, at most `_MOST_FINER`."""
+        ends = np.array([(x, y) for y in (0, self.height_px - 1) for x in (0, self.width_px - 1)], np.float64)
+        around = (ends + np.array([[[0, 0]], [[1, 0]], [[0, 1]]])).reshape(-1, 1, 2)
+        taken = cv2.perspectiveTransform(around, np.linalg.inv(np.array(self.homography))).reshape(3, -1, 2)
+        return int(np.clip(np.rint(np.hypot(*(taken[1:] - taken[0]).T).max()), 1, _MOST_FINER))
 
 
 def read_view(path: Path) -> View:

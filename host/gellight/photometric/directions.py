@@ -108,7 +108,11 @@ class LightDirections:
         except (*UNZIPPING, KeyError) as error:
             raise InputError(f"{source} holds no lights ({first_line(error)}): {_REMEDY}") from error
         vectors, untouched = given["vectors"], given["untouched"]
-        right = vectors.shape == (len(untouched), 3, 3) and untouched.ndim == 3 and len(untouched) >= LEAST_LIGHTS
+        numbers = all(array.dtype.kind in "fiu" and np.isfinite(array).all() for array in (*given.values(), groups))
+        sized = untouched.ndim == 3 and untouched.size and len(untouched) >= LEAST_LIGHTS
+        right = numbers and sized and vectors.shape == (len(untouched), 3, 3)
+        right = right and all(given[name].ndim == 0 and given[name] > 0 for name in ("noise_grey", "pixel_size_mm"))
+        right = right and groups.ndim == 3 and groups.shape[2] == 3
         if not right or (len(groups) and len(lights_of(groups)) != len(untouched)):
             raise InputError(f"{source} holds no lights of one sensor: {_REMEDY}")
         return cls(

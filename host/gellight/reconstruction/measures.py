@@ -14,6 +14,7 @@ from gellight.reconstruction.error_bounds import read_errors
 from gellight.reconstruction.force_file import read_force
 from gellight.reconstruction.lens.lens_file import has_lens, lens_of, read_record, read_undistortion
 from gellight.reconstruction.lens.model import middle_px
+from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.shear.felt import Gel, felt_shear, motion
 
 PRESSES = "presses.npz"
@@ -107,11 +108,16 @@ class BundleMeasures:
 
     def _over_gel(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Return a picture and the reference without the lens, where the bundle has one."""
+        return self._lens.picture(image) if self._lens else image, self._reference
+
+    @cached_property
+    def _lens(self) -> Undistortion | None:
+        return read_undistortion(self._bundle) if has_lens(self._bundle) else None
+
+    @cached_property
+    def _reference(self) -> NDArray[np.float32]:
         reference = self._bundle.reference
-        if not has_lens(self._bundle):
-            return image, reference
-        lens = read_undistortion(self._bundle)
-        return lens.picture(image), lens.picture(reference)
+        return self._lens.picture(reference) if self._lens else reference
 
     def error_bounds(
         self, gradient_map: NDArray[np.float32], depth_mm: NDArray[np.float32], touched: NDArray[np.bool_]
@@ -125,6 +131,6 @@ class BundleMeasures:
         if not self.from_network or PRESSES not in self._bundle.files:
             return None
         learnt = Learnt.of_rows(self._bundle.presses()["rows"], self._bundle.image_shape)
-        if not has_lens(self._bundle):
+        if self._lens is None:
             return learnt
-        return replace(learnt, near=read_undistortion(self._bundle).picture(learnt.near.view(np.uint8)).view(np.bool_))
+        return replace(learnt, near=self._lens.picture(learnt.near.view(np.uint8)).view(np.bool_))

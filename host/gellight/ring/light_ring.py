@@ -247,11 +247,8 @@ class LightRing(BoardLink):
         with self._lighting:
             if colours is None:
                 self.blank()
-            elif len(colours) != self.led_count:
-                raise BoardError(
-                    f"the board drives {self.led_count} LEDs, this light has {len(colours)}: calibrate with this ring, "
-                    "or give the board its number of LEDs with `gellight ring configure --leds`"
-                )
+            else:
+                self._check_count(colours)
             reply = self.set_leds(np.zeros((self.led_count, 3), np.uint8) if colours is None else colours)
             if colours is not None and reply.scale != protocol.FULL_SCALE:
                 self._refuse_scaled(reply.scale)
@@ -288,6 +285,13 @@ class LightRing(BoardLink):
             "was asked for: dim it, or raise the limit with an external supply"
         )
 
+    def _check_count(self, colours: NDArray[np.uint8]) -> None:
+        if len(colours) != self.led_count:
+            raise BoardError(
+                f"the board drives {self.led_count} LEDs, this light has {len(colours)}: calibrate with this ring, "
+                "or give the board its number of LEDs with `gellight ring configure --leds`"
+            )
+
     def blank(self) -> None:
         """End a sequence and make the LEDs dark."""
         with self._lighting:
@@ -296,7 +300,12 @@ class LightRing(BoardLink):
             self._dark = None
 
     def load_sequence(self, groups: Sequence[NDArray[np.uint8]], steps: Sequence[Step], *, loops: int = 0) -> None:
-        """Stage groups, each (n, 3) uint8 RGB, and steps, and commit them; `loops` 0: endless."""
+        """Stage groups, each (n, 3) uint8 RGB, and steps, and commit them; `loops` 0: endless.
+
+        BoardError for groups of another number of LEDs than the board has, or where it refuses them.
+        """
+        for colours in groups:
+            self._check_count(colours)
         table = [colour_bytes(colours, self.led_count) for colours in groups]
         table += [bytes(3 * self.led_count)] * (protocol.GROUP_COUNT - len(table))
         for index, staged in enumerate(table):

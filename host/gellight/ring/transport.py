@@ -146,7 +146,10 @@ class UsbTransport:
         self._detached: list[int] = []
         """interfaces that a driver of the kernel had, and gets back"""
         devices = [device for device in usb.core.find(find_all=True, backend=backend) or [] if self._is_board(device)]
-        chosen = [device for device in devices if which in ("", device.serial_number, device.product)]
+        try:
+            chosen = [device for device in devices if not which or which in (device.serial_number, device.product)]
+        except (usb.core.USBError, ValueError) as error:
+            raise self._unusable(error) from error
         if len(chosen) != 1:
             raise BoardError(f"{len(chosen)} of {len(devices)} connected boards are {url}: check cable and number")
         self._device = chosen[0]
@@ -154,9 +157,10 @@ class UsbTransport:
             self._claim()
         except usb.core.USBError as error:
             self._release()
-            raise BoardError(
-                f"cannot use {url} ({first_line(error)}): install the udev rule or use serial://"
-            ) from error
+            raise self._unusable(error) from error
+
+    def _unusable(self, error: Exception) -> BoardError:
+        return BoardError(f"cannot use {self.url} ({first_line(error)}): install the udev rule or use serial://")
 
     def _is_board(self, device: Any) -> bool:
         """Ask for its product string where the numbers do not tell; a device that may not be read is another one."""

@@ -31,6 +31,8 @@ class UsbDevice:
     serial: str
     """empty where it has none"""
     name: str
+    """manufacturer and product string"""
+    product_name: str
     speed_mbps: float
     parent: str
     """port of the hub it hangs at; usb1 and the like is the root hub of a bus"""
@@ -180,15 +182,16 @@ class Discovery:
 
 def discover(*, sysfs: Path = SYSFS, dev: Path = DEV) -> Discovery:
     """Look at everything that is plugged in now."""
-    cameras = tuple(_cameras(sysfs, dev))
-    rings = tuple(_rings(sysfs, dev))
+    cameras = tuple(_told_apart(list(_cameras(sysfs, dev)), dev / "v4l"))
+    rings = tuple(_told_apart(list(_rings(sysfs, dev)), dev / "serial"))
     sensors, ambiguities = _paired(cameras, rings)
     paired = {node.path for sensor in sensors for node in sensor.nodes}
+    alone = tuple(node for node in cameras if node.path not in paired)
     return Discovery(
         sensors=sensors,
-        cameras=tuple(node for node in cameras if node.path not in paired),
+        cameras=alone,
         rings=tuple(node for node in rings if node.path not in paired),
-        ambiguities=(*ambiguities, *_shared_serials(sensors)),
+        ambiguities=(*ambiguities, *_shared_serials(sensors), *_shared_by_cameras(alone)),
     )
 
 
@@ -230,6 +233,32 @@ def _shared_serials(sensors: tuple[Sensor, ...]) -> Iterator[str]:
             yield f"{count} sensors have the serial number {serial}: tell them apart as {_either(alike, by_port=True)}"
 
 
+def _shared_by_cameras(cameras: tuple[Node, ...]) -> Iterator[str]:
+    for (*_, serial), count in Counter(map(_identity, cameras)).items():
+        if serial and count > 1:
+            alike = " or ".join(f"v4l2://{node.stable}" for node in cameras if _identity(node)[-1] == serial)
+            yield f"{count} cameras have the serial number {serial}: tell them apart by their ports, as {alike}"
+
+
+def _identity(node: Node) -> tuple[int, int, str]:
+    """Vendor, product and serial number, of which udev makes the link by-id."""
+    return (node.usb.vendor, node.usb.product, node.usb.serial) if node.usb else (0, 0, "")
+
+
+def _told_apart(nodes: list[Node], links: Path) -> Iterator[Node]:
+    """Yield the nodes; a link by-id that several claim is of the one that was plugged in last, so they go by port."""
+    counts = Counter(_identity(node) for node in nodes)
+    for node in nodes:
+        alone = counts[_identity(node)] == 1 or not (node.usb and node.usb.serial)
+        yield node if alone else replace(node, stable=_stable(Path(node.path), links, "by-path"))
+
+
+def _stable(path: Path, links: Path, *kinds: str) -> str:
+    """Return the first link of these kinds to a node, or else the node."""
+    found = (link for kind in kinds for link in sorted((links / kind).glob("*")))
+    return str(next((link for link in found if link.resolve() == path.resolve()), path))
+
+
 def _same_kind(one: Sensor, other: Sensor) -> bool:
     """Whether both have the same vendor and product; what is not on USB is alike if its node is."""
     a, b = one.camera.usb, other.camera.usb
@@ -255,7 +284,7 @@ def _cameras(sysfs: Path, dev: Path) -> Iterator[Node]:
 def _rings(sysfs: Path, dev: Path) -> Iterator[Node]:
     for entry in _class(sysfs, "tty", "ttyACM"):
         node = _node(entry, dev, dev / "serial", name="")
-        if node.usb and is_board(node.usb.vendor, node.usb.product, node.usb.name):
+        if node.usb and is_board(node.usb.vendor, node.usb.product, node.usb.product_name):
             yield node
 
 
@@ -266,9 +295,8 @@ def _class(sysfs: Path, name: str, prefix: str) -> list[Path]:
 
 def _node(entry: Path, dev: Path, links: Path, *, name: str) -> Node:
     usb, path = _usb_device(entry.resolve()), dev / entry.name
-    found = (link for kind in ("by-id", "by-path") for link in sorted((links / kind).glob("*")))
-    stable = next((link for link in found if link.resolve() == path.resolve()), path)
-    return Node(path=str(path), stable=str(stable), name=name or (usb.name if usb else ""), usb=usb)
+    stable = _stable(path, links, "by-id", "by-path")
+    return Node(path=str(path), stable=stable, name=name or (usb.name if usb else ""), usb=usb)
 
 
 def _usb_device(place: Path) -> UsbDevice | None:
@@ -280,6 +308,7 @@ def _usb_device(place: Path) -> UsbDevice | None:
                 vendor=int(attribute(folder / "idVendor") or "0", 16),
                 product=int(attribute(folder / "idProduct") or "0", 16),
                 serial=attribute(folder / "serial"),
+                product_name=attribute(folder / "product"),
                 name=" ".join(filter(None, (attribute(folder / "manufacturer"), attribute(folder / "product")))),
                 speed_mbps=float(attribute(folder / "speed") or 0),
                 parent=folder.parent.name,

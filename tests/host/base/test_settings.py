@@ -78,6 +78,15 @@ def test_environment_variables_are_read_as_what_the_key_wants(folders: dict[str,
     assert settings.sensor.calibration == "2024"
 
 
+@pytest.mark.parametrize(
+    ("variable", "said"),
+    [("GELLIGHT_STREEM_LAN", "did you mean stream?"), ("GELLIGHT_SENSOR", "choose one of url")],
+)
+def test_a_misspelt_environment_variable_is_refused(folders: dict[str, Path], variable: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(said)):
+        loaded(environment={variable: "1"}, **folders)
+
+
 def test_a_misspelt_key_names_file_and_the_key_that_was_meant(folders: dict[str, Path]) -> None:
     text = complaint(folders, "[dashboard]\nprot = 8000\n")
     assert text == f"{folders['folder'] / 'gellight.toml'}: unknown key dashboard.prot: did you mean port?"

@@ -3,6 +3,7 @@
 import errno
 import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -202,3 +203,13 @@ def test_what_a_killed_process_left_is_removed_and_what_another_one_writes_is_no
         with whole(tmp_path / "a.h5") as second:
             second.write_bytes(b"second")
         assert first.read_bytes() == b"first"
+
+
+def test_several_write_one_folder_at_once(tmp_path: Path) -> None:
+    def write(number: int) -> None:
+        for _ in range(100):
+            write_folder(tmp_path / "bundle", {"a": b"x" * 100, "b": bytes([number])})
+
+    with ThreadPoolExecutor(3) as pool:
+        list(pool.map(write, range(3)))
+    assert [path.name for path in tmp_path.iterdir()] == ["bundle"]

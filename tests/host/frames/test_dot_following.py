@@ -42,6 +42,19 @@ def test_dots_are_found_and_filled_with_the_gel_around_them() -> None:
     np.testing.assert_array_equal(dots.filled(moved)[~hidden], moved[~hidden])
 
 
+@pytest.mark.parametrize("width", [640, 960, 1600, 3280])
+def test_dots_are_found_at_every_size_of_a_camera(width: int) -> None:
+    untouched = cv2.resize(gel(0.0), (width, width * 3 // 4))
+    printed, scale = untouched.copy(), width / 640
+    for x, y in np.stack(np.meshgrid(np.arange(48, 640, 68), np.arange(36, 480, 68)), axis=-1).reshape(-1, 2):
+        cv2.circle(printed, (round(x * scale), round(y * scale)), round(7 * scale), (40, 40, 40), -1, cv2.LINE_AA)
+    printed = cv2.GaussianBlur(printed, (0, 0), 0.8 * scale)
+    dots = find_dots(printed)
+    assert dots.diameter_px == pytest.approx(14 * scale, rel=0.15)
+    assert len(dots.places_px) == dots.count == 63
+    assert np.abs(dots.filled(printed).astype(float) - untouched).max() < 12
+
+
 def test_a_gel_without_dots_has_none() -> None:
     assert find_dots(gel()) is None
     assert find_dots(load_bundle("synthetic").reference) is None

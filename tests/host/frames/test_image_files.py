@@ -114,6 +114,21 @@ def write_video(path: Path, count: int) -> Path:
     return path
 
 
+def test_what_is_beyond_a_video_does_not_change_what_is_in_it(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "press.avi", 12)
+    pictures = [video / f"press-{number:06}.png" for number in (3, 11, 30)]
+    assert round(float(read_image(pictures[0]).mean()) / 10) == 3
+    with pytest.raises(InputError, match="ends after 12 pictures"):
+        read_image(pictures[2])
+    assert round(float(read_image(pictures[1]).mean()) / 10) == 11
+
+
+def test_pictures_that_are_no_stream_follow_nothing_in_time(tmp_path: Path) -> None:
+    """So a frame path that remembers the frame before begins anew with each."""
+    camera = ImageCamera([write_image(tmp_path / "a.png"), write_image(tmp_path / "b.png")])
+    assert camera.read().time_s == camera.read().time_s
+
+
 def test_a_video_is_read_picture_by_picture_in_order(tmp_path: Path) -> None:
     video = write_video(tmp_path / "press.avi", 12)
     with open_camera(video) as camera:

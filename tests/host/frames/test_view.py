@@ -147,3 +147,16 @@ def test_a_view_file_that_is_none_is_refused(tmp_path: Path) -> None:
         read_view(tmp_path / "other.json")
     with pytest.raises(InputError, match="cannot be opened"):
         read_view(tmp_path / "none.json")
+
+
+def test_a_view_that_is_coarser_shows_no_pattern_however_its_homography_is_scaled() -> None:
+    """Slanted, so that the lower part alone is coarse; and H and H / 4 are one view."""
+    noise = np.random.default_rng(0).integers(0, 256, (240, 320, 3), np.uint8)
+    ends = ((100, 0), (219, 0), (319, 239), (0, 239))
+    slanted = View.of_corners(ends, (240, 320), (60, 80))
+    quarter = tuple(tuple(value / 4 for value in row) for row in slanted.homography)
+    same = slanted.model_copy(update={"homography": quarter})
+    np.testing.assert_array_equal(slanted.of(noise, "it"), same.of(noise, "it"))
+    assert slanted.of(noise, "it")[-10:].std() < 0.4 * noise.std()
+    stripes = np.broadcast_to(255 * (np.arange(320) // 2 % 2)[:, None], (240, 320, 3)).astype(np.uint8)
+    assert slanted.of(stripes, "it")[-10:, 5:-5].std() < 25

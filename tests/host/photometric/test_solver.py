@@ -6,6 +6,9 @@ from math import radians
 import numpy as np
 import pytest
 
+from gellight.base.errors import InputError
+from gellight.bundle.contents import npz
+from gellight.photometric.directions import LightDirections
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.photometric.solver import (
     Points,
@@ -229,3 +232,22 @@ def test_the_frame_path_is_single_precision_throughout() -> None:
     rows = light_rows(points, references, RING)
     scaled, _ = solve_robustly(references, rows, np.ones(references.shape, bool), np.ones(12, np.float32))
     assert rows.dtype == scaled.dtype == slopes(scaled).dtype == np.float32
+
+
+@pytest.mark.parametrize(
+    ("name", "array"),
+    [
+        ("noise_grey", np.ones(2)),
+        ("pixel_size_mm", np.array("x")),
+        ("pixel_size_mm", np.array(-1.0)),
+        ("groups", np.ones(4, np.uint8)),
+        ("untouched", np.full((4, 8, 8), np.nan, np.float32)),
+        ("untouched", np.zeros((4, 0, 8), np.float32)),
+    ],
+)
+def test_a_file_of_lights_with_anything_amiss_is_refused(name: str, array: np.ndarray) -> None:
+    pictures = {"vectors": np.ones((4, 3, 3)), "untouched": np.full((4, 8, 8), 100.0, np.float32)}
+    sound = {**pictures, "noise_grey": np.ones(()), "pixel_size_mm": np.ones(()), "groups": np.zeros((0, 0, 3))}
+    assert LightDirections.of_content(npz(sound), "file.npz").noise_grey == 1
+    with pytest.raises(InputError, match=r"file\.npz holds no lights"):
+        LightDirections.of_content(npz({**sound, name: array}), "file.npz")

@@ -11,9 +11,10 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.measures import CLIPPED, DARK, ELSEWHERE, STEEP, STRANGE
 from gellight.lab.simulator.scene import Press, Scene
+from gellight.reconstruction import measures
 from gellight.reconstruction.confidence import Learnt, confidence_of, steepest_of
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.lens.lens_file import lens_of, read_record
+from gellight.reconstruction.lens.lens_file import lens_of, read_record, read_undistortion
 from gellight.reconstruction.measures import BundleMeasures
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
@@ -118,7 +119,9 @@ def test_pins_throw_shadows_and_there_the_normals_are_worse() -> None:
     assert error[found.value < 0.5].mean() > 1.5 * error[believed & (slope > 1)].mean()
 
 
-def test_the_pixels_of_the_picture_are_carried_through_the_lens(tmp_path: Path) -> None:
+def test_the_pixels_of_the_picture_are_carried_through_the_lens(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A clipped corner of the picture is doubted where the undistorted maps have it."""
     bundle = load_bundle("synthetic")
     height, width = bundle.image_shape
@@ -131,6 +134,8 @@ def test_the_pixels_of_the_picture_are_carried_through_the_lens(tmp_path: Path) 
     image = bundle.reference.astype(np.uint8)
     image[100:110, 100:110] = 255
     flat = np.zeros((height, width, 2), np.float32)
+    lenses = []
+    monkeypatch.setattr(measures, "read_undistortion", lambda one: lenses.append(1) or read_undistortion(one))
     straight, moved = (BundleMeasures(one).confidence(image, flat).quality_flags > 0 for one in (bundle, bent))
     places = [np.argwhere(doubted).mean(axis=0)[::-1] for doubted in (straight, moved)]
     assert places[0] == pytest.approx([104.5, 104.5])
@@ -139,6 +144,10 @@ def test_the_pixels_of_the_picture_are_carried_through_the_lens(tmp_path: Path) 
     assert places[1] == pytest.approx(expected, abs=0.6)
     assert np.linalg.norm(expected - places[0]) > 3
     assert straight.sum() == 100
+    judge, lenses[:] = BundleMeasures(bent), []
+    for _ in range(3):
+        judge.confidence(image, flat)
+    assert len(lenses) == 1, "the lens is made ready once, not for every frame"
 
 
 def test_frames_without_measures_have_no_confidence() -> None:

@@ -141,3 +141,24 @@ def test_a_camera_without_a_ring_is_found_by_its_node_and_by_its_link(usb: UsbTr
     assert seen(usb).of_camera(camera).ring is None
     with pytest.raises(UnpluggedError, match="no camera at"):
         seen(usb).of_camera("/dev/video99")
+
+
+@pytest.mark.parametrize(("maker", "product", "rings"), [("Acme", "GelLight ring", 1), ("GelLight fans", "Serial", 0)])
+def test_a_ring_is_told_by_its_product_string_alone(usb: UsbTree, maker: str, product: str, rings: int) -> None:
+    usb.plug("1-2", serial="R1", ids=(0x1234, 0x5678), rings=1)
+    (device,) = usb.root.rglob("idVendor")
+    device.with_name("manufacturer").write_text(maker)
+    device.with_name("product").write_text(product)
+    assert len(seen(usb).rings) == rings
+
+
+def test_cameras_of_one_serial_number_go_by_their_ports(usb: UsbTree) -> None:
+    """Both claim one link by-id, which is of the one that was plugged in last."""
+    ports = usb.dev / "v4l/by-path"
+    ports.mkdir()
+    for port in ("1-1", "1-2"):
+        (node,) = usb.plug(port, serial="SN0001", ids=WEBCAM, cameras=1)
+        (ports / port).symlink_to(node)
+    assert [camera.stable for camera in seen(usb).cameras] == [str(ports / "1-1"), str(ports / "1-2")]
+    (told,) = seen(usb).ambiguities
+    assert told.startswith("2 cameras have the serial number SN0001")

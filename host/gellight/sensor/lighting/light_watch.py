@@ -48,8 +48,12 @@ class LightWatch:
         self._silenced = False
         ring.event_listeners.append(self._note_event)
         ring.ping_listeners.append(self._note_ping)
-        for _ in range(FIRST_PINGS):
-            ring.clock()
+        try:
+            for _ in range(FIRST_PINGS):
+                ring.clock()
+        except BaseException:
+            self.close()
+            raise
 
     def close(self) -> None:
         """Listen no more."""

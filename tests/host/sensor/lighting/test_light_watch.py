@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gellight.base.errors import InputError
+from gellight.base.errors import BoardError, InputError
 from gellight.frames.camera import timing_of
 from gellight.frames.frames import LightLabel, LightState
 from gellight.frames.timing import CameraTiming
@@ -147,3 +147,14 @@ def test_the_exposure_of_the_timing_is_the_one_the_camera_tells() -> None:
     controls.read = lambda name: 50_000.0
     with pytest.raises(InputError, match="exposure of 50 ms is longer than the frame period of 33"):
         timing_of(SimpleNamespace(controls=controls, timing=None))
+
+
+def test_a_ring_that_does_not_answer_keeps_no_listener() -> None:
+    def clock() -> None:
+        raise BoardError("the board did not answer CLOCK")
+
+    ring = SimpleNamespace(event_listeners=[], ping_listeners=[], clock=clock)
+    with pytest.raises(BoardError):
+        LightWatch(ring, CameraTiming())
+    assert not ring.event_listeners
+    assert not ring.ping_listeners

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.base.errors import InputError
+from gellight.base.errors import BoardError, InputError
 from gellight.ring.light_groups import colour_triples, single_leds
+from gellight.ring.light_ring import connect
 from gellight.sensor.lighting.sequence_choice import chosen_groups
 from tests.helpers.virtual_sensor import RING
 
@@ -38,7 +39,7 @@ def test_a_file_names_the_colours_of_every_led(tmp_path: Path) -> None:
         ("{}", "groups: Field required"),
         ('{"groups": []}', "at least 1 item"),
         (json.dumps({"groups": [RED] * 40}), "at most"),
-        (json.dumps({"groups": [RED[:11]]}), r"groups.0: .*at least 12 items"),
+        (json.dumps({"groups": [RED[:11]]}), r"groups.0: 11 colours; .* of 12 colours"),
         (json.dumps({"groups": [["red", *RED[1:]]]}), r"groups.0.0: .*match pattern"),
         (json.dumps({"groups": [RED, DARK]}), "group 1 is dark"),
         (json.dumps({"groups": [RED], "dwell": 3}), "dwell: Extra"),
@@ -56,3 +57,12 @@ def test_a_file_that_holds_no_groups_is_refused_with_the_reason(tmp_path: Path, 
 def test_what_is_neither_a_sequence_nor_a_file_is_refused(name: str) -> None:
     with pytest.raises(InputError, match="neither rgb nor single, nor a file"):
         chosen_groups(name, RING)
+
+
+def test_a_file_holds_a_colour_for_each_led_of_the_ring(tmp_path: Path) -> None:
+    path = tmp_path / "sequence.json"
+    path.write_text(json.dumps({"groups": [["ff0000"] * 8, ["00ff00"] * 8]}))
+    groups = chosen_groups(str(path), np.full((8, 3), 9, np.uint8))
+    assert groups.shape == (2, 8, 3)
+    with connect("sim://?leds=8") as ring, pytest.raises(BoardError, match="drives 8 LEDs, this light has 12"):
+        ring.load_sequence(np.full((2, 12, 3), 9, np.uint8), [])
