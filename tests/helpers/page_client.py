@@ -9,7 +9,7 @@ from typing import Any
 import aiohttp
 from aiohttp import WSMsgType
 
-from gellight.stream.running import own_token
+from gellight.base.runtime_folder import own_token
 from tests.helpers.view_messages import View, decode
 
 FRAME_S = 5.0

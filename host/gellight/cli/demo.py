@@ -41,9 +41,10 @@ def open_browser(url: str) -> None:
     By a file that leads there: everybody may read the arguments of a program, and the token is nobody else's.
     """
     if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        from gellight.stream.running import folder  # not for the help
+        from gellight.base.runtime_folder import folder  # not for the help
 
         place = folder() / "demo.html"
+        place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         place.touch(0o600)
         place.write_text(f'<meta http-equiv="refresh" content="0; url={url}">')
         webbrowser.open(place.as_uri())

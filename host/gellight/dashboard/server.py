@@ -14,12 +14,12 @@ from typing import Self
 from aiohttp import web
 
 from gellight.base.errors import ConfigError, ServerError, first_line
+from gellight.base.runtime_folder import own_token
 from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import is_loopback
 from gellight.dashboard.application import Dashboard
 from gellight.dashboard.scanning import ScanDesk
-from gellight.stream.running import own_token
 
 logger = logging.getLogger(__name__)
 

@@ -9,10 +9,10 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from gellight.base.errors import ConfigError, ServerError
+from gellight.base.runtime_folder import folder, own_token
 from gellight.base.settings import load_settings
 from gellight.dashboard.access import cookie, is_loopback
 from gellight.dashboard.server import DashboardServer
-from gellight.stream.running import folder, own_token
 from tests.helpers.browsing import draw, opening
 from tests.helpers.dashboard_source import FormulaSource
 from tests.helpers.page_client import get, pages

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError, StreamError
+from gellight.base.runtime_folder import folder
 from gellight.stream import subscription
 from gellight.stream.calls import READING, Call
 from gellight.stream.network import key, subscribing_session
 from gellight.stream.publisher import Publisher
-from gellight.stream.running import folder, running
+from gellight.stream.running import running
 from gellight.stream.sensor import Sensor
 from gellight.stream.source import NoFrameError
 from gellight.stream.subscription import subscribe

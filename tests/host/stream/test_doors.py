@@ -13,9 +13,10 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.base.runtime_folder import folder
 from gellight.dashboard.server import DashboardServer
 from gellight.stream.publisher import MOST_WAITING, Publisher
-from gellight.stream.running import folder, running
+from gellight.stream.running import running
 from gellight.stream.subscription import subscribe
 from tests.helpers.dashboard_source import FormulaSource
 from tests.helpers.places import CHECKOUT

@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 
 from gellight.base.errors import InputError, StreamError
 from gellight.base.locking import lock
+from gellight.base.runtime_folder import folder
 from gellight.sensor.v4l2.options import parse_url
 from gellight.stream.calls import read_call
 from gellight.stream.network import close, key, subscribing_session
 from gellight.stream.publisher import Publisher
-from gellight.stream.running import folder, running
+from gellight.stream.running import running
 from gellight.stream.subscription import read_status, subscribe
 from tests.helpers.streamed import bump_daemon
 

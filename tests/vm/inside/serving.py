@@ -8,7 +8,7 @@ import urllib.request
 from collections.abc import Callable
 from typing import Any
 
-from gellight.stream.running import own_token
+from gellight.base.runtime_folder import own_token
 from tests.vm.inside.agent import report
 from tests.vm.inside.sensing import gellight
 
