@@ -1,4 +1,4 @@
-"""The folder of what runs now, this user's alone, and the token of this user's pages in it."""
+"""Where a user's running programs find each other: a folder that belongs to that user alone."""
 
 import os
 import secrets

@@ -44,6 +44,7 @@ def open_browser(url: str) -> None:
         from gellight.base.runtime_folder import folder  # not for the help
 
         place = folder() / "demo.html"
+        place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         place.touch(0o600)
         place.write_text(f'<meta http-equiv="refresh" content="0; url={url}">')
         webbrowser.open(place.as_uri())

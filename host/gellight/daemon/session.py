@@ -300,6 +300,7 @@ class SensorSession:
         Raises TimeoutError, or what ended the run (`EndOfStream`
         when the images are used up).
         """
+        self.go_on_after(-1)
         deadline = time.monotonic() + timeout_s
         number = 0
         while True:

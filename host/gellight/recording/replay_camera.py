@@ -62,7 +62,7 @@ class ReplayCamera(Camera):
     @property
     def bundle_files(self) -> Mapping[str, bytes]:
         """How its pictures are prepared already."""
-        return {name: content for name, content in self.bundle.files.items() if name == PICTURE_STEPS}
+        return {name: content for name, content in self._recording.bundle.files.items() if name == PICTURE_STEPS}
 
     def _begin(self) -> None:
         """Start from the first frame that is wanted."""

@@ -2,7 +2,6 @@
 
     $XDG_RUNTIME_DIR/gellight/<name>.json       who publishes, and where; else in the user's state folder
     $XDG_RUNTIME_DIR/gellight/<process>.starting    who will, as soon as its sensor is open
-    $XDG_RUNTIME_DIR/gellight/page.token     what the pages of this user's daemons ask for
 
 The system gives the lock back when the daemon ends, however it ends: a file that is not locked is of a daemon that is
 gone.

@@ -11,7 +11,7 @@ from gellight.bundle.bundle import load_bundle
 from gellight.daemon.active_pipeline import path_for
 from gellight.daemon.assembly import open_session
 from gellight.daemon.configuration import mode_config
-from gellight.frame_path.pipeline import Reconstructor
+from gellight.frame_path.sequence_path import SequencePath
 from gellight.lab.training.synthetic import ball_presses
 from sim_reference.geometry import SensorGeometry
 from tests.benchmarks.photometric import Bench, object_presses
@@ -71,5 +71,5 @@ def test_the_settings_say_whether_cast_shadows_are_made_good(wanted: bool) -> No
     settings = Settings(reconstruction=ReconstructionSettings(cast_shadows=wanted))
     bundle = load_bundle("synthetic")
     path = path_for(mode_config(bundle, settings), bundle)
-    assert isinstance(path, Reconstructor)
-    assert path.cast_shadows is wanted
+    assert isinstance(path, SequencePath)
+    assert path._network.cast_shadows is wanted

@@ -22,7 +22,7 @@ def felt_frames(recording: Recording, bundle: Bundle | None) -> Iterator[Tactile
     They are those of a replay, with the times of the recording.
     """
     camera = ReplayCamera(recording, url=str(recording.path), chosen=ReplayUrl(speed=0, start=0))
-    shown = prepared(camera, bundle or camera.bundle)
+    shown = prepared(camera, bundle or recording.bundle)
     path: FramePath | None = None
     with suppress(EndOfStream):
         while True:
