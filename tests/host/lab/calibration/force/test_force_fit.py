@@ -58,7 +58,7 @@ def test_what_is_no_record_is_refused(tmp_path: Path, text: str, reason: str) ->
 def test_a_missing_file_and_one_that_is_no_text_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be opened"):
         ForceReadings.read(tmp_path / "none.csv")
-    (tmp_path / "forces.csv").write_bytes(b"image,force_n\n\xff\xfe,1\n")
+    (tmp_path / "forces.csv").write_bytes("image,force_n\na.png,1\n".encode("utf-16"))
     with pytest.raises(InputError, match="not a csv file"):
         ForceReadings.read(tmp_path / "forces.csv")
 
