@@ -7,7 +7,6 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from rattler_build import Stage0Recipe, VariantConfig
 
 from tests.helpers.children import gellight, run
 from tests.helpers.places import CHECKOUT
@@ -47,6 +46,8 @@ OTHERWISE_IN_CONDA = {"opencv-contrib-python-headless": "py-opencv"}
 
 def test_the_conda_recipe_can_be_rendered_and_needs_what_the_project_needs() -> None:
     """By rattler-build's own parser; it is not built, for a build fetches packages."""
+    from rattler_build import Stage0Recipe, VariantConfig
+
     (variant,) = Stage0Recipe.from_file(CHECKOUT / "host/conda/recipe.yaml").render(VariantConfig())
     recipe = variant.recipe.to_dict()
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]

@@ -13,6 +13,7 @@ from tests.helpers.linear_sensor import linear_bundle, tanh_network
 from tests.helpers.places import REAL_CROPS
 
 
+@pytest.mark.nightly
 def test_all_scenes_and_a_real_press_are_timed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """As `make bench` does: the real gel's pictures have another size than the bundle's."""
     linear_bundle(tmp_path / "b", (120, 160), network=tanh_network(8))

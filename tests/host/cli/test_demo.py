@@ -37,9 +37,10 @@ def test_wrong_arguments_are_refused_by_name(arguments: tuple[str, str], words: 
     assert words in refused(invoke("demo", "--no-browser", "--frames", "3", *arguments))
 
 
-def test_pictures_of_another_size_or_without_a_truth_are_refused(tmp_path: Path) -> None:
+def test_pictures_of_another_size_than_the_bundle_or_without_a_truth_are_refused(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "small.png"), np.zeros((120, 160, 3), np.uint8))
-    told = refused(invoke("demo", "--no-browser", "--frames", "3", "--sensor", tmp_path))
+    small = ["--no-browser", "--frames", "3", "--sensor", tmp_path]
+    told = refused(invoke("demo", *small, "--calibration", "synthetic"))
     assert "160x120" in told
     assert "640x480" in told
     assert "only a simulated sensor" in refused(invoke("selfcheck", "--sensor", tmp_path))

@@ -22,6 +22,7 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
+from gellight.lab.calibration.state import discard
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.dotted import sloping_gel, with_dots
 from tests.helpers.linear_sensor import linear_bundle, verified_bundle
@@ -81,6 +82,8 @@ def routines() -> list[SeeingRoutine]:
 @pytest.fixture
 def service(daemon: SensorSession, tmp_path: Path, routines: list[SeeingRoutine]) -> Iterator[Service]:
     def make_routine(request: Request, install: Callable[[Bundle], object]) -> Any:
+        if request.anew:  # as a routine does, once all else was found to be possible
+            discard(tmp_path / "state")
         routines.append(SeeingRoutine(daemon.camera, install))
         return routines[-1]
 

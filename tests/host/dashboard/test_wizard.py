@@ -137,7 +137,7 @@ def test_what_is_wrong_with_a_view_is_told_on_the_page(
     browser: Browser, server: DashboardServer, calibration: Scripted, tmp_path: Path
 ) -> None:
     page = browser.new_page()  # without `opened`: a refusal, 409, stands in the browser's console
-    page.goto(server.base + "calibrate.html")
+    page.goto(f"{server.base}calibrate.html?token={server.token}")
     calibration.refusal = "photo.json is no view (homography: Field required): make it with `gellight calibrate view`"
     (tmp_path / "photo.json").write_text("{}")
     page.get_by_test_id("view").set_input_files(tmp_path / "photo.json")

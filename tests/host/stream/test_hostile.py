@@ -1,9 +1,7 @@
 """Whatever bytes come to a daemon or to its readers: an answer or a refusal, and the frames go on."""
 
 import json
-from collections import deque
 from collections.abc import Iterator
-from itertools import islice
 
 import pytest
 import zenoh
@@ -17,7 +15,7 @@ from gellight.sensor.v4l2.options import parse_url
 from gellight.stream.network import close, key, subscribing_session
 from gellight.stream.publisher import Publisher
 from gellight.stream.running import running
-from gellight.stream.subscription import read_status, subscribe
+from gellight.stream.subscription import read_status
 from tests.helpers.streamed import bump_daemon
 
 json_values = st.recursive(
@@ -67,19 +65,6 @@ def test_a_daemon_answers_any_call_and_lives_on(called: tuple[zenoh.Session, str
     assert (reply.ok is None) != (reply.err is None)
     (status,) = caller.get(key("finger", "call"), payload=b'{"type": "status"}', timeout=20)
     assert json.loads(status.ok.payload.to_bytes())["frames"] >= 0
-
-
-@given(st.binary(max_size=400))
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_a_reader_refuses_what_another_program_publishes(called: tuple[zenoh.Session, str], content: bytes) -> None:
-    """In shared memory or not: whatever is put under the key of the frames reaches every reader."""
-    caller, endpoint = called
-    with subscribe(f"zenoh://{endpoint}/finger", every=True) as frames:
-        frames.next_frame()
-        caller.put(key("finger", "frame"), content)
-        with pytest.raises(StreamError, match="no frame of GelLight"):
-            deque(islice(frames, 100), maxlen=0)
-        assert frames.next_frame().depth_mm.shape == (48, 64)
 
 
 @given(st.binary(max_size=6000))

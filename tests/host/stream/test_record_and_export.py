@@ -278,6 +278,7 @@ def test_a_file_that_exists_is_not_recorded_over(recording: Path) -> None:
     assert recording.read_bytes() == before
 
 
+@pytest.mark.nightly
 def test_the_program_in_the_documents_reads_a_recording(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -7,6 +7,7 @@ import struct
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -86,16 +87,19 @@ def finger() -> Iterator[tuple[zenoh.Session, int]]:
 
 @pytest.fixture(scope="module")
 def heard(finger: tuple[zenoh.Session, int]) -> dict[str, Any]:
-    """The first message of each topic, decoded."""
+    """A message of each topic, decoded; of contacts a later one, for the first knows no velocity."""
     got: dict[str, Any] = {}
+    counts: Counter[str] = Counter()
 
     def note(sample: zenoh.Sample) -> None:
         _, *topic, kind, _ = str(sample.key_expr).split("/")
         definition = DEFINITIONS[kind.replace("::msg::dds_::", "/msg/").rstrip("_")]
-        got.setdefault("/".join(topic), decoded(sample.payload.to_bytes(), definition))
+        got["/".join(topic)] = decoded(sample.payload.to_bytes(), definition)
+        counts["/".join(topic)] += 1
 
     held = finger[0].declare_subscriber("7/**", note)
-    eventually(lambda: got.keys() >= {"diagnostics", *(f"left_finger/{name}" for name in OF_EVERY_FRAME)})
+    wanted = {"diagnostics", *(f"left_finger/{name}" for name in OF_EVERY_FRAME)}
+    eventually(lambda: got.keys() >= wanted and counts["left_finger/contacts"] > 5)
     held.undeclare()
     return got
 

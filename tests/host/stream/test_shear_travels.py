@@ -82,7 +82,7 @@ def test_damaged_dots_of_a_recording_are_named(recorded: Path) -> None:
     record = next(Recording(recorded).frames())
     spoiled = record.info.model_copy(update={"dots": record.info.dots.model_copy(update={"reasons": (0,)})})
     with pytest.raises(InputError, match="the dots of frame 1 are damaged"):
-        replace(record, info=spoiled).dots("x.mcap")
+        replace(record, info=spoiled).camera_frame("x.mcap")
 
 
 def test_the_wrench_is_about_the_middle_of_the_image_with_y_up() -> None:

@@ -81,7 +81,7 @@ def test_a_state_is_taken_up_as_it_was_kept(tmp_path: Path) -> None:
         ("x_mm,y_mm,z_mm,turn_deg\n0,0,0\n", "line 2: turn_deg is None"),
         ("x_mm,y_mm,z_mm,turn_deg\n0,0,nan,0\n", "line 2: z_mm is 'nan'"),
         ("x_mm,y_mm,z_mm,turn_deg\n0,1,0,0,0\n", "line 2: it has more values than columns; write numbers with a point"),
-        ("\xff", "not a csv file"),
+        ("\xff", "has no column x_mm"),
     ],
 )
 def test_a_path_that_is_none_is_refused_with_its_line(text: str, reason: str, tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ def touches() -> list[Felt]:
 
 
 def sensor() -> TouchSensor:
-    return TouchSensor(SMALL, size=64, seed=3)
+    return TouchSensor(SMALL, size=72, extent_mm=72.0, seed=3)
 
 
 def test_an_episode_is_read_from_zarr(touches: list[Felt], tmp_path: Path) -> None:
