@@ -36,15 +36,16 @@ def command(
     """
     from gellight.daemon.active_pipeline import reconstructor_for  # not for the help: a second
     from gellight.daemon.assembly import chosen_bundle
-    from gellight.lab.simulator.selfcheck import check_presses
+    from gellight.lab.simulator.selfcheck import check_presses, refuse_unknown_truth
     from gellight.opening import open_camera
 
     settings = simulated_settings({"sensor.url": sensor, "sensor.calibration": calibration})
     results: list[tuple[str, SelfCheckResult]] = []
-    reconstructor = reconstructor_for(chosen_bundle(settings), settings.reconstruction)
-    if not as_json:
-        print(" ".join(["press".ljust(26), *(title.rjust(12) for _, title, _ in COLUMNS)]))
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
+        refuse_unknown_truth(camera)
+        reconstructor = reconstructor_for(chosen_bundle(settings), settings.reconstruction)
+        if not as_json:
+            print(" ".join(["press".ljust(26), *(title.rjust(12) for _, title, _ in COLUMNS)]))
         for press, result in check_presses(camera, reconstructor):
             results.append((press, result))
             if not as_json:

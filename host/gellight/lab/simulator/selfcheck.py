@@ -47,13 +47,20 @@ def check_presses(camera: Camera, reconstructor: Reconstructor) -> Iterator[tupl
 
     Raises InputError for a sensor into which nothing can be pressed.
     """
+    refuse_unknown_truth(camera)
     judge, stage = camera.selfcheck(reconstructor.bundle.pixel_size_mm), camera.stage
-    if judge is None or stage is None:
-        raise InputError(f"{camera.url} cannot be checked: only a simulated sensor (sim:// without bundle) can be")
+    assert judge is not None
+    assert stage is not None
     for name, depth, x, y in CHECKED_PRESSES:
         stage.press(name, depth, x, y)
         result = judge.compare(reconstructor.reconstruct(camera.read()))
         yield f"{name} {depth:g} mm at ({x:g}, {y:g})", result
+
+
+def refuse_unknown_truth(camera: Camera) -> None:
+    """Raise InputError for a sensor into which nothing can be pressed, or whose truth nobody knows."""
+    if camera.stage is None or camera.selfcheck((1.0, 1.0)) is None:
+        raise InputError(f"{camera.url} cannot be checked: only a simulated sensor (sim:// without bundle) can be")
 
 
 class SelfCheck:

@@ -122,7 +122,7 @@ def test_a_depth_that_shards_cannot_hold_is_said(touches: list[Felt], tmp_path: 
 
 def test_the_pressure_on_the_pixels_carries_the_force(touches: list[Felt]) -> None:
     whole = SensorGeometry(image_width_px=160, image_height_px=160, pixel_size_mm=0.4)
-    frame = next(tactile_frames(TouchSensor(whole, size=64), touches, fps=10))
+    frame = next(tactile_frames(TouchSensor(whole, size=72, extent_mm=72.0), touches, fps=10))
     assert frame.force.pressure_mpa.sum() * 0.4**2 == pytest.approx(touches[0].force_n, rel=0.02)
 
 

@@ -37,10 +37,9 @@ _LARGEST = 3.0
 """radius of the ball in longer sides of the picture"""
 _RIVAL = 0.3
 _PATIENCE = 16
-_MOST_ERROR_OF_ARC, _MOST_ERROR = 0.07, 0.3
+_MOST_ERROR_OF_ARC, _MOST_ERROR = 0.07, 0.4
 """of the ball's radius, of the centre: 4 degrees of slope for an arc; a whole circle of real gels, whose light the
-simpler response explains less, is told to 0.23 at worst, and one that is no circle
-to 0.5 and more"""
+simpler response explains less, is told to 0.33 at worst, and one that is no circle to 0.6 and more"""
 _FAINTEST = 0.05
 """of the strongest place: what is left is dirt"""
 

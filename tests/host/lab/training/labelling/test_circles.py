@@ -266,8 +266,8 @@ def test_the_errors_are_three_times_those_of_least_squares_and_more_where_the_pi
     np.testing.assert_allclose(found, 50**0.5 * exact, rtol=0.2)
 
 
-@pytest.mark.parametrize(("error_px", "accepted"), [(11.9, True), (12.1, False)])
-def test_a_whole_circle_is_known_to_three_tenths_of_the_ball(
+@pytest.mark.parametrize(("error_px", "accepted"), [(15.9, True), (16.1, False)])
+def test_a_whole_circle_is_known_to_four_tenths_of_the_ball(
     error_px: float, accepted: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The ball is 40 px in radius."""
