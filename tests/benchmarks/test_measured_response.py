@@ -1,9 +1,12 @@
 """Calibration on the light of a real sensor, measured by others: neither our light nor our camera has a part in it."""
 
+import pytest
+
 from gellight.lab.training.training import TrainingOptions
 from tests.benchmarks.measured_response import measure
 
 
+@pytest.mark.nightly
 def test_a_calibration_without_a_click_feels_objects_it_never_saw() -> None:
     figures = measure("polycalib", presses=12, options=TrainingOptions(recipe="fast"))
     assert figures["circles_found"] == 12

@@ -112,6 +112,7 @@ def test_a_recording_becomes_one_file_of_arrays(recording: Path, tmp_path: Path,
     )
 
 
+@pytest.mark.nightly
 def test_a_recording_becomes_an_episode_of_lerobot(recording: Path, tmp_path: Path) -> None:
     """LeRobot 0.6.1 itself has read such a folder; here Parquet's own reader does."""
     parquet = pytest.importorskip("pyarrow.parquet")

@@ -24,6 +24,7 @@ class Interrupted(Exception):  # noqa: N818 - what Ctrl-C does
     pass
 
 
+@pytest.mark.nightly
 def test_the_verb_writes_each_pose_and_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
     path, folder = tmp_path / "path.csv", tmp_path / "p"
     path.write_text("x_mm,y_mm,z_mm,turn_deg\n-0.05,0,0,3\n")

@@ -89,6 +89,7 @@ def test_a_force_presses_as_deep_as_it_takes(tmp_path: Path, gel: str) -> None:
     assert 0.3 < report.depth_mm < 0.8
 
 
+@pytest.mark.nightly
 def test_a_free_object_says_how_it_stands_also_after_an_interruption(tmp_path: Path) -> None:
     def interrupt(step: Step) -> None:
         if step.number == 6:

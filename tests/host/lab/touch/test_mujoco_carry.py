@@ -49,6 +49,7 @@ def lifted(
 
 
 @pytest.mark.parametrize(("shape", "mass_kg"), [("ball", 0.002), ("box", 0.02), ("cylinder", 0.1)])
+@pytest.mark.nightly
 def test_a_gripper_lifts_and_holds(shape: str, mass_kg: float) -> None:
     model = gripper(shape, mass_kg)
     carry = carrying(model)

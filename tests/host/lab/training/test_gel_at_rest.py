@@ -93,6 +93,7 @@ def test_on_a_mini_the_corners_are_at_rest() -> None:
 
 @pytest.mark.real_images("digit_ball")
 @pytest.mark.parametrize("measured", [True, False])
+@pytest.mark.nightly
 def test_minutes_of_real_drift_are_no_touch_and_the_zero_follows(tmp_path: Path, measured: bool) -> None:
     """From one picture of the untouched gel to another of the same sensor on another day, by two fifths of the way."""
     reference = read_image(DIGIT / "background_scripts_0000.png").astype(np.float32)
