@@ -86,7 +86,7 @@ class Foreign:
 def test_a_cluster_with_another_gellight_is_told(cluster: Any, tmp_path: Path) -> None:
     options = SweepOptions(store=ResultStore(tmp_path), scheduler=cluster.scheduler_address)
     with pytest.raises(InputError, match="need the GelLight that this program has"):
-        run([Task("0", repr, (Foreign(),))], options)
+        run([Task("0", _slowly, (Foreign(),))], options)
 
 
 def test_a_cluster_that_goes_away_loses_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
