@@ -12,7 +12,7 @@ from packaging.utils import canonicalize_name
 from tests.helpers.places import CHECKOUT
 
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
-FOR_DEVELOPERS = {"dev", "docs", "fuzz"}
+FOR_DEVELOPERS = {"dev", "docs", "fuzz", "test"}
 """extras that no user needs"""
 ALLOWED = {
     "0BSD", "Apache-2.0", "Apache-2.0 WITH LLVM-exception", "BSD", "BSD-2-Clause", "BSD-3-Clause", "BSL-1.0", "CC0-1.0",
