@@ -12,7 +12,7 @@ from gellight.lab.touch.environments.observing import OneGel
 from gellight.lab.touch.touch_sensor import TouchSensor
 from sim_reference.objects import OBJECT_NAMES, object_height
 
-SENSOR = partial(TouchSensor, size=64)
+SENSOR = partial(TouchSensor, size=80, extent_mm=80.0)
 MOVES_MM = ((2.0, 0.0), (-2.0, 0.0), (0.0, 2.0), (0.0, -2.0))
 """of the object under the gel, by the first four actions"""
 PRESSED_MM = 0.5
