@@ -74,6 +74,7 @@ def test_an_episode_is_read_from_lerobot(touches: list[Felt], tmp_path: Path) ->
         assert np.array(row["observation.gel_depth"])[..., 0] == pytest.approx(same.depth_map_mm(felt) / 1e3, abs=5e-8)
 
 
+@pytest.mark.nightly
 def test_an_episode_is_read_from_shards_by_webdataset_itself(touches: list[Felt], tmp_path: Path) -> None:
     webdataset = pytest.importorskip("webdataset")
     frames = tactile_frames(sensor(), touches, fps=10)
