@@ -27,7 +27,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 TESTS = Path(__file__).parent
 LONGEST = (
     "vm", "test_first_hour.py", "firmware/test_mutants.py", "soak/test_soak.py", "firmware/test_fuzz.py",
-    "host/lab/calibration/test_routine_prism.py", "host/lab/calibration/test_routine.py", "host/daemon/test_matrix.py",
+    "host/lab/calibration/test_routine.py", "host/daemon/test_matrix.py",
     "host/cli/test_calibrate.py", "host/dashboard/test_page_scan.py", "host/cli/test_several_sensors.py",
     "host/cli/test_signals.py", "host/lab/training/labelling/test_circles.py", "host/lab/touch/test_environments.py",
     "host/lab/design/test_studies.py", "host/stream/test_record_and_export.py", "host/lab/calibration/test_like.py",

@@ -24,7 +24,6 @@ from gellight.lab.simulator.sequence import read_sequence
 from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball
-from gellight.lab.training.prisms import read_prisms
 from gellight.reconstruction.force_file import FILE_NAME as FORCE_FILE
 from gellight.reconstruction.force_file import read_force
 from gellight.recording.ros_messages import RosImage, decode_compressed, decode_string, encode_compressed, encode_string
@@ -41,7 +40,6 @@ from tests.helpers.places import CHECKOUT
 SHAPE = (24, 32)
 OWN = (GellightError,)
 LABELS = b"image,center_x_px,center_y_px,contact_radius_px,quality\na.png,12,11,4.5,0.9\n"
-PRISMS = b"image,edge_x1_px,edge_y1_px,edge_x2_px,edge_y2_px,face_px,angle_deg,lean_deg\na.png,10,3,10,20,9,20,\n"
 FORCES = (b"image,force_n,side_x_n,side_y_n\na.png,1,0,.5\n", b"unix_s,force_n,object\n1,0,BALL\n2,1.5,BALL\n")
 SEQUENCE = b'{"object": "PEG", "within_mm": 2, "steps": [[0.5, 0, 0, 0, 0, 10], null]}'
 FORCE = {
@@ -58,8 +56,6 @@ def of_tables(folder: Path) -> Iterator[Parser]:
     ball = Ball(radius_mm=4.0, pixel_size_mm=0.5)
     labels = by_file(folder, "-labels.csv", lambda path: read_presses(path, ball=ball, image_shape=SHAPE))
     yield Parser("labels", labels, (LABELS,), OWN)
-    prisms = by_file(folder, "-prisms.csv", lambda path: read_prisms(path, image_shape=SHAPE))
-    yield Parser("prisms", prisms, (PRISMS,), OWN)
     yield Parser("forces", by_file(folder, "-forces.csv", ForceReadings.read), FORCES, OWN)
     sequence = by_file(folder, "-sequence.json", lambda path: read_sequence(path, SensorGeometry()).presses)
     yield Parser("sequence", sequence, (SEQUENCE,), OWN)

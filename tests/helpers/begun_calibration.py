@@ -12,7 +12,6 @@ def identity(
     ball_mm: float = 4.0,
     cylinder_mm: float = 8.0,
     pins_mm: float | None = None,
-    prism_deg: float | None = None,
 ) -> Identity:
     """What a calibration of pictures of 320 x 240 px is begun with."""
     return Identity(
@@ -21,7 +20,6 @@ def identity(
         ball_radius_mm=ball_mm,
         cylinder_diameter_mm=cylinder_mm,
         pin_pitch_mm=pins_mm,
-        prism_angle_deg=prism_deg,
     )
 
 

@@ -31,8 +31,8 @@ def options(folder: Path, **changes: Any) -> RoutineOptions:
 
 
 def whole(folder: Path, **changes: Any) -> RoutineOptions:
-    """Return what a routine with a pin grid and a prism of 15 degrees is told."""
-    return options(folder, **{"pin_pitch_mm": 2.0, "prism_angle_deg": 15.0, "prism_presses": 2, **changes})
+    """Return what a routine with a pin grid is told."""
+    return options(folder, **{"pin_pitch_mm": 2.0, **changes})
 
 
 def finished(routine: Routine, timeout_s: float = 200.0) -> dict[str, Any]:

@@ -24,7 +24,7 @@ PANELS = {
     "Light": "mode sequence light-mode",
     "Process": "realtime log threads dense workers shard scheduler store seed computed-by",
     "What is recorded": "depth map",
-    "Other tools": "prism-angle-deg prism-presses prisms cylinder-diameter-mm balls-to-press",
+    "Other tools": "cylinder-diameter-mm balls-to-press",
     "Grids": "grid spacing-px pitch-mm pin-pitch-mm several",
     "Pictures": "view dots white overlay depth-scale-um",
     "Training": "recipe trainer width epochs folds previous like fit/lights crossvalidate/lights",

@@ -332,11 +332,11 @@ def test_the_lights_of_an_earlier_bundle_take_the_light_of_depth_off(
     assert with_lights < 0.85 * without
 
 
-def test_prisms_leave_the_light_of_depth_as_it_is_and_the_user_is_told() -> None:
+def test_the_user_is_told_whether_the_light_of_depth_was_taken_off() -> None:
     known = ordinary()
     without = replace(known, manifest=known.manifest.model_copy(update={"light_by_depth": False}))
     assert "at rest" in depth_line(known)[0]
-    assert "how deep a prism lies nobody knows" in depth_line(without)[0]
+    assert "in the light of their depth" in depth_line(without)[0]
     unlit = {name: content for name, content in without.files.items() if name != "lights.json"}
     assert depth_line(replace(without, files=unlit)) == []
 

@@ -15,7 +15,7 @@ from gellight.cli.calibrate.screen import _read_lines, obey, screen
 from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View
 from gellight.lab.calibration.display import Display, Progress
-from gellight.lab.calibration.records import LiveCoverage, ShownCircle, ShownEdge
+from gellight.lab.calibration.records import LiveCoverage, ShownCircle
 from gellight.lab.calibration.tools import ToolSizes
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.children import gellight
@@ -48,11 +48,11 @@ def test_an_interrupted_calibration_is_not_thrown_away_unasked(tmp_path: Path) -
 def test_an_interrupted_calibration_goes_on_with_the_tools_it_was_begun_with(tmp_path: Path) -> None:
     assert Tools(cylinder_diameter_mm=6.0).chosen(None) == ToolSizes(cylinder_diameter_mm=6.0)
     assert set(ToolSizes.model_fields) == {field.name for field in fields(Tools)} - {"preset"}
-    begin = identity(ball_mm=2.5, pins_mm=2.0, prism_deg=45.0)
+    begin = identity(ball_mm=2.5, pins_mm=2.0)
     begun_in(tmp_path, begin)
     assert Target(folder=tmp_path, restart=True).begun() is None
     assert Target(folder=tmp_path, resume=True).begun() == begin
-    given = ToolSizes(ball_radius_mm=3.0, cylinder_diameter_mm=8.0, pin_pitch_mm=2.0, prism_angle_deg=45.0)
+    given = ToolSizes(ball_radius_mm=3.0, cylinder_diameter_mm=8.0, pin_pitch_mm=2.0)
     assert Tools(ball_radius_mm=3.0).chosen(begin) == given
 
 
@@ -215,20 +215,3 @@ def test_the_screen_shows_the_step_the_circle_the_map_and_the_advice() -> None:
         assert words in text
     assert "12 more presses on the left edge" in text
     assert "it moved" in text
-
-
-def test_the_screen_shows_where_the_edge_of_a_prism_was_found() -> None:
-    from rich.console import Console
-
-    edge = ShownEdge(
-        number=1, edge_x1_px=10.0, edge_y1_px=20.0, edge_x2_px=90.0, edge_y2_px=25.0, face_px=12.5, rounding_px=2.0,
-        lean_deg=-3.2, lean_error_deg=0.8,
-    )  # fmt: skip
-    shown = Display(steps=("verify",))
-    shown.update(press=edge)
-    console = Console(record=True, width=140)
-    console.print(screen(shown, "", keys=False))
-    assert (
-        "edge from 10.0, 20.0 to 90.0, 25.0, faces 12.5 px wide, leaning by 3.2 +- 0.8 degrees (checked)"
-        in console.export_text()
-    )

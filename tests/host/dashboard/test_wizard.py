@@ -47,10 +47,6 @@ def test_a_calibration_begins_with_the_tools_that_were_named(opened: Open, calib
     assert (request.ball_radius_mm, request.cylinder_diameter_mm, request.presses) == (2.5, 8.0, 24)
     assert (request.hand, request.anew) == (False, False)
     assert request.pixel_size_mm is None
-    assert request.prism_angle_deg is None
-    page.get_by_test_id("prism").fill("45")
-    page.get_by_test_id("action-begin").click()
-    assert wait_for(calibration, page, 3)[2][1].prism_angle_deg == 45
 
 
 def test_the_unit_whose_presses_are_begun_with_is_chosen_by_its_name(opened: Open, calibration: Scripted) -> None:
@@ -67,31 +63,6 @@ def test_the_unit_whose_presses_are_begun_with_is_chosen_by_its_name(opened: Ope
     page.get_by_test_id("action-begin").click()
     request = wait_for(calibration, page, 1)[0][1]
     assert (request.like, request.presses) == ("aaaaaaaaaaaaaaaa", 2)
-
-
-def test_the_press_of_a_prism_shows_its_edge_and_what_it_feels_like(opened: Open, calibration: Scripted) -> None:
-    edge = {"edge_x1_px": 200, "edge_y1_px": 100, "edge_x2_px": 400, "edge_y2_px": 100, "face_px": 30}
-    prism = {"presses": 1, "angle_deg": 45, "felt_deg": 44.321, "normal_deg": 1.234, "depth_mm": 0.0123}
-    calibration.routine = snapshot(
-        "verify",
-        instruction="Press the prism.",
-        actions=["next", "abort"],
-        progress={"done": 1, "wanted": 3, "unit": "presses of the prism"},
-        press={"number": 1, "state": "checked", "rounding_px": 2, **edge},
-        figures={"verify": {"prism": prism}},
-        pictures=["press", "difference"],
-    )
-    page = opened()
-    page.wait_for_function("() => wizard.picture === 'difference' && wizard.shown > 1")
-    expect(page.get_by_test_id("done")).to_have_text("1 of 3 presses of the prism")
-    expect(page.get_by_test_id("action-next")).to_have_text("Go on without")
-    expect(page.get_by_test_id("figures")).to_contain_text("44.32°")
-    expect(page.get_by_test_id("figures")).to_contain_text("12.3 µm")
-    expect(page.get_by_test_id("circle-hint")).to_be_hidden()
-    colour = "([x, y]) => [...document.getElementById('picture').getContext('2d').getImageData(x, y, 1, 1).data]"
-    for y in (70, 100, 130):  # both rims and the edge
-        assert page.evaluate(colour, [300, y]) == pytest.approx([76, 201, 192, 255], abs=12)
-    assert page.evaluate(colour, [300, 85]) != pytest.approx([76, 201, 192, 255], abs=12)
 
 
 def test_a_sensor_of_another_maker_is_calibrated_with_its_ball_and_a_known_pixel_size(

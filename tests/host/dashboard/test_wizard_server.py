@@ -27,7 +27,7 @@ def post(server: DashboardServer, body: object, **headers: str) -> tuple[int, di
 def test_what_is_nonsense_is_refused_in_words(server: DashboardServer, calibration: Scripted) -> None:
     for body in (b"{", {"type": "jump"}, {"type": "act", "action": "explode"}, {"type": "restore", "identity": "../x"},
                  {"type": "begin", "request": {"ball_radius_mm": -4}}, {"type": "begin", "request": {"presses": 1}},
-                 {"type": "begin", "request": {"prism_angle_deg": 80}},
+                 {"type": "begin", "request": {"pin_pitch_mm": -1}},
                  {"type": "begin", "request": {"ball_radius_mm": 51}},
                  {"type": "act", "action": "correct", "contact_radius_px": 0}):  # fmt: skip
         status, answer = post(server, body)

@@ -1,4 +1,4 @@
-"""`gellight calibrate detect`: the contacts of balls or prisms in pictures, without a click."""
+"""`gellight calibrate detect`: the contacts of balls in pictures, without a click."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,23 +15,19 @@ from gellight.lab.report.pictures import write_png
 from gellight.lab.training.labelling import (
     Detection,
     detect,
-    detect_prisms,
     detect_several,
     write_overlays,
     write_presses,
 )
 from gellight.lab.training.labelling.plate import PlateGrid, untouched_between
 from gellight.lab.training.presses import Ball
-from gellight.lab.training.prisms import prism_angle_rad
 from gellight.lab.training.training import Reference, read_reference
 
 _HEADS = {
-    "center_x_px": "x", "center_y_px": "y", "contact_radius_px": "radius", "edge_x1_px": "x1", "edge_y1_px": "y1",
-    "edge_x2_px": "x2", "edge_y2_px": "y2", "face_px": "face", "rounding_px": "rounding", "angle_deg": "angle",
-    "lean_deg": "lean", "lean_error_deg": "+-", "rise_deg": "rise", "center_error_px": "+- xy",
+    "center_x_px": "x", "center_y_px": "y", "contact_radius_px": "radius", "center_error_px": "+- xy",
     "radius_error_px": "+- r",
 }  # fmt: skip
-"""of the table: px, and degrees"""
+"""of the table, px"""
 
 
 @dataclass(frozen=True)
@@ -40,13 +36,6 @@ class Pressed:
 
     ball_radius_mm: Annotated[float | None, typer.Option(help="radius of the pressed ball, mm")] = None
     pixel_size_mm: Annotated[float | None, typer.Option(help="mm per pixel on the gel; balls need it")] = None
-    prism_angle_deg: Annotated[
-        float | None,
-        typer.Option(
-            help="instead of a ball a prism was pressed, edge first: the angle between each face and the gel at rest; "
-            "of a cube on its edge 45"
-        ),
-    ] = None
     reference: Annotated[
         str | None,
         typer.Option(
@@ -63,18 +52,8 @@ class Pressed:
     def ball(self) -> Ball:
         """The ball; InputError for what is no length, or not given."""
         if self.ball_radius_mm is None or self.pixel_size_mm is None:
-            raise InputError("what was pressed? give --ball-radius-mm and --pixel-size-mm, or --prism-angle-deg")
+            raise InputError("what was pressed? give --ball-radius-mm and --pixel-size-mm")
         return Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
-
-    def __post_init__(self) -> None:
-        """Refuse a prism and balls at once."""
-        if self.prism_angle_deg is not None and (self.plate or self.ball_radius_mm is not None):
-            raise InputError("give --prism-angle-deg for prisms, or the size of a ball, but not both")
-
-    @property
-    def sought(self) -> str:
-        """What is looked for."""
-        return "circle" if self.prism_angle_deg is None else "prism"
 
     @property
     def plate(self) -> bool:
@@ -91,9 +70,6 @@ class Pressed:
 
     def found(self, paths: list[Path], untouched: Reference) -> tuple[list[Detection], "PlateScale | None"]:
         """Look for what was pressed, and measure the size of a pixel by the pitch of a plate where that is given."""
-        if self.prism_angle_deg is not None:
-            angle_rad = prism_angle_rad(self.prism_angle_deg, "--prism-angle-deg")
-            return detect_prisms(paths, untouched.image, angle_rad, dots=untouched.dots), None
         if not self.plate:
             return detect(paths, untouched.image, self.ball, dots=untouched.dots), None
         found, grid = detect_several(paths, untouched.image, self.ball, dots=untouched.dots, pitch_mm=self.pitch_mm)
@@ -109,7 +85,7 @@ def command(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find the contact circle of each ball in pictures of presses, or the edge of a prism.
+    """Find the contact circle of each ball in pictures of presses.
 
     With --several and without --reference the untouched gel is taken from between the balls, and written beside the
     csv, so that `fit` can use it.
@@ -129,11 +105,9 @@ def command(
         if overlay is not None:
             write_overlays(overlay, found)
     if not as_json:
-        print(_table(found, out, scale, pressed.sought))
+        print(_table(found, out, scale))
     if len(refused) == len(found):
-        raise InputError(
-            f"no {pressed.sought} in any of {len(found)} images: nothing was written; see the reason of each"
-        )
+        raise InputError(f"no circle in any of {len(found)} images: nothing was written; see the reason of each")
     if refused:
         raise typer.Exit(1)
 
@@ -186,7 +160,7 @@ def _images(texts: list[str]) -> list[Path]:
     return paths
 
 
-def _table(found: list[Detection], out: Path, scale: PlateScale | None, sought: str) -> str:
+def _table(found: list[Detection], out: Path, scale: PlateScale | None) -> str:
     seen = [detection.contact for detection in found if detection.contact is not None]
     names = list(seen[0].record()) if seen else []
     lines = [f"{'image':<24}" + "".join(f"{_HEADS.get(name, name):>9}" for name in names)]
@@ -202,5 +176,5 @@ def _table(found: list[Detection], out: Path, scale: PlateScale | None, sought: 
             f"{scale.across_mm_per_px:g}, down {scale.down_mm_per_px:g}); they miss the grid by {scale.miss_px:g} px"
         )
     if seen:
-        lines.append(f"wrote {out}: {len(seen)} {sought}s, {len(found) - len(seen)} images refused")
+        lines.append(f"wrote {out}: {len(seen)} circles, {len(found) - len(seen)} images refused")
     return "\n".join(lines)

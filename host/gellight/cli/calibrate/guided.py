@@ -39,7 +39,6 @@ def calibrate(target: Target, tools: Tools, wanted: Presses, how: Training, *, a
         until_um=wanted.until_um,
         like=load_bundle(wanted.like) if wanted.like else kept_like(target.state) if begun else None,
         verifications=wanted.verifications,
-        prism_presses=wanted.prism_presses,
         limits=wanted.limits(),
         training=how.options(),
         overwrite=target.overwrite,

@@ -118,14 +118,6 @@ class Tools:
             help="Size of a pixel on the gel, mm, where it is known.", show_default="the cylinder measures it"
         ),
     ] = None
-    prism_angle_deg: Annotated[
-        float | None,
-        typer.Option(
-            help="A prism, pressed edge first, verifies beside the ball: angle between each face and the gel at rest; "
-            "45 for a cube.",
-            show_default="no prism",
-        ),
-    ] = None
     preset: Annotated[
         str | None,
         typer.Option(
@@ -163,7 +155,6 @@ class Presses:
         ),
     ] = None
     verifications: Annotated[int, typer.Option(help="Fresh ball presses that judge.")] = 6
-    prism_presses: Annotated[int, typer.Option(help="Fresh presses of the prism that judge, where there is one.")] = 3
     largest_depth_error_um: Annotated[
         float, typer.Option(help="A calibration worse than this on fresh presses is not kept, µm.")
     ] = 80.0

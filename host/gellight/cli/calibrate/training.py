@@ -12,7 +12,6 @@ from gellight.cli.calibrate.training_options import Like, SizedTraining, Threads
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
 from gellight.cli.showing import progress, show
-from gellight.frames.dots import Dots
 from gellight.frames.picture import steps_of
 from gellight.frames.view import read_view
 from gellight.lab.calibration.ball_radius import is_another, likely_radius_mm
@@ -24,7 +23,6 @@ from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling.ball_size import check_ball, felt_radius_mm
 from gellight.lab.training.level_light import lights_of_unit
 from gellight.lab.training.presses import Ball, Press
-from gellight.lab.training.prisms import PrismError, PrismPress, prism_errors, read_prisms
 from gellight.lab.training.synthetic import PIXEL_SIZE_MM, make_synthetic
 from gellight.lab.training.training import Learning, Reference, like_words, read_reference
 from gellight.lab.training.validation import AngleFigures, PressFigures
@@ -40,14 +38,10 @@ Labels = Annotated[
     Path, typer.Option(help="csv with the columns image, center_x_px, center_y_px, contact_radius_px; images beside it")
 ]
 
-Prisms = Annotated[
-    Path | None, typer.Option(help="csv of presses of prisms of known angle, as `detect --prism-angle-deg` writes it")
-]
-
 
 @dataclass(frozen=True)
 class Recorded:
-    """Labelled pictures of ball presses, and of the untouched gel; prisms may be added."""
+    """Labelled pictures of ball presses, and of the untouched gel."""
 
     presses: Labels
     reference: Annotated[str, typer.Option(help="image of the untouched gel, or a folder of them, which is averaged")]
@@ -56,18 +50,16 @@ class Recorded:
     refine: Annotated[
         bool, typer.Option("--refine", help="refit the circles together with the light before training")
     ] = False
-    prisms: Prisms = None
     like: Like = None
     lights: Annotated[
         str | None, typer.Option(help="earlier bundle of this sensor that knows the light of its LEDs (lights.json)")
     ] = None
 
     def learning(self, untouched: Reference, how: SizedTraining) -> Learning:
-        """Return how is learnt from them; InputError or BundleError for prisms or a bundle that cannot be used."""
-        prisms = _prisms(self.prisms, untouched.image_shape, untouched.dots)
+        """Return how is learnt from them; InputError or BundleError for a bundle that cannot be used."""
         like = load_bundle(self.like) if self.like else None
         lights = lights_of_unit(load_bundle(self.lights), untouched.image) if self.lights else None
-        return Learning(options=how.options(), prisms=prisms, refine=self.refine, like=like, lights=lights)
+        return Learning(options=how.options(), refine=self.refine, like=like, lights=lights)
 
     def read(self) -> Given:
         """Return what a network is trained on; raises InputError for what cannot be used."""
@@ -94,7 +86,7 @@ def fit(
     ] = LARGEST_ERROR_DEG,
     as_json: AsJson = False,
 ) -> None:
-    """Train on presses of balls and prisms, and write a calibration bundle.
+    """Train on presses of a ball, and write a calibration bundle.
 
     The exit status is 1 where presses that were kept apart say that the bundle is no good; it is written all the same.
     """
@@ -128,13 +120,12 @@ def evaluate(
     ball_radius_mm: Annotated[
         float | None, typer.Option(help="radius of the pressed ball, mm; as in the bundle where not given")
     ] = None,
-    prisms: Prisms = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure the error of a bundle on labelled presses.
 
     It is the angle between the normals inside the contact circles. The size of the ball that the bundle feels is
-    measured too, and the angle of prisms.
+    measured too.
     """
     bundle = load_bundle(calibration)
     ball = _ball_of(bundle, ball_radius_mm)
@@ -142,11 +133,10 @@ def evaluate(
     labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape, dots=steps.dots if steps else None)
     errors = validation.evaluate(bundle, labelled, ball)
     felt_mm = felt_radius_mm(bundle, labelled)
-    angles = prism_errors(bundle, _prisms(prisms, bundle.image_shape, steps.dots if steps else None))
     balls = {"ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}
     felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.3g} mm"
-    text = "\n".join([*_error_lines(errors), *_bounds_lines(errors), felt, *map(_prism_line, angles)])
-    show({**errors.as_json(), **balls, "prisms": angles}, as_json, text)
+    text = "\n".join([*_error_lines(errors), *_bounds_lines(errors), felt])
+    show({**errors.as_json(), **balls}, as_json, text)
 
 
 @with_options
@@ -207,18 +197,6 @@ def which_ball(labelled: list[Press], untouched: Reference, ball: Ball, previous
     return found
 
 
-def _prisms(path: Path | None, image_shape: tuple[int, int], dots: Dots | None) -> list[PrismPress]:
-    return [] if path is None else read_prisms(path, image_shape=image_shape, dots=dots)
-
-
-def _prism_line(found: PrismError) -> str:
-    return (
-        f"{found.image}: prism of {found.angle_deg:g} deg feels like {found.felt_deg:.2f} deg, leaning by "
-        f"{found.lean_deg:.2f} (each +- {found.error_deg:.2f}); normals of its faces {found.normal_deg:.2f} deg off, "
-        f"shape of the depth {1000 * found.depth_mm:.0f} µm"
-    )
-
-
 def _cross_validated(given: Given, folds: int, how: Learning) -> CrossValidation:
     with progress("folds") as report:
         return cross_validate(*given, folds=folds, how=how, progress=report)
@@ -271,7 +249,7 @@ def depth_line(written: Bundle) -> list[str]:
     if written.manifest.light_by_depth:
         return ["slopes are learnt in the light that the gel has at rest, at any depth"]
     if has_lights(written):
-        return ["slopes are learnt in the light of their depth: how deep a prism lies nobody knows"]
+        return ["slopes are learnt in the light of their depth"]
     return []
 
 

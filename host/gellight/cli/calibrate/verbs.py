@@ -9,10 +9,10 @@ VERBS = lazy_group(
     {
         "detect": (
             "calibrate.detect:command",
-            "Find the contact circle of each ball in pictures of presses, or the edge of a prism.",
+            "Find the contact circle of each ball in pictures of presses.",
         ),
         "view": ("calibrate.view:command", "Take the view of the gel out of pictures, and write it."),
-        "fit": ("calibrate.training:fit", "Train on presses of balls and prisms, and write a calibration bundle."),
+        "fit": ("calibrate.training:fit", "Train on presses of a ball, and write a calibration bundle."),
         "evaluate": ("calibrate.training:evaluate", "Measure the error of a bundle on labelled presses."),
         "crossvalidate": ("calibrate.training:crossvalidate", "Measure the error on presses that were not trained on."),
         "adapt": ("calibrate.adapt:command", "Adapt a bundle to light that has changed, without a press."),

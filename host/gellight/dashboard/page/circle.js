@@ -1,4 +1,4 @@
-// The picture of the wizard, with the circle of a press on it that can be dragged, or the edge of a prism.
+// The picture of the wizard, with the circle of a press on it that can be dragged.
 
 const HANDLE_PX = 16; // on the screen, how near to the rim counts as the rim
 const LEAST_RADIUS = 4;
@@ -7,7 +7,6 @@ export class CirclePicture {
   #canvas;
   #image = null;
   #circle = null; // {center_x_px, center_y_px, contact_radius_px}
-  #edge = null; // {edge_x1_px, edge_y1_px, edge_x2_px, edge_y2_px, face_px} of a prism
   #editable = false;
   #dragged = null; // "centre" or "rim" while the pointer holds it
   #from = null;
@@ -36,11 +35,9 @@ export class CirclePicture {
     this.#draw();
   }
 
-  /** Lay a circle or an edge on the image, null for none; what the visitor holds is not taken out of his hand. */
-  lay(press, editable) {
+  /** Lay a circle on the image, null for none; what the visitor holds is not taken out of his hand. */
+  lay(circle, editable) {
     if (this.dragging) return;
-    const circle = press && "contact_radius_px" in press ? press : null;
-    this.#edge = circle ? null : press;
     this.#circle = circle && { center_x_px: circle.center_x_px, center_y_px: circle.center_y_px, contact_radius_px: circle.contact_radius_px };
     this.#editable = Boolean(circle) && editable;
     this.#canvas.classList.toggle("editable", this.#editable);
@@ -86,14 +83,13 @@ export class CirclePicture {
     const pen = this.#canvas.getContext("2d");
     pen.clearRect(0, 0, this.#canvas.width, this.#canvas.height);
     if (this.#image) pen.drawImage(this.#image, 0, 0);
-    if (!this.#circle && !this.#edge) return;
+    if (!this.#circle) return;
     const line = this.#canvas.width / 320;
     for (const [style, width] of [["rgba(0, 0, 0, .6)", 2.4 * line], [this.#editable ? "#f5b453" : "#4cc9c0", line]]) {
       pen.strokeStyle = style;
       pen.lineWidth = width;
       pen.beginPath();
-      if (this.#circle) this.#traceCircle(pen, line);
-      else this.#traceEdge(pen);
+      this.#traceCircle(pen, line);
       pen.stroke();
     }
   }
@@ -105,16 +101,5 @@ export class CirclePicture {
     pen.lineTo(x + 6 * line, y);
     pen.moveTo(x, y - 6 * line);
     pen.lineTo(x, y + 6 * line);
-  }
-
-  /** The edge, and where the gel leaves both faces. */
-  #traceEdge(pen) {
-    const { edge_x1_px: x1, edge_y1_px: y1, edge_x2_px: x2, edge_y2_px: y2, face_px: face } = this.#edge;
-    const length = Math.hypot(x2 - x1, y2 - y1);
-    for (const side of [-1, 0, 1]) {
-      const [dx, dy] = [(side * face * (y1 - y2)) / length, (side * face * (x2 - x1)) / length];
-      pen.moveTo(x1 + dx, y1 + dy);
-      pen.lineTo(x2 + dx, y2 + dy);
-    }
   }
 }

@@ -130,7 +130,6 @@ function showRequest(state, running) {
   element("cylinder").value = defaults.cylinder_diameter_mm;
   element("pins").value = defaults.pin_pitch_mm ?? "";
   element("pixel").value = defaults.pixel_size_mm ?? "";
-  element("prism").value = defaults.prism_angle_deg ?? "";
   element("presses").value = defaults.presses;
   element("hand").checked = defaults.hand;
 }
@@ -171,7 +170,6 @@ async function request() {
     cylinder_diameter_mm: element("cylinder").valueAsNumber,
     pin_pitch_mm: element("pins").value ? element("pins").valueAsNumber : null,
     pixel_size_mm: element("pixel").value ? element("pixel").valueAsNumber : null,
-    prism_angle_deg: element("prism").value ? element("prism").valueAsNumber : null,
     presses: element("presses").valueAsNumber,
     like: element("like").value,
     hand: element("hand").checked,

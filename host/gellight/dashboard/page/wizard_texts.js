@@ -10,7 +10,7 @@ const HAND_DOES = {
   pixel_size: "The virtual hand presses the cylinder, each time at another place.",
   lens: "The virtual hand presses the pin grid.",
   presses: "The virtual hand presses the ball, from a light touch to 2 mm deep, all over the view.",
-  verify: "The virtual hand presses the ball, and the prism where there is one, at fresh places: these presses judge the calibration and are not learnt from.",
+  verify: "The virtual hand presses the ball at fresh places: these presses judge the calibration and are not learnt from.",
 };
 
 /** What to do now, in the words of who presses. */

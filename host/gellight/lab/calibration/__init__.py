@@ -8,10 +8,10 @@ pixel_size  probing.py, cylinder.py                     the cylinder probe gives
 lens        pin_grid.py                                 where there is a pin grid: the distortion of the lens
 presses     pressing.py, coverage.py, live_error.py     ball presses, found and judged while they come in
 fit         lights.py, fitting.py                       the light of each LED; the network, in a child process
-verify      verifying.py, verifying_prism.py            fresh presses of the ball and of a prism, and the verdict
+verify      verifying.py                                 fresh presses of the ball, and the verdict
 
 `readiness.py` checks before the first step what all of them need. `judging.py` says how far a fresh press is felt off.
-`records.py` says what is measured, `state.py` and `folder.py` keep it on disk, `display.py` shows it, `report.py`,
-`prism_report.py` and `report_pictures.py` make a page of it. `run.py` is what the steps share.
+`records.py` says what is measured, `state.py` and `folder.py` keep it on disk, `display.py` shows it, `report.py` and
+`report_pictures.py` make a page of it. `run.py` is what the steps share.
 `force/` measures what turns depth into newtons.
 """

@@ -34,8 +34,6 @@ class RoutineOptions:
     """error of the depth beside its contact's mean on presses held out, at which fewer ball presses are enough"""
     verifications: int = 6
     """fresh ball presses, never trained on"""
-    prism_presses: int = 3
-    """presses of the prism, where there is one"""
     limits: Limits = field(default_factory=Limits)
     training: TrainingOptions = field(default_factory=lambda: TrainingOptions(recipe="thorough"))
     like: Bundle | None = None
@@ -58,7 +56,7 @@ class RoutineOptions:
             raise InputError(f"led_colours = {self.ring.led_colours!r}: a board drives {MOST_LEDS} LEDs at most")
         if self.until_um is not None and not self.until_um > 0:
             raise InputError(f"until_um = {self.until_um}: give micrometres above 0")
-        least = {"presses": self.least_presses, "verifications": 2, "prism_presses": 1, "cylinder_presses": 2,
+        least = {"presses": self.least_presses, "verifications": 2, "cylinder_presses": 2,
                  "reference_frames": 8}  # fmt: skip
         for name, count in least.items():
             if getattr(self, name) < count:

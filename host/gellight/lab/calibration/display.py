@@ -7,7 +7,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.lab.calibration.records import LiveCoverage, ShownCircle, ShownEdge, Verdict
+from gellight.lab.calibration.records import LiveCoverage, ShownCircle, Verdict
 from gellight.lab.calibration.state import Steps
 from gellight.lab.report.record import Record
 
@@ -35,7 +35,7 @@ class Changes(TypedDict, total=False):
     progress: Progress
     awaiting: str
     problem: str
-    press: ShownCircle | ShownEdge | None
+    press: ShownCircle | None
     coverage: LiveCoverage | None
     advice: str
     verdict: Verdict | None
@@ -54,7 +54,7 @@ class Display:
     progress: Progress = field(default_factory=Progress)
     awaiting: str = ""
     problem: str = ""
-    press: ShownCircle | ShownEdge | None = None
+    press: ShownCircle | None = None
     coverage: LiveCoverage | None = None
     advice: str = ""
     verdict: Verdict | None = None

@@ -4,7 +4,6 @@ state.json        what is done; it marks the folder as one of a calibration
 reference.npy     (H, W, 3) float32, the mean of the untouched gel
 presses/*.png     ball presses to train on
 checks/*.png      fresh presses, never trained on
-prisms/*.png      fresh presses of the prism
 grids/*.png       the pin grid
 draft/            the bundle before it is verified
 like/             the bundle of a like unit, whose presses are begun with
@@ -26,7 +25,7 @@ from gellight.base.errors import BundleError, GellightError, InputError, first_l
 from gellight.base.writing import make_folder, write_file
 from gellight.bundle.bundle import Bundle, save_bundle
 from gellight.lab.calibration.display import Picture
-from gellight.lab.calibration.records import CheckErrors, Circle, Edge, PrismErrors, StepFigures
+from gellight.lab.calibration.records import CheckErrors, Circle, StepFigures
 from gellight.lab.calibration.state import (
     DRAFT,
     KINDS,
@@ -37,7 +36,6 @@ from gellight.lab.calibration.state import (
     Identity,
     PictureRecord,
     PressRecord,
-    PrismRecord,
     State,
     discard,
     kept_like,
@@ -123,19 +121,18 @@ class Folder:
         """After a bad verdict: forget it and its fresh presses, and ask for more presses to learn from."""
         self.state.extra_presses += presses
         steps = self.state.steps
-        steps.presses, steps.fit, steps.refused_checks, steps.without_prism = None, None, 0, False
-        self._forget(self.state.checks, self.state.prisms)
+        steps.presses, steps.fit, steps.refused_checks = None, None, 0
+        self._forget(self.state.checks)
 
     def forget_grid(self) -> None:
         """Forget the pictures of the pin grid and what they told."""
         self.state.steps.lens = None
         self._forget(self.state.grids)
 
-    def _forget(self, *kinds: list[Any]) -> None:
+    def _forget(self, records: list[Any]) -> None:
         """Forget pictures and remove their files: what lay there unlisted would count as somebody else's."""
-        files = [record.file for records in kinds for record in records]
-        for records in kinds:
-            records.clear()
+        files = [record.file for record in records]
+        records.clear()
         self.save()
         for file in files:
             (self.path / file).unlink(missing_ok=True)
@@ -190,15 +187,6 @@ class Folder:
     def add_check(self, picture: Picture, circle: Circle, errors: CheckErrors) -> CheckRecord:
         """Keep a fresh press."""
         return self._add("checks", self.state.checks, CheckRecord, picture, **dict(circle), figures=errors)
-
-    def add_prism(self, picture: Picture, edge: Edge, errors: PrismErrors) -> PrismRecord:
-        """Keep a fresh press of the prism."""
-        return self._add("prisms", self.state.prisms, PrismRecord, picture, **dict(edge), figures=errors)
-
-    def go_without_prism(self) -> None:
-        """Keep that the user presses the prism no more."""
-        self.state.steps.without_prism = True
-        self.save()
 
     def add_grid(self, picture: Picture) -> PictureRecord:
         """Keep a picture of the pin grid."""
@@ -273,6 +261,6 @@ def _check_same(path: Path, begun: Identity, wanted: Identity) -> None:
 
 def _drop_lost(path: Path, state: State) -> None:
     """Drop records whose picture is not there: the power failed, or the disk was full, between the two."""
-    lists: Iterable[list[Any]] = (state.presses, state.checks, state.prisms, state.grids)
+    lists: Iterable[list[Any]] = (state.presses, state.checks, state.grids)
     for records in lists:
         records[:] = [record for record in records if (path / record.file).is_file()]

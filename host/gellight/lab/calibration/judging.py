@@ -1,4 +1,4 @@
-"""What fresh presses are held against: the ball or the prism, the picture that was taken, and a simulator's truth."""
+"""What fresh presses are held against: the ball, the picture that was taken, and a simulator's truth."""
 
 from dataclasses import dataclass, replace
 
@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
-from gellight.lab.calibration.records import CheckErrors, PrismErrors
+from gellight.lab.calibration.records import CheckErrors
 from gellight.lab.training.polynomial import powers_up_to, ridge, terms_of
 from gellight.lab.training.presses import Ball, Press, contact_circle
-from gellight.lab.training.prisms import PrismPress, prism_error, seen_faces
 from gellight.lab.training.validation import press_error
 from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.lens.lens_file import has_lens, lens_of, read_record
@@ -57,40 +56,16 @@ class Judge:
 
     def errors(self, frame: CameraFrame, press: Press) -> tuple[TactileFrame, CheckErrors]:
         """Return what is felt of a press of the ball, and its errors."""
-        felt, seen = self._felt(frame)
-        error = press_error(self.on_gel(press), self.ball, felt)
-        inside = contact_circle(press, self.draft.image_shape)
-        return felt, self._errors(frame, felt, seen, inside, error.depth_mae_mm, error.mean_deg)
-
-    def prism_errors(self, frame: CameraFrame, press: PrismPress) -> tuple[TactileFrame, PrismErrors]:
-        """Return what is felt of a press of a prism, and its errors on the faces, over the picture as it was taken."""
-        felt, seen = self._felt(frame)
-        error = prism_error(press, seen, self.draft.pixel_size_mm)
-        faces = seen_faces(press, self.draft.image_shape) != 0
-        errors = self._errors(frame, felt, seen, faces, error.depth_mm, error.normal_deg)
-        return felt, PrismErrors(felt_deg=error.felt_deg, **dict(errors))
-
-    def _felt(self, frame: CameraFrame) -> tuple[TactileFrame, TactileFrame]:
-        """Return what is felt over the undistorted gel, and over the picture: the same without a lens."""
         felt = self.reconstructor.reconstruct(frame)
         seen = felt if not has_lens(self.draft) else Reconstructor(self.draft, undistorted=False).reconstruct(frame)
-        return felt, seen
-
-    def _errors(
-        self,
-        frame: CameraFrame,
-        felt: TactileFrame,
-        seen: TactileFrame,
-        inside: NDArray[np.bool_],
-        depth_mm: float,
-        normal_deg: float,
-    ) -> CheckErrors:
-        """Add what the picture and a simulator say; slopes felt wrong inside would make another picture."""
+        error = press_error(self.on_gel(press), self.ball, felt)
+        inside = contact_circle(press, self.draft.image_shape)
+        # slopes felt wrong inside would make another picture
         predicted = self.rerenderer.difference(seen.gradient_map, inside)
         true = surface_errors(felt, frame.truth) if frame.truth else None
-        return CheckErrors(
-            depth_mm=depth_mm,
-            normal_deg=normal_deg,
+        return felt, CheckErrors(
+            depth_mm=error.depth_mae_mm,
+            normal_deg=error.mean_deg,
             indentation_mm=felt.contact.indentation_mm,
             picture_grey=float(np.abs(predicted - seen.difference[inside]).mean()),
             true_depth_mm=true.contact_depth_mm if true else None,

@@ -22,8 +22,7 @@ def check_target(options: RoutineOptions, folder: Path, image_shape: tuple[int, 
     """
     if not options.sensor.strip():
         raise InputError("the sensor has an empty name: give it one")
-    prism_presses = 0 if options.tools.prism_angle_deg is None else options.prism_presses
-    presses = options.presses + options.verifications + prism_presses
+    presses = options.presses + options.verifications
     for place in (folder, options.out, Path(tempfile.gettempdir()) / "calibration"):
         check_room(place, image_shape, presses)
     if options.like:

@@ -240,28 +240,12 @@ class CheckErrors(MethodErrors):
         return self.depth_mm if self.true_depth_mm is None else self.true_depth_mm
 
 
-class PrismErrors(CheckErrors):
-    """What one press of a prism says of the calibration, on its faces, or the means over several."""
-
-    felt_deg: float
-    """angle of the faces as it is felt"""
-
-
-class PrismVerification(PrismErrors):
-    """The mean errors over the presses of a prism."""
-
-    presses: int
-    angle_deg: float
-    """known, between each face and the gel at rest"""
-
-
 class Verification(StepFigures, CheckErrors):
-    """The mean errors over the fresh ball presses, and over those of a prism where there is one."""
+    """The mean errors over the fresh ball presses."""
 
     step = "verify"
     presses: int
     second_opinions: dict[str, MethodErrors]
-    prism: PrismVerification | None = None
 
 
 class Verdict(Record):
@@ -284,25 +268,6 @@ class Circle(Record):
     contact_radius_px: float
 
 
-class Edge(Record):
-    """The edge of a prism in the picture, and the width of its faces."""
-
-    model_config = ConfigDict(allow_inf_nan=False)
-
-    edge_x1_px: float
-    edge_y1_px: float
-    edge_x2_px: float
-    edge_y2_px: float
-    face_px: float
-    """from the edge to where the gel leaves the face"""
-    rounding_px: float
-    """of the edge: standard deviation of a Gaussian"""
-    lean_deg: float = 0.0
-    """to one side, by the widths of both faces, and"""
-    lean_error_deg: float = 0.0
-    """its standard error"""
-
-
 class ShownCircle(Circle):
     """The circle of the last press, as it is shown."""
 
@@ -316,20 +281,4 @@ class ShownCircle(Circle):
         return (
             f"centre and radius {self.center_x_px:.1f}, {self.center_y_px:.1f}, {self.contact_radius_px:.1f} px "
             f"({self.state})"
-        )
-
-
-class ShownEdge(Edge):
-    """The edge of the last press of a prism, as it is shown."""
-
-    number: int
-    state: str = "checked"
-
-    @property
-    def place(self) -> str:
-        """Where it is, in words."""
-        return (
-            f"edge from {self.edge_x1_px:.1f}, {self.edge_y1_px:.1f} to {self.edge_x2_px:.1f}, {self.edge_y2_px:.1f}, "
-            f"faces {self.face_px:.1f} px wide, leaning by {abs(self.lean_deg):.1f} +- {self.lean_error_deg:.1f} "
-            f"degrees ({self.state})"
         )

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from gellight.frames.frames import TactileFrame
 from gellight.lab.calibration.circle import drawn
-from gellight.lab.calibration.prism_report import prism_tiles
 from gellight.lab.calibration.records import (
     BallPresses,
     CheckErrors,
@@ -80,15 +79,14 @@ class Example:
         return float((self.felt.depth_mm - self.cap_mm)[self.inside].mean())
 
 
-def page(run: CalibrationRun, verdict: Verdict, figures: Verification, example: Example, prism: str = "") -> str:
-    """Return the page as HTML; figures: means over the fresh presses; prism: the section about it."""
+def page(run: CalibrationRun, verdict: Verdict, figures: Verification, example: Example) -> str:
+    """Return the page as HTML; figures: means over the fresh presses."""
     folder, sensor = run.folder, run.options.sensor
     name = f"{folder.state.name} ({sensor})" if folder.state.name else sensor
     sections = (
         _tiles(run, verdict, figures),
         f"<p>{escape(verdict.text)}</p>",
         _verification(folder.state.checks, figures, example),
-        prism,
         _preparation(run),
         _pixel_size(folder.figures(PixelSize), run.options.tools.cylinder_diameter_mm),
         _lens(folder.state.steps.lens),
@@ -105,7 +103,6 @@ def _tiles(run: CalibrationRun, verdict: Verdict, figures: Verification) -> str:
         [
             *depth_tiles(figures, [check.figures for check in folder.state.checks]),
             (f"{verdict.normal_deg:.2f}°", "mean angle between the normals in contact there"),
-            *(prism_tiles(figures.prism) if figures.prism else ()),
             (f"{1000 * size.pixel_size_mm:.2f} µm", f"a pixel, {_origin(size)}"),
             (f"{folder.figures(UntouchedGel).pixel_noise_grey:.2f}", "grey levels of noise in a pixel of a frame"),
             (f"{presses.presses}", f"ball presses to train on; {presses.refused} refused"),

@@ -82,8 +82,7 @@ class Routine:
         names that `act` takes now. progress: {done, wanted, unit} of the step. awaiting: "press"
         when the gel is watched for one, "lift" when it has to become free, else empty. problem: why the last thing was
         refused, with the remedy; empty when all is well. figures: by step, what was measured. press: the last press
-        {number, center_x_px, center_y_px, contact_radius_px, state}, of a prism {number, edge_x1_px, edge_y1_px,
-        edge_x2_px, edge_y2_px, face_px, rounding_px, lean_deg, lean_error_deg, state}, or None. coverage: {places (rows
+        {number, center_x_px, center_y_px, contact_radius_px, state}, or None. coverage: {places (rows
         x columns of counts), slopes (directions x steepness of counts), held_out: [[presses, normal error in degrees],
         ...]} or None. advice: what is missing most, or "enough". verdict: {passed, depth_um, normal_deg, text} or None.
         bundle: path of what was written. pictures: names that `pictures` holds.

@@ -16,7 +16,7 @@ from gellight.lab.calibration.display import STEPS, Display
 from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.readiness import check_target
 from gellight.lab.calibration.state import Identity, discard
-from gellight.lab.simulator.virtual_hand import VirtualHand, prism_of
+from gellight.lab.simulator.virtual_hand import VirtualHand
 
 
 class Aborted(Exception):  # noqa: N818  (the user asked for it, nothing failed)
@@ -40,8 +40,6 @@ class CalibrationRun:
         anew: what is in the folder is removed, after everything else was found to be possible.
         """
         check_target(options, folder, camera.image_shape)
-        if hand is not None and options.tools.prism_angle_deg is not None:
-            prism_of(options.tools.prism_angle_deg)
         self.camera = camera
         self.hand = hand
         self.display = Display(steps=tuple(s for s in STEPS if s != "lens" or options.tools.pin_pitch_mm is not None))

@@ -15,28 +15,24 @@ from gellight.lab.calibration.records import (
     BallPresses,
     CheckErrors,
     Circle,
-    Edge,
     Fit,
     MeasuredLens,
     MeasuredPixelSize,
     PinGrid,
     PixelSize,
     Preparation,
-    PrismErrors,
     ShownCircle,
-    ShownEdge,
     UntouchedGel,
     Verification,
 )
 from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.report.record import Record
 from gellight.lab.training.presses import Press
-from gellight.lab.training.prisms import PrismPress, prism_angle_rad
 
 STATE = "state.json"
 REFERENCE = "reference.npy"
 DRAFT, LIKE_UNIT = "draft", "like"
-KINDS = ("presses", "checks", "prisms", "grids")
+KINDS = ("presses", "checks", "grids")
 """folders of pictures"""
 _SHOWN = ("press.png", "cylinder.png", "pins.png")
 """pictures that the terminal keeps beside the state"""
@@ -46,7 +42,7 @@ class PictureRecord(Record):
     """A picture that was kept."""
 
     number: int = Field(ge=1)
-    file: str = Field(pattern=r"^(presses|checks|prisms|grids)/press-\d{3,}\.png$")
+    file: str = Field(pattern=r"^(presses|checks|grids)/press-\d{3,}\.png$")
     """relative to the folder of the calibration"""
 
 
@@ -76,27 +72,6 @@ class CheckRecord(PressRecord):
     figures: CheckErrors
 
 
-class PrismRecord(PictureRecord, Edge):
-    """A press of a prism, and its errors."""
-
-    figures: PrismErrors
-
-    def press(self, folder: Path, angle_deg: float) -> PrismPress:
-        """Return the press as it is judged; folder: that of the calibration."""
-        edge_px = self.edge_x1_px, self.edge_y1_px, self.edge_x2_px, self.edge_y2_px
-        return PrismPress(
-            image=folder / self.file,
-            edge_px=edge_px,
-            face_px=self.face_px,
-            angle_rad=prism_angle_rad(angle_deg, self.file),
-            rounding_px=self.rounding_px,
-        )
-
-    def shown(self) -> ShownEdge:
-        """Return what is shown of it."""
-        return ShownEdge(number=self.number, **{name: getattr(self, name) for name in Edge.model_fields})
-
-
 class Identity(ToolSizes, Record):
     """What a calibration cannot change once it has begun: the sensor, the size of its pictures, the tools."""
 
@@ -121,8 +96,6 @@ class Steps(BaseModel):
     verify: Verification | None = None
     refused_checks: int = 0
     """fresh presses that were refused"""
-    without_prism: bool = False
-    """whether the user went on without pressing the prism as often as was asked"""
 
 
 SCHEMA_VERSION = 1
@@ -140,8 +113,6 @@ class State(BaseModel):
     """to train on"""
     checks: list[CheckRecord] = Field(default_factory=list)
     """fresh ones"""
-    prisms: list[PrismRecord] = Field(default_factory=list)
-    """fresh presses of the prism"""
     grids: list[PictureRecord] = Field(default_factory=list)
     """of the pin grid"""
     extra_presses: int = 0
@@ -169,7 +140,7 @@ def discard(path: Path) -> None:
     state = state_in(path)
     if state is None:
         return
-    pictures = [record.file for record in (*state.presses, *state.checks, *state.prisms, *state.grids)]
+    pictures = [record.file for record in (*state.presses, *state.checks, *state.grids)]
     bundles = [*_files_of_bundle(path, DRAFT), *_files_of_bundle(path, LIKE_UNIT)]
     with writing(path):
         for name in (*pictures, *bundles, *_SHOWN, REFERENCE, STATE):
@@ -212,6 +183,13 @@ def state_in(path: Path) -> State | None:
             f"{place} has schema version {content['schema_version']}, this program reads {SCHEMA_VERSION}: "
             f"move {path} away and begin again"
         )
+    for part, gone in (
+        (content, "prisms"),
+        (content["identity"], "prism_angle_deg"),
+        (content.get("steps"), "without_prism"),
+    ):
+        if isinstance(part, dict):
+            part.pop(gone, None)  # of versions that pressed prisms too
     try:
         return State.model_validate(content)
     except ValidationError as error:

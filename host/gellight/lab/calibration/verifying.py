@@ -16,22 +16,19 @@ from gellight.lab.calibration.display import Progress
 from gellight.lab.calibration.judging import Judge, Rerenderer
 from gellight.lab.calibration.preparing import led_settings
 from gellight.lab.calibration.pressing import ball_of
-from gellight.lab.calibration.prism_report import prism_section
 from gellight.lab.calibration.records import (
     CheckErrors,
     Circle,
     MethodErrors,
     PixelSize,
     Preparation,
-    PrismVerification,
     Verdict,
     Verification,
 )
 from gellight.lab.calibration.report import Example, page
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.sensing import Capture, check_light, detector_of, next_press, wait_free
-from gellight.lab.calibration.state import CheckRecord, PrismRecord
-from gellight.lab.calibration.verifying_prism import check_prism
+from gellight.lab.calibration.state import CheckRecord
 from gellight.lab.report.pictures import depth_picture, difference_picture
 from gellight.lab.simulator.virtual_hand import VirtualHand
 from gellight.lab.training.baselines import fit_lookup_table, fit_polynomial
@@ -62,8 +59,6 @@ def verify(run: CalibrationRun) -> Bundle | None:
             _take(run, capture, reference, judge)
     wait_free(run, detector)
     _announce(run)
-    if run.options.tools.prism_angle_deg is not None:
-        check_prism(run, judge, run.options.tools.prism_angle_deg)
     return _conclude(run, draft, judge)
 
 
@@ -99,17 +94,14 @@ def _check_whole(circle: Circle, shape: tuple[int, ...]) -> None:
 
 
 def _conclude(run: CalibrationRun, draft: Bundle, judge: Judge) -> Bundle | None:
-    state, angle = run.folder.state, run.options.tools.prism_angle_deg
-    prism = prism_summary(state.prisms, angle) if state.prisms and angle is not None else None
-    figures = summary(state.checks, _second_opinions(run, draft, judge.ball), prism)
+    figures = summary(run.folder.state.checks, _second_opinions(run, draft, judge.ball))
     verdict = verdict_on(figures, run.options.limits)
     run.display.add_figures("verify", figures)
     run.display.update(verdict=verdict, instruction=verdict.text)
     if not verdict.passed:
         run.folder.want_more(MORE_PRESSES)
         return None
-    more = prism_section(state.prisms, prism, run.folder.path, judge.reconstructor) if prism else ""
-    report = page(run, verdict, figures, _example(run, judge), more)
+    report = page(run, verdict, figures, _example(run, judge))
     bundle = _write(run, draft, figures, report)
     run.folder.finish(figures)
     run.folder.close()
@@ -117,17 +109,10 @@ def _conclude(run: CalibrationRun, draft: Bundle, judge: Judge) -> Bundle | None
     return bundle
 
 
-def summary(
-    checks: list[CheckRecord], second_opinions: dict[str, MethodErrors], prism: PrismVerification | None = None
-) -> Verification:
-    """Return the means over the fresh presses of the ball, with those of the prism."""
+def summary(checks: list[CheckRecord], second_opinions: dict[str, MethodErrors]) -> Verification:
+    """Return the means over the fresh presses of the ball."""
     means = _means([check.figures for check in checks])
-    return Verification(presses=len(checks), second_opinions=second_opinions, prism=prism, **means)
-
-
-def prism_summary(presses: list[PrismRecord], angle_deg: float) -> PrismVerification:
-    """Return the means over the presses of the prism."""
-    return PrismVerification(presses=len(presses), angle_deg=angle_deg, **_means([press.figures for press in presses]))
+    return Verification(presses=len(checks), second_opinions=second_opinions, **means)
 
 
 def _means(errors: Sequence[CheckErrors]) -> dict[str, float]:
@@ -150,21 +135,14 @@ def _second_opinions(run: CalibrationRun, draft: Bundle, ball: Ball) -> dict[str
 
 
 def verdict_on(figures: Verification, limits: Limits) -> Verdict:
-    """Judge the mean errors of the ball, each depth error that is known and the normals; of a prism the normals alone.
-
-    The depth of a prism is shown and not judged: the limit is that of a ball, and an edge is long, so that errors of
-    its slope add up.
-    """
+    """Judge the mean errors: each depth error that is known, and the normals."""
     depth_mm = max(figures.depth_mm, figures.known_depth_mm)
-    normal_deg = max(figures.normal_deg, figures.prism.normal_deg if figures.prism else 0.0)
-    passed = depth_mm <= limits.depth_mm and normal_deg <= limits.normal_deg
+    passed = depth_mm <= limits.depth_mm and figures.normal_deg <= limits.normal_deg
     text = f"Passed. {_words(figures)}."
     if not passed:
-        advice = "Press more, and check the radius of the ball"
-        advice += "; for steep faces press deeper, and check the angle of the prism" if figures.prism else ""
         text = (
             f"Not passed. {_words(figures)}; wanted are {1000 * limits.depth_mm:.0f} µm and {limits.normal_deg:g} "
-            f"degrees. Nothing was replaced. {advice}."
+            "degrees. Nothing was replaced. Press more, and check the radius of the ball."
         )
     depth_um, ball_deg = round(1000 * figures.known_depth_mm, 1), round(figures.normal_deg, 2)
     return Verdict(passed=passed, depth_um=depth_um, normal_deg=ball_deg, text=text)
@@ -175,18 +153,7 @@ def _words(figures: Verification) -> str:
     depth = f"shape of the depth off by {shape}, since a contact circle does not say how deep its rim lies"
     if figures.true_depth_mm is not None:
         depth = f"depth off by {1000 * figures.true_depth_mm:.0f} µm on average in contact ({shape})"
-    words = f"{figures.presses} fresh presses: {depth}; normals off by {figures.normal_deg:.2f} degrees on average"
-    return words if figures.prism is None else f"{words}. {_prism_words(figures.prism)}"
-
-
-def _prism_words(prism: PrismVerification) -> str:
-    depth = f"shape of the depth off by {1000 * prism.depth_mm:.0f} µm"
-    if prism.true_depth_mm is not None:
-        depth = f"depth off by {1000 * prism.true_depth_mm:.0f} µm in contact ({depth} on the faces)"
-    return (
-        f"{prism.presses} presses of the prism of {prism.angle_deg:g} degrees: it feels like {prism.felt_deg:.1f}; "
-        f"{depth}; normals of its faces off by {prism.normal_deg:.2f} degrees"
-    )
+    return f"{figures.presses} fresh presses: {depth}; normals off by {figures.normal_deg:.2f} degrees on average"
 
 
 def _example(run: CalibrationRun, judge: Judge) -> Example:

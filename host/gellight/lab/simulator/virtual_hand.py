@@ -1,4 +1,4 @@
-"""A virtual hand: presses cylinder, pin grid, ball and prisms into the simulated gel, at places all over the view."""
+"""A virtual hand: presses cylinder, pin grid and ball into the simulated gel, at places all over the view."""
 
 from math import sqrt
 
@@ -24,11 +24,6 @@ STRETCH = 0.08
 learns worst where no press reaches"""
 BALL_RADIUS_MM = 4.0
 CHECK_SEED = 1000
-PRISM_SEED = 2000
-PRISM_DEPTHS_MM = {15.0: 0.7, 30.0: 1.2, 45.0: 1.6}
-"""of each prism, by the angle of its faces, degrees; deep, for the gel sinks beside the edge and leaves narrow faces"""
-PRISM_REACH_MM = 8.0
-"""from the middle of the prism to where its imprint has nearly ended"""
 
 
 class VirtualHand:
@@ -55,14 +50,6 @@ class VirtualHand:
         """Press the ball at a place and a depth of another sequence."""
         self._press(self._seed + CHECK_SEED, number, CHECK_MARGIN, pixel_size_mm, image_shape)
 
-    def prism(self, number: int, angle_deg: float, pixel_size_mm: float, image_shape: tuple[int, int]) -> None:
-        """Press the prism of this angle at one place of a sequence of its own; raises as `prism_of`."""
-        name = prism_of(angle_deg)
-        u, v, _ = spread(self._seed + PRISM_SEED, number)
-        half_x, half_y = (max(size * pixel_size_mm / 2 - PRISM_REACH_MM, 0.0) for size in image_shape[::-1])
-        depth = min(PRISM_DEPTHS_MM[angle_deg], self._stage.max_depth_mm)
-        self._stage.press(name, depth, half_x * (2 * u - 1), half_y * (2 * v - 1))
-
     def lift(self) -> None:
         """Take the tool off the gel."""
         self._stage.release()
@@ -75,16 +62,6 @@ class VirtualHand:
         inside_mm = margin * sqrt(BALL_RADIUS_MM * depth)  # Hertz: the radius of the contact is sqrt(R d)
         half_x, half_y = shape[1] * size_mm / 2 - inside_mm, shape[0] * size_mm / 2 - inside_mm
         self._stage.press("BALL", depth, half_x * (2 * u - 1), half_y * (2 * v - 1))
-
-
-def prism_of(angle_deg: float) -> str:
-    """Return the name of the virtual hand's prism of this angle; InputError where it has none."""
-    if angle_deg not in PRISM_DEPTHS_MM:
-        angles = ", ".join(f"{angle:g}" for angle in PRISM_DEPTHS_MM)
-        raise InputError(
-            f"the virtual hand has no prism of {angle_deg:g} degrees: choose one of {angles}, or press by hand"
-        )
-    return f"PRISM{angle_deg:g}"
 
 
 def spread(seed: int, number: int) -> tuple[float, float, float]:

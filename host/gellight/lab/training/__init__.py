@@ -3,7 +3,6 @@
 presses.py           ball presses, and the shape of the gel under the ball
 label_file.py        the csv of labels beside its images
 table.py             the table that GelNet is trained on
-prisms.py            presses of prisms, and their labels
 gel_at_rest.py       what the gel at rest does, measured on the presses
 trainer.py           what trains: NumPy, or PyTorch where a user asks for it
 child.py             a module of gelnet run in a child process

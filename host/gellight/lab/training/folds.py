@@ -42,7 +42,7 @@ def trained_folds(
 ) -> Iterator[Fold]:
     """Train `folds` times without a part of the images; no response of the light and no network sees what it judges.
 
-    Every fold learns from all prisms. first: the fits of these presses one by one, where they are known.
+    first: the fits of these presses one by one, where they are known.
 
     Raises InputError for too few presses, and as `training.fit`.
     """

@@ -25,7 +25,6 @@ from gellight.lab.training.gel_at_rest import rest_of_presses
 from gellight.lab.training.labelling.refinement import refine as refinement_of
 from gellight.lab.training.level_light import at_rest_depth
 from gellight.lab.training.presses import Ball, Press
-from gellight.lab.training.prisms import PrismPress, with_prisms
 from gellight.lab.training.table import PressTable, TableOptions, build_table, drift_of_presses, under_light_of
 from gellight.lab.training.trainer import TrainerName, checked_trainer
 from gellight.opening import open_camera
@@ -62,8 +61,6 @@ class Learning:
 
     options: TrainingOptions = TrainingOptions()
     table_options: TableOptions = HAND_DRAWN
-    prisms: Sequence[PrismPress] = ()
-    """that are trained on too"""
     refine: bool = False
     """refit the circles together with the light first"""
     like: Bundle | None = None
@@ -167,7 +164,7 @@ def fit(
     whose radius no light decided weighs less, unless `table_options` say otherwise. The metrics also say how well the
     fine pattern of the reference shows (`fine_pattern`).
     Where the LEDs are known they go into the bundle, and the network learns colours as at the depth of the gel at rest
-    (`level_light`), unless prisms are among the presses.
+    (`level_light`).
     view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more, ready
     for JSON. level_plane: as in the manifest. Raises InputError, TrainingError or BundleError; then `out` is as it was.
     """
@@ -179,8 +176,7 @@ def fit(
     metrics["pattern_match"] = _match_of(presses, reference)
     metrics["light_drift_grey"] = drift = drift_of_presses(presses, reference.image)
     follow = drift > reference.noise_grey
-    balls = build_table(presses, reference.image, ball, how.table_options, follow_light=follow)
-    table = with_prisms(balls, how.prisms, reference.image, how.table_options, follow_light=follow)
+    table = build_table(presses, reference.image, ball, how.table_options, follow_light=follow)
     like = under_light_of(how.like, reference.image) if how.like else None
     learnt, begun = _learnt(table, like, how, reference, size := (ball.pixel_size_mm, ball.pixel_size_mm))
     network, record = train(learnt, how.options, untouched=reference.image, like=begun, progress=progress, check=check)
@@ -191,7 +187,7 @@ def fit(
         reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
         rest_grey=rest_grey, follow_light=follow, level_plane=level_plane, light_by_depth=learnt is not table,
         network=network, pixel_size_mm=size, presses=table.arrays(like),
-        metrics={**metrics, "prisms": len(how.prisms), "training": record},
+        metrics={**metrics, "training": record},
         extra_files={
             **(extra_files or {}), **(steps.files() if steps else {}), **(lights_file(how.lights) if how.lights else {})
         },

@@ -31,7 +31,7 @@ class Remembering(CameraWrapper):
 
 
 def calibrate(folder: Path) -> None:
-    """Let the virtual hand calibrate, with the light ring, a pin grid and a prism; installed bundles are listed."""
+    """Let the virtual hand calibrate, with the light ring and a pin grid; installed bundles are listed."""
     installed: list[str] = []
     with Remembering(camera(LIT)) as sensor:
         assert sensor.stage is not None

@@ -209,12 +209,4 @@ def test_what_an_older_version_began_is_read(tmp_path: Path) -> None:
     identity = unfinished(tmp_path)
     assert identity.sizes() == {
         "ball_radius_mm": 60.0, "cylinder_diameter_mm": 6.0, "pin_pitch_mm": None, "pixel_size_mm": None,
-        "prism_angle_deg": 45.0,
     }  # fmt: skip
-
-
-def test_a_user_who_presses_no_prism_is_not_asked_again_when_the_calibration_goes_on(tmp_path: Path) -> None:
-    begun = identity(prism_deg=15.0)
-    assert not begun_in(tmp_path / "state", begun).state.steps.without_prism
-    begun_in(tmp_path / "state", begun).go_without_prism()
-    assert begun_in(tmp_path / "state", begun).state.steps.without_prism

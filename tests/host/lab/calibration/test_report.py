@@ -8,7 +8,7 @@ import pytest
 
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.lab.calibration.choices import Limits
-from gellight.lab.calibration.records import CheckErrors, PrismVerification, Verification
+from gellight.lab.calibration.records import CheckErrors, Verification
 from gellight.lab.calibration.report import Example, depth_tiles, section_profile
 from gellight.lab.calibration.verifying import verdict_on
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle
@@ -65,22 +65,6 @@ def test_the_verdict_leads_with_the_true_error_and_judges_it() -> None:
     assert not verdict_on(figures, Limits(depth_mm=0.01)).passed
     assert not verdict_on(mean_of([errors(12.6, 5.0)]), Limits(depth_mm=0.01)).passed
     assert "shape of the depth off by 5 µm with the mean" in verdict_on(mean_of([errors(5.0, None)]), Limits()).text
-
-
-def test_a_prism_is_judged_by_its_normals_and_its_depth_is_told() -> None:
-    ball = mean_of([errors(5.0, None)])
-    felt = PrismVerification(
-        presses=3, angle_deg=45, felt_deg=43.2, normal_deg=2.5, depth_mm=0.2, indentation_mm=1.0, picture_grey=2.0
-    )
-    good = verdict_on(ball.model_copy(update={"prism": felt}), Limits())
-    assert (good.passed, good.normal_deg) == (True, 0.9)
-    assert "3 presses of the prism of 45 degrees: it feels like 43.2" in good.text
-    assert "shape of the depth off by 200 µm; normals of its faces off by 2.50 degrees" in good.text
-    steep = felt.model_copy(update={"normal_deg": 8.0})
-    bad = verdict_on(ball.model_copy(update={"prism": steep}), Limits())
-    assert not bad.passed
-    assert "check the angle of the prism" in bad.text
-    assert "prism" not in verdict_on(ball, Limits(depth_mm=0.001)).text
 
 
 def example(raised_mm: float) -> Example:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,6 @@ from gellight.lab.report.pictures import write_png
 from gellight.lab.training.label_file import COLUMNS, QUALITY, REFUSED
 from gellight.lab.training.labelling.circle import ARC, PressCircle, find_circle, find_circles
 from gellight.lab.training.labelling.plate import PlateGrid, plate_grid
-from gellight.lab.training.labelling.prism import find_prism
 from gellight.lab.training.presses import Ball
 
 Array = NDArray[np.float64]
@@ -30,26 +28,12 @@ _SAME = 3
 """circles at one place: by chance two presses fall together, not three of the same size"""
 
 
-class Contact(Protocol):
-    """Where an object touches the gel: a circle of a ball, or the edge of a prism."""
-
-    @property
-    def quality(self) -> float:
-        """Share of what changed that the pattern of the object explains."""
-
-    def record(self) -> dict[str, float]:
-        """Return what the csv and JSON hold, rounded."""
-
-    def from_line(self, image_shape: tuple[int, int]) -> Array:
-        """Return the distance of each (H, W) pixel from the lines that show it, px."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Detection:
     """What was found in one image: a contact, or the reason why it is not used."""
 
     image: Path
-    contact: Contact | None
+    contact: PressCircle | None
     refused: str = ""
 
     def record(self) -> dict[str, object]:
@@ -82,7 +66,7 @@ def _refused_touch_of_reference(found: list[Detection]) -> list[Detection]:
 
     A fit with free light takes what is missing for what is there, so it finds the touch of the reference in each.
     """
-    known = [one.contact for one in found if isinstance(one.contact, PressCircle)]
+    known = [one.contact for one in found if one.contact]
     if len(known) < _SAME:
         return found
     circles = np.array([(one.center_x_px, one.center_y_px, one.contact_radius_px) for one in known])
@@ -100,19 +84,9 @@ def _refused_touch_of_reference(found: list[Detection]) -> list[Detection]:
     return [replace(one, contact=None, refused=why) if id(one.contact) in same else one for one in found]
 
 
-def detect_prisms(
-    images: Sequence[Path], reference: NDArray[np.number], angle_rad: float, *, dots: Dots | None = None
-) -> list[Detection]:
-    """Look for the edge of a prism in each image; otherwise as `detect`.
-
-    angle_rad: between each face and the gel at rest.
-    """
-    return _detected(images, lambda image: find_prism(image, reference, angle_rad=angle_rad), dots, lambda *_: None)
-
-
 def _detected(
     images: Sequence[Path],
-    find: Callable[[NDArray[np.uint8]], Contact],
+    find: Callable[[NDArray[np.uint8]], PressCircle],
     dots: Dots | None,
     progress: Callable[[int, int, float], None],
 ) -> list[Detection]:
@@ -172,7 +146,7 @@ def _balls(
 
 
 def write_presses(path: Path, detections: Sequence[Detection]) -> None:
-    """Write the csv that `presses.read_presses` or `prisms.read_prisms` reads, whole or not at all.
+    """Write the csv that `presses.read_presses` reads, whole or not at all.
 
     Refused images have a row too, with their reason and no contact, and are passed over when it is read. Names are
     relative to the folder of the csv, which is made. Raises InputError where it cannot be written.
@@ -191,7 +165,7 @@ def write_presses(path: Path, detections: Sequence[Detection]) -> None:
 
 def write_overlays(folder: Path, detections: Sequence[Detection]) -> None:
     """Write NAME.png of each image that was found, with the contact drawn in; InputError where it cannot."""
-    contacts: dict[Path, list[Contact]] = {}
+    contacts: dict[Path, list[PressCircle]] = {}
     for detection in detections:
         if detection.contact is not None:
             contacts.setdefault(detection.image, []).append(detection.contact)
@@ -211,7 +185,7 @@ def write_overlays(folder: Path, detections: Sequence[Detection]) -> None:
         ) from error
 
 
-def drawn(image: NDArray[np.uint8], contact: Contact) -> NDArray[np.uint8]:
+def drawn(image: NDArray[np.uint8], contact: PressCircle) -> NDArray[np.uint8]:
     """Draw the lines of a contact into a copy of the (H, W, 3) image, white with a black edge."""
     from_line = contact.from_line((image.shape[0], image.shape[1]))
     picture = image.copy()
