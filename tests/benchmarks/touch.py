@@ -4,7 +4,7 @@ speed: gap, layer and picture, ms of processor time, and how many a second on on
 against the simulated sensor's own (512 points a side). lift: a gripper holds balls, boxes, cylinders; hold: over 10^5
 steps. energy: bodies are thrown at a gel; by how much kinetic and potential energy grow from one flight to the next;
 fresh: others are thrown. tasks: in what share of 50 episodes rules with touch and without do what the environments ask
-for. worlds: what a step of one costs among 16 and 64, and on two cores. tactile: depth and time beside MuJoCo's own
+for. tactile: depth and time beside MuJoCo's own
 sensor. hold and fresh take an hour and more, and run only where they are named.
 """
 
@@ -13,17 +13,13 @@ import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from pathlib import Path
 
-import gymnasium
 import mujoco
 import numpy as np
-from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv, VectorEnv
 from scipy.interpolate import RectBivariateSpline
 
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.touch import GRIPPER, Felt, TouchSensor
-from gellight.lab.touch.environments.spread import SpreadVectorEnv
 from gellight.lab.touch.mujoco_carry import Carrying
 from gellight.lab.touch.mujoco_gels import MujocoGels
 from sim_reference.camera import CameraResponse
@@ -199,62 +195,6 @@ def tasks() -> Iterator[str]:
         yield f"{name:<11} done with touch in {shares[0]:.0%} of 50 episodes, without in {shares[1]:.0%}"
 
 
-def worlds() -> Iterator[str]:
-    """Tell what a step and world takes on two free cores, and how many times one process that is.
-
-    The same by the clock stands in brackets; beside other programs on the same cores it says little.
-    """
-    for name, steps in (("PressAndTell", 24), ("SlideToEdge", 24), ("InsertPeg", 24), ("Lift", 3)):
-        watch = {} if name == "Lift" else {"depth_size": 64}
-        make = partial(gymnasium.make, f"gellight/{name}-v0", observe=("depth", "wrench"), **watch)
-        for count in (16, 64) if name != "Lift" else (16,):
-            several = {
-                "alone": SyncVectorEnv([make]),
-                "one process": SyncVectorEnv([make] * count),
-                "two": SpreadVectorEnv([make] * count, processes=2),
-                "one each": AsyncVectorEnv([make] * count),
-            }
-            taken = step_ms(several, max(steps * 16 // count, 3))
-            free, waited = ({how: ms[:, column].mean() for how, ms in taken.items()} for column in (0, 1))
-            gains = [{how: ms["one process"] / ms[how] for how in ms} for ms in (free, waited)]
-            yield f"{name:<12} {count} worlds: " + "; ".join(
-                f"{how} {ms:.2f} ms, {gains[0][how]:.2f} times (clock {gains[1][how]:.2f})" for how, ms in free.items()
-            )
-
-
-def step_ms(several: dict[str, VectorEnv], steps: int) -> dict[str, np.ndarray]:
-    """Return (steps, 2) for each: what a step and world takes on two free cores, and what it took, ms.
-
-    All take steps in turn, under random actions, with the episodes begun anew. On free cores a step takes the processor
-    time of this process, and that of the busier core of two.
-    """
-    taken: dict[str, list[tuple[float, float]]] = {how: [] for how in several}
-    for worlds in several.values():
-        worlds.reset(seed=0)
-        worlds.action_space.seed(0)
-    for _ in range(steps):
-        for how, worlds in several.items():
-            action, pids = worlds.action_space.sample(), children(worlds)
-            begun, here, there = time.perf_counter(), time.process_time(), processor_s(pids)
-            worlds.step(action)
-            spent = processor_s(pids) - there
-            free = time.process_time() - here + max(spent.max(initial=0.0), spent.sum() / 2)
-            taken[how].append((free, time.perf_counter() - begun))
-    for worlds in several.values():
-        worlds.close()
-    return {how: np.array(rows) * 1e3 / several[how].num_envs for how, rows in taken.items()}
-
-
-def children(worlds: VectorEnv) -> list[int]:
-    inner = getattr(worlds, "groups", worlds)
-    return [process.pid for process in getattr(inner, "processes", [])]
-
-
-def processor_s(pids: list[int]) -> np.ndarray:
-    """Return the processor time of each process so far, s."""
-    return np.array([int(Path(f"/proc/{pid}/schedstat").read_text().split()[0]) / 1e9 for pid in pids])
-
-
 def tactile() -> Iterator[str]:
     for name, geom in {"sphere": 'type="sphere" size=".004"', "box": 'type="box" size=".004 .004 .004"'}.items():
         yield f"{name:<7} {beside_taxels(geom)}"
@@ -306,7 +246,7 @@ def with_taxels(geom: str, at_m: np.ndarray) -> mujoco.MjModel:
 
 
 PARTS = {"speed": speed, "truth": truth, "lift": lift, "hold": partial(lift, 100_000), "energy": energy, "tasks": tasks,
-         "worlds": worlds, "tactile": tactile, "fresh": partial(energy, range(2000, 4000))}  # fmt: skip
+         "tactile": tactile, "fresh": partial(energy, range(2000, 4000))}  # fmt: skip
 
 
 def main() -> None:

@@ -5,7 +5,6 @@ tell.py       gellight/PressAndTell-v0: find out which object lies under the gel
 lift.py       gellight/Lift-v0: lift what lies between two gels, of unknown weight and friction, without slip
 edge.py       gellight/SlideToEdge-v0: slide over a part until its edge lies under the middle of the view
 peg.py        gellight/InsertPeg-v0: put a peg that hangs aside and tilted in the gripper into a slot
-spread.py     `SpreadVectorEnv`: many worlds on a few processes
 """
 
 import gymnasium
@@ -13,10 +12,9 @@ import gymnasium
 from gellight.lab.touch.environments.edge import SlideToEdge
 from gellight.lab.touch.environments.lift import Lift
 from gellight.lab.touch.environments.peg import InsertPeg
-from gellight.lab.touch.environments.spread import SpreadVectorEnv
 from gellight.lab.touch.environments.tell import PressAndTell
 
-__all__ = ["InsertPeg", "Lift", "PressAndTell", "SlideToEdge", "SpreadVectorEnv"]
+__all__ = ["InsertPeg", "Lift", "PressAndTell", "SlideToEdge"]
 
 for _task in (PressAndTell, Lift, SlideToEdge, InsertPeg):
     gymnasium.register(f"gellight/{_task.__name__}-v0", entry_point=f"{_task.__module__}:{_task.__qualname__}")
