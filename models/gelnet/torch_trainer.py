@@ -8,7 +8,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from gelnet.batches import device_of, name_of
 from gelnet.network import GelNet
 from gelnet.parameters import PLACE, Floats, Layer, Parameters
 from gelnet.recipes import Recipe
@@ -16,11 +15,28 @@ from gelnet.recipes import Recipe
 _ROWS_PER_ANSWER = 65536
 
 
+class NoGpuError(OSError):
+    """There is no GPU that torch can use."""
+
+
+def device_of(name: str) -> torch.device:
+    """Return what computes: "torch" is the processor, "cuda" a GPU; NoGpuError where there is none."""
+    if name == "cuda" and not torch.cuda.is_available():
+        raise NoGpuError(f"torch {torch.__version__} finds no GPU (CUDA): compute with torch or numpy")
+    return torch.device("cuda" if name == "cuda" else "cpu")
+
+
+def name_of(device: torch.device) -> str:
+    """Return the name of what computes, with the version of torch."""
+    name = torch.cuda.get_device_name(device) if device.type == "cuda" else "processor"
+    return f"{name}, torch {torch.__version__}"
+
+
 class TorchTrainer:
     """The network, its optimiser, and torch's random numbers."""
 
     def __init__(self, *, seed: int, threads: int = 1, by: str = "torch") -> None:
-        """Seed torch, and make it repeat itself. by: as `batches.device_of` has it, which raises NoGpuError.
+        """Seed torch, and make it repeat itself. by: as `device_of` has it, which raises NoGpuError.
 
         Random numbers are the processor's, so that a GPU draws the same.
         """

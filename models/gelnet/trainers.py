@@ -11,7 +11,7 @@ def make_trainer(name: str, *, seed: int, threads: int = 1) -> Trainer:
     """Return a trainer; the same seed gives the same random numbers.
 
     threads: of torch. NumPy takes them from the environment, before it is loaded: OMP_NUM_THREADS and its kin. Raises
-    `batches.NoGpuError` where "cuda" finds no GPU.
+    `torch_trainer.NoGpuError` where "cuda" finds no GPU.
     """
     if name in ("torch", GPU):
         from gelnet.torch_trainer import TorchTrainer

@@ -21,7 +21,7 @@ GRAPH = grimp.build_graph("gellight", "gelnet", "sim_reference", include_externa
 CONTRACTS = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
 ROOMS = [layer for layer in reversed(CONTRACTS[0]["layers"]) if layer != "opening"]
 RUN = [room for room in [*ROOMS, "reconstruction.native"] if not room.startswith(("lab.", "cli"))]
-TORCH_FILES = {"gelnet.batches", "gelnet.network", "gelnet.torch_trainer"}
+TORCH_FILES = {"gelnet.network", "gelnet.torch_trainer"}
 """everything else of gelnet works without torch"""
 DOORS = {
     "sim_reference": (

@@ -9,8 +9,8 @@ from gellight.base.errors import InputError
 from gellight.cli.lazy import MARKUP
 from gellight.cli.options import AsJson, GeometryFile, Overwrite, check_out, with_options
 from gellight.cli.showing import progress, show
-from gellight.cli.sweeping import Sweeping, Workers
-from gellight.lab.simulator.choices import RESOLUTION_MM, Computer, GelKind, LightKind
+from gellight.cli.sweeping import Sweeping
+from gellight.lab.simulator.choices import GelKind, LightKind
 
 if TYPE_CHECKING:
     from gellight.lab.simulator.one_drag import DragReport
@@ -114,9 +114,6 @@ def dataset(
     resolution: Annotated[float, typer.Option("--resolution-mm", min=0.05, help="Of the finite elements.")] = 0.3,
     noise: Annotated[float, typer.Option("--noise", min=0, max=50, help="Noise of the camera, grey levels.")] = 1.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Other presses, other noise.")] = 0,
-    computed_by: Annotated[
-        Computer, typer.Option("--computed-by", help="NumPy, or PyTorch in batches, on a GPU by cuda.")
-    ] = "numpy",
     geometry: GeometryFile = None,
     as_json: AsJson = False,
 ) -> None:
@@ -139,39 +136,10 @@ def dataset(
         noise_grey=noise,
         seed=seed,
         geometry=read_geometry(geometry),
-        computed_by=computed_by,
     )
-    counted = "presses" if computed_by == "numpy" else "batches"
-    with sweeping.sweep_in(store_in(out, request), counted, as_json=as_json) as options:
+    with sweeping.sweep_in(store_in(out), "presses", as_json=as_json) as options:
         report = make_dataset(request, out, options)
     show(report, as_json, f"{report.presses} presses, {report.megabytes:.1f} MB, in {report.folder}: see its index.csv")
-
-
-@app.command()
-def demo(
-    resolution: Annotated[
-        float, typer.Option("--resolution-mm", min=0.1, max=2.5, help="Of the finite elements.")
-    ] = RESOLUTION_MM,
-    workers: Workers = 0,
-    geometry: GeometryFile = None,
-    as_json: AsJson = False,
-) -> None:
-    """Press ahead what the demo shows, by finite elements: then sim://?gel=fem shows it at once.
-
-    These are the presses of its programme, and each object as deep as the page offers it at first. What is there is not
-    computed again. Ends with status 1 where finite elements did not find a press.
-    """
-    from gellight.lab.design.geometry import read_geometry
-    from gellight.lab.simulator.demo_presses import press_ahead
-    from gellight.lab.simulator.sweep import ResultStore, default_folder
-
-    with Sweeping(workers=workers).sweep_in(ResultStore(default_folder()), "presses", as_json=as_json) as options:
-        made = press_ahead(resolution, read_geometry(geometry), options)
-    lines = [f"not found: {each}" for each in made.not_found]
-    text = "\n".join([f"{made.presses} presses are kept in {made.folder}", *lines])
-    show(made, as_json, text)
-    if made.not_found:
-        raise typer.Exit(1)
 
 
 @app.command()

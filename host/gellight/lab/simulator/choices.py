@@ -8,5 +8,3 @@ RESOLUTION_MM = 0.3
 """of the finite elements"""
 LightKind = Literal["ring", "singles"]
 """one picture under the whole ring in its colours; or one a LED, all in white"""
-Computer = Literal["numpy", "torch", "cuda"]
-"""NumPy, a press at a time; PyTorch on the processor, or on a GPU, many presses at once"""

@@ -14,10 +14,8 @@ continued, extended, or made in parts on several machines, and is the same in th
 import csv
 import io
 import json
-from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -27,19 +25,17 @@ from numpy.typing import NDArray
 import gellight
 from gellight.base.errors import InputError
 from gellight.base.writing import make_folder, write_file
-from gellight.lab.simulator.batches import BATCH, BatchComputer
-from gellight.lab.simulator.choices import Computer, GelKind, LightKind
+from gellight.lab.simulator.choices import GelKind, LightKind
 from gellight.lab.simulator.gel_models import gel_model
 from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.scene import BRIGHTEST_GREY, Press, Scene
 from gellight.lab.simulator.sweep import ResultStore, SweepOptions, Task, run_all
-from sim_reference.camera import WHITE, CameraResponse, digitise, linear_grey
+from sim_reference.camera import WHITE, CameraResponse, digitise
 from sim_reference.deformation import Deformation
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.imaging import normals
 from sim_reference.objects import OBJECT_NAMES
-from sim_reference.surface import Surface
 
 Array = NDArray[np.float64]
 FORMAT = "gellight-dataset 1"
@@ -47,8 +43,6 @@ DEPTH_STEP_MM = 0.05
 """between depths that are drawn, so that the gel is computed once for many presses"""
 REFERENCE_PICTURES = 8
 """are averaged: the noise of the reference images is a third of that of a picture"""
-Seen = tuple[NDArray[np.float32], Surface, Deformation]
-"""of a press: (K, H, W, 3) grey levels before noise under K lights, and the gel"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,12 +62,9 @@ class DatasetRequest:
     noise_grey: float = 1.0
     seed: int = 0
     geometry: SensorGeometry = field(default_factory=SensorGeometry)
-    computed_by: Computer = "numpy"
 
     def __post_init__(self) -> None:
         """Refuse what cannot be made."""
-        if self.computed_by != "numpy" and self.gel != "layer":
-            raise InputError("finite elements are computed by numpy alone: leave out --computed-by, or --gel fem")
         unknown = sorted(set(self.objects) - set(OBJECT_NAMES))
         if unknown or not self.objects:
             raise InputError(f"no object {', '.join(unknown) or 'given'}: choose from {', '.join(OBJECT_NAMES)}")
@@ -117,9 +108,9 @@ def make_dataset(request: DatasetRequest, folder: Path, options: SweepOptions) -
         _describe(same, folder)
         tasks = _tasks(same, request.presses, folder)
         for task in tasks:
-            if not all(_press_file(folder, number).exists() for number in task.arguments[2]):
+            if not _press_file(folder, task.arguments[2]).exists():
                 options.store.path(task.key).unlink(missing_ok=True)
-        rows = list(chain.from_iterable(run_all(tasks, options)))
+        rows = run_all(tasks, options)
         write_file(folder / "index.csv", _table(rows))
     except OSError as error:
         raise InputError(f"{folder} cannot be written ({error.strerror}): choose another --out") from error
@@ -129,13 +120,8 @@ def make_dataset(request: DatasetRequest, folder: Path, options: SweepOptions) -
     return DatasetReport(folder=str(folder), presses=len(rows), megabytes=size / 1e6)
 
 
-def store_in(folder: Path, request: DatasetRequest) -> ResultStore:
-    """Make the folder of a data set; return the store of what is done.
-
-    Raises InputError where the folder cannot be written, and, before it is made, where nothing computes the presses.
-    """
-    if request.computed_by != "numpy":
-        _sensor(replace(request, presses=0))
+def store_in(folder: Path) -> ResultStore:
+    """Make the folder of a data set; return the store of what is done; InputError where it cannot be written."""
     try:
         make_folder(folder / "presses")
     except OSError as error:
@@ -144,29 +130,18 @@ def store_in(folder: Path, request: DatasetRequest) -> ResultStore:
 
 
 def _tasks(request: DatasetRequest, presses: int, folder: Path) -> list[Task]:
-    """Return a task a press, or, where presses are computed in batches, a batch."""
-    numbers, many = range(presses), 1 if request.computed_by == "numpy" else BATCH
-    parts = [tuple(numbers[first : first + many]) for first in numbers[::many]]
-    return [Task(str(part[-1]), make_presses, (str(folder.resolve()), request, part)) for part in parts]
+    return [Task(str(number), make_press, (str(folder.resolve()), request, number)) for number in range(presses)]
 
 
-def make_presses(folder: str, request: DatasetRequest, numbers: tuple[int, ...]) -> list[dict[str, Any]]:
-    """Write presses; return their rows of the index."""
-    sensor = _sensor(request)
-    return [
-        _write_press(Path(folder), request, number, seen)
-        for number, seen in zip(numbers, sensor.seen([request.press(number) for number in numbers]), strict=True)
-    ]
-
-
-def _write_press(folder: Path, request: DatasetRequest, number: int, seen: Seen) -> dict[str, Any]:
+def make_press(folder: str, request: DatasetRequest, number: int) -> dict[str, Any]:
+    """Write a press; return its row of the index."""
     sensor, press = _sensor(request), request.press(number)
-    grey, surface, deformation = seen
+    surface, deformation = sensor.scene.show(press)[1], sensor.scene.deformation(press)
     pressure_mpa = deformation.pressure * sensor.shear_modulus_mpa
-    path = _press_file(folder, number)
+    path = _press_file(Path(folder), number)
     _write(
         path,
-        images=sensor.pictures(grey, np.random.default_rng([request.seed, number, 1])),
+        images=sensor.pictures(sensor.grey(press), np.random.default_rng([request.seed, number, 1])),
         light=np.float32(sensor.light),
         depth_mm=np.float32(surface.depth_mm),
         normals=np.float32(normals(surface.gradient_map)),
@@ -189,17 +164,6 @@ class _Sensor:
         brightest = max(float(self.scene.show(None, light)[0].max()) for light in self.light)
         response = self.scene.response
         self.scene.response = replace(response, exposure=response.exposure * BRIGHTEST_GREY / brightest)
-        batches = request.computed_by != "numpy"
-        self._computer = BatchComputer(request.computed_by, request.geometry, self.light) if batches else None
-
-    def seen(self, presses: Sequence[Press]) -> Iterator[Seen]:
-        """Yield what each press looks like before noise, and the gel."""
-        if self._computer is None:
-            for press in presses:
-                yield self.grey(press), self.scene.show(press)[1], self.scene.deformation(press)
-            return
-        for irradiance, surface, deformation in self._computer.seen(presses):
-            yield linear_grey(irradiance, self.scene.response).astype(np.float32), surface, deformation
 
     def grey(self, press: Press | None) -> NDArray[np.float32]:
         """(K, H, W, 3) one picture a light before noise, grey levels."""
@@ -239,8 +203,6 @@ def _on_pixels(pressure_mpa: Array, deformation: Deformation, geometry: SensorGe
 def _describe(request: DatasetRequest, folder: Path) -> None:
     """Write dataset.json and the reference images; raises InputError where the folder holds another data set."""
     said = {name: value for name, value in asdict(request).items() if name != "presses"}
-    if request.computed_by == "numpy":
-        del said["computed_by"]
     described = {
         "format": FORMAT,
         "gellight": gellight.__version__,

@@ -11,8 +11,7 @@ from the start), `programme=0` (no presses by itself), `board=0` (steady light w
 begins with a strobe on the trigger pin of the board, for `--light-mode ext`), `ring_c` (the ring has an NTC of so many
 degrees Celsius; by default it has none); and what makes one sensor differ from
 another: `crosstalk` (share of the other colours in a channel), `led_spread` (standard deviation of
-the LEDs' brightness, as a share), `dim` (all LEDs darker by this share). `gel=fem` computes the gel by finite elements
-with `resolution` mm between vertices: a minute a press, kept on the disk. `dots=9x7` prints columns and rows of marker
+the LEDs' brightness, as a share), `dim` (all LEDs darker by this share). `dots=9x7` prints columns and rows of marker
 dots on the gel, `dot_pitch` and `dot_diameter` mm, of `dot_albedo`, of which the share `dots_missing` has come off;
 `friction` is its coefficient for what is dragged over such a gel.
 `sequence=FILE` moves an object as the file says, a step a frame, there and back: see `sequence.py`.
@@ -41,9 +40,7 @@ from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.frames.picture import PictureSteps
 from gellight.frames.timing import CameraTiming
 from gellight.lab.emulator.child import SimulatedBoard
-from gellight.lab.simulator.gel_models import gel_model
 from gellight.lab.simulator.known_force import known_force
-from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.read_noise import ReadNoise
 from gellight.lab.simulator.scene import Array, Press, Scene
 from gellight.lab.simulator.selfcheck import SelfCheck
@@ -56,6 +53,7 @@ from gellight.lab.simulator.unit import CalibratedControls, Unit
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import MOST_LEDS
 from sim_reference.camera import WHITE
+from sim_reference.deformation import NotConverged
 from sim_reference.geometry import SensorGeometry
 
 logger = logging.getLogger(__name__)
@@ -198,7 +196,7 @@ class SimulatedCamera(Camera):
         try:
             with self.stage.computing(press):
                 self._scene.prepare_ahead(press)
-        except InputError as error:
+        except NotConverged as error:
             self._left_out.add(press)
             logger.warning("the programme leaves out %s, %g mm deep: %s", press.object_name, press.depth_mm, error)
 
@@ -288,8 +286,6 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)
     if wanted.sequence:
         stage.play(read_sequence(Path(wanted.sequence), sensor).presses)
-    if wanted.gel == "fem":
-        check_memory(wanted.resolution, sensor)
     scene = _scene(wanted, sensor, unit)
     if wanted.strobe and not wanted.board:
         raise InputError(f"{url}: a strobe needs the board whose light it moves on: leave out board=0, or strobe=1")
@@ -305,12 +301,12 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
 
 def _scene(wanted: SimulatedUrl, sensor: SensorGeometry, unit: Unit | None) -> Scene:
     """Return what the camera looks at."""
-    model, printed = gel_model(wanted.gel, wanted.resolution), wanted.printed()
+    printed = wanted.printed()
     if unit is not None:
         response = unit.response(wanted.noise if "noise" in wanted.model_fields_set else None)
-        return Scene(sensor, response, model=model, printed=printed, measured=unit.light)
+        return Scene(sensor, response, printed=printed, measured=unit.light)
     gain = wanted.led_gain(len(sensor.led_colours))
-    return Scene(sensor, wanted.response(), gain, model=model, printed=printed)
+    return Scene(sensor, wanted.response(), gain, printed=printed)
 
 
 def check_drivable(leds: int) -> None:

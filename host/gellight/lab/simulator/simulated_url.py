@@ -8,7 +8,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import SYNTHETIC, load_bundle
 from gellight.lab.emulator.analog import COLDEST_C, HOTTEST_C
-from gellight.lab.simulator.choices import GelKind
 from gellight.lab.simulator.printed_dots import PrintedDots
 from gellight.lab.simulator.scene import Array, Printed
 from gellight.lab.simulator.unit import Unit
@@ -38,8 +37,6 @@ class SimulatedUrl(BaseModel):
     led_spread: float = Field(0.0, ge=0, le=0.5)
     dim: float = Field(0.0, ge=0, le=0.9)
     bundle: str = Field("", min_length=1)
-    gel: GelKind = "layer"
-    resolution: float = Field(0.3, ge=0.1, le=2.5)
     sequence: str = ""
     dots: str = Field(
         "", pattern=r"^(\d{1,2}x\d{1,2})?$", json_schema_extra={"allowed": "columns x rows, such as `9x7`"}

@@ -55,12 +55,6 @@ def programme_of_presses() -> Iterator[Press | None]:
         yield from itertools.repeat(None, 15)
 
 
-def presses_of_the_demo() -> list[tuple[str, float]]:
-    """Return object and depth of what the programme shows, and of each object as the page offers it at first."""
-    programme = {(step.object_name, step.depth_mm) for press in PROGRAMME for step in _ramp(press)}
-    return sorted(programme | {(name, OFFERED_DEPTH_MM) for name in OBJECT_NAMES})
-
-
 def _ramp(press: Press) -> list[Press]:
     """Return the press at a fifth of its depth, two fifths and so on."""
     return [replace(press, depth_mm=round(float(press.depth_mm * step), 3)) for step in np.linspace(0, 1, 6)[1:]]

@@ -1,7 +1,6 @@
 """Data sets of simulated presses: what the files say is what was pressed, and a data set can be gone on with."""
 
 import csv
-import gc
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +10,6 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.simulator import dataset
-from gellight.lab.simulator.batches import BatchComputer
 from gellight.lab.simulator.dataset import DatasetRequest, make_dataset, store_in
 from gellight.lab.simulator.sweep import Shard, SweepIncomplete, SweepOptions
 from sim_reference import gel
@@ -25,7 +22,7 @@ REQUEST = DatasetRequest(presses=3, objects=("BALL", "WAVE"), geometry=SMALL, se
 
 
 def make(folder: Path, request: DatasetRequest = REQUEST, **options: Any) -> None:
-    make_dataset(request, folder, SweepOptions(store=store_in(folder, request), **options))
+    make_dataset(request, folder, SweepOptions(store=store_in(folder), **options))
 
 
 def read(folder: Path) -> list[tuple[dict[str, str], dict[str, np.ndarray]]]:
@@ -146,63 +143,3 @@ def test_the_verb_says_what_it_wrote(tmp_path: Path) -> None:
     result = invoke("simulate", "dataset", *arguments)
     assert json.loads(result.stdout)["presses"] == 1, result.output
     assert json.loads((out / "dataset.json").read_text())["request"]["objects"] == ["BALL"]
-
-
-@pytest.mark.nightly
-def test_presses_computed_in_batches_by_torch_are_the_same(tmp_path: Path) -> None:
-    many = replace(REQUEST, presses=4, noise_grey=2.0)
-    make(tmp_path / "numpy", many)
-    make(tmp_path / "torch", replace(many, computed_by="torch"))
-    for (row, one), (other_row, other) in zip(read(tmp_path / "numpy"), read(tmp_path / "torch"), strict=True):
-        assert row == other_row
-        np.testing.assert_allclose(other["depth_mm"], one["depth_mm"], atol=1e-6)
-        np.testing.assert_allclose(other["pressure_mpa"], one["pressure_mpa"], atol=1e-6)
-        off = np.abs(one["images"].astype(int) - other["images"])
-        assert off.max() <= 1
-        assert (off > 0).mean() < 1e-3, "of grey levels that stood between two whole ones"
-    with pytest.raises(InputError, match=r"holds another data set \(another computed_by\)"):
-        make(tmp_path / "torch", many)
-
-
-@pytest.mark.nightly
-def test_a_data_set_in_batches_has_one_child_which_ends_with_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    begun: list[BatchComputer] = []
-
-    class Noted(BatchComputer):
-        def __init__(self, *given: Any) -> None:
-            super().__init__(*given)
-            begun.append(self)
-
-    monkeypatch.setattr(dataset, "BatchComputer", Noted)
-    make(tmp_path, replace(REQUEST, presses=2, computed_by="torch"))
-    (computer,) = begun
-    child = computer._child
-    begun.clear()
-    del computer
-    gc.collect()
-    assert child.poll() is not None
-
-
-def test_finite_elements_are_computed_by_numpy_alone() -> None:
-    with pytest.raises(InputError, match="finite elements are computed by numpy alone"):
-        replace(REQUEST, computed_by="torch", gel="fem")
-
-
-@pytest.mark.nightly
-def test_what_cannot_compute_begins_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
-    with pytest.raises(InputError, match="finds no GPU"):
-        make(tmp_path / "cuda", replace(REQUEST, computed_by="cuda"))
-    assert not (tmp_path / "cuda").exists()
-
-
-@pytest.mark.nightly
-def test_a_child_that_dies_is_told() -> None:
-    """One that is killed, by the system for want of memory say."""
-    computer = BatchComputer("torch", SMALL, np.ones((1, 12, 3)))
-    computer._child.kill()
-    computer._child.wait()
-    with pytest.raises(InputError, match="ended with status -9"):
-        list(computer.seen([REQUEST.press(0)]))

@@ -17,7 +17,7 @@ from gellight.lab.simulator import memory, stage
 from gellight.lab.simulator.gel_models import KeptPresses
 from gellight.lab.simulator.known_force import known_force
 from gellight.lab.simulator.memory import check_memory, free_memory
-from gellight.lab.simulator.scene import Press
+from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.simulator.simulated_camera import open_simulated
 from gellight.opening import open_camera
 from gellight.reconstruction.force_file import FILE_NAME, ForceRecord, read_force
@@ -97,24 +97,12 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     return tmp_path
 
 
-def test_a_url_chooses_the_model(cache: Path) -> None:
-    url = "sim://?board=0&object=BALL&depth=0.6&noise=0"
-    with open_camera(url) as camera:
-        layer = camera.read()
-    with open_camera(url + "&gel=fem&resolution=1.2") as camera:
-        fem = camera.read()
-    assert len(list(cache.glob("gellight/presses/*.npz"))) == 1
-    difference = np.abs(layer.truth.depth_mm - fem.truth.depth_mm)
-    assert 1e-4 < difference.max() < 0.1
-    assert (layer.image != fem.image).any()
-
-
 def test_the_programme_leaves_out_what_cannot_be_computed(
     cache: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(FemGel, "press", Mock(side_effect=NotConverged("100 steps were not enough")))
+    monkeypatch.setattr(Scene, "deformation", Mock(side_effect=NotConverged("100 steps were not enough")))
     monkeypatch.setattr(stage, "PROGRAMME", (Press("BALL", 0.5),))
-    with open_camera("sim://?board=0&gel=fem&fps=1000") as camera:
+    with open_camera("sim://?board=0&fps=1000") as camera:
         frames = [camera.read() for _ in range(250)]
     assert all(frame.truth is not None and not frame.truth.depth_mm.any() for frame in frames)
     told = [record.getMessage() for record in caplog.records if "leaves out" in record.getMessage()]
@@ -122,11 +110,6 @@ def test_the_programme_leaves_out_what_cannot_be_computed(
     assert len(set(told)) == len(told)
     assert "BALL, 0." in told[0]
     assert "100 steps were not enough" in told[0]
-
-
-def test_an_unknown_model_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(InputError, match="one of layer, fem"):
-        open_camera("sim://?board=0&gel=jelly")
 
 
 def test_every_press_of_the_finite_elements_is_weighed_within_the_error() -> None:
@@ -170,8 +153,6 @@ def test_a_mesh_is_refused_that_the_memory_does_not_hold(monkeypatch: pytest.Mon
     monkeypatch.setattr(memory, "free_memory", lambda: 10**9)
     with pytest.raises(InputError, match=r"0\.3 mm needs about 1\.\d GB .*: 0\.\d+ mm fits"):
         check_memory(0.3, GEOMETRY)
-    with pytest.raises(InputError, match=r"0\.3 mm needs about"):
-        open_camera("sim://?board=0&gel=fem")
 
 
 def test_what_the_kernel_keeps_of_files_is_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
