@@ -38,7 +38,7 @@ types: $(VENV)/.test
 	$(BIN)/mypy
 
 imports: $(VENV)/.test
-	PYTHONPATH=host:models:. $(BIN)/lint-imports --no-cache --no-logo
+	PYTHONPATH=host:host/gellight_touch:models:. $(BIN)/lint-imports --no-cache --no-logo
 
 style: $(VENV)/.test
 	$(BIN)/pytest -m style tests/style tests/host/cli/test_help.py
@@ -102,15 +102,15 @@ $(VENV)/.docs: pyproject.toml | $(VENV)/.host
 	$(call install,--editable ".[docs]",80)
 	@touch $@
 
-$(VENV)/.test: pyproject.toml | $(BIN)/python
+$(VENV)/.test: pyproject.toml host/gellight_touch/pyproject.toml | $(BIN)/python
 	@echo "Installing GelLight and what its tests need into $(VENV): 1 GB, one to three minutes, once"
-	$(call install,--editable ".[test]",85)
+	$(call install,--editable ".[test]" --editable host/gellight_touch,85)
 	@touch $@ $(VENV)/.host
 
 $(VENV)/.dev: pyproject.toml | $(BIN)/python
 	@echo "Installing PyTorch and what the tests need into $(VENV): some GB come, which takes minutes, once"
 	$(call install,"$(TORCH)",80)
-	$(call install,--editable ".[dev]",150)
+	$(call install,--editable ".[dev]" --editable host/gellight_touch,150)
 	@touch $@ $(VENV)/.test $(VENV)/.host
 
 $(BIN)/python:

@@ -29,15 +29,15 @@ LONGEST = (
     "vm", "test_first_hour.py", "firmware/test_mutants.py", "soak/test_soak.py", "firmware/test_fuzz.py",
     "host/lab/calibration/test_routine.py", "host/daemon/test_matrix.py",
     "host/cli/test_calibrate.py", "host/dashboard/test_page_scan.py", "host/cli/test_several_sensors.py",
-    "host/cli/test_signals.py", "host/lab/training/labelling/test_circles.py", "host/lab/touch/test_environments.py",
+    "host/cli/test_signals.py", "host/lab/training/labelling/test_circles.py", "touch/test_environments.py",
     "host/lab/design/test_studies.py", "host/stream/test_record_and_export.py", "host/lab/calibration/test_like.py",
     "host/daemon/test_running_states.py", "host/sensor/lighting/test_sequenced.py", "host/dashboard/test_page.py",
     "host/dashboard/test_page_in_use.py", "host/watch/test_monitor.py", "host/daemon/test_modes.py",
-    "host/lab/scanning/test_scan.py", "host/lab/touch/test_mujoco_carry.py", "benchmarks/test_integrators.py",
+    "host/lab/scanning/test_scan.py", "touch/test_mujoco_carry.py", "benchmarks/test_integrators.py",
     "host/lab/optics/lights/test_channel_fit.py", "host/cli/test_demo.py", "host/reconstruction/test_native_path.py",
     "host/watch/test_rezero.py", "host/stream/test_recorder.py", "host/stream/test_subscription.py",
     "host/cli/test_service.py", "host/stream/test_lerobot.py", "host/stream/test_readme_robot.py",
-    "host/lab/touch/test_examples.py", "soak/test_kills.py", "sim_reference/test_fem_gel.py",
+    "touch/test_examples.py", "soak/test_kills.py", "sim_reference/test_fem_gel.py",
     "sim_reference/test_fem_dragging.py", "sim_reference/test_fem_contact.py",
 )  # fmt: skip
 """files, and the virtual machine, that take a process longest: several processes begin with them"""

@@ -30,12 +30,12 @@ from scipy import ndimage
 
 from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.lab.report.pictures import write_png
-from gellight.lab.touch import Felt, TouchSensor
-from gellight.lab.touch.layer import NOTHING
 from gellight.lab.training.presses import Press, distance_px
 from gellight.lab.training.table import PressTable, build_table, drift_of_presses
 from gellight.lab.training.training import HAND_DRAWN, TrainingOptions
 from gellight.reconstruction.light_drift import difference_of
+from gellight_touch import Felt, TouchSensor
+from gellight_touch.layer import NOTHING
 from tests.benchmarks.real_judging import GIVEN, Fold, felt_by, fitted, folds_of, judged, means
 from tests.benchmarks.real_presses import PICTURES
 from tests.benchmarks.real_sets import SETS, RealSet

@@ -19,9 +19,9 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.touch import GRIPPER, Felt, TouchSensor
-from gellight.lab.touch.mujoco_carry import Carrying
-from gellight.lab.touch.mujoco_gels import MujocoGels
+from gellight_touch import GRIPPER, Felt, TouchSensor
+from gellight_touch.mujoco_carry import Carrying
+from gellight_touch.mujoco_gels import MujocoGels
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import OBJECT_NAMES, object_height

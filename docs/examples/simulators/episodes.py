@@ -10,10 +10,10 @@ from pathlib import Path
 import gymnasium
 
 from gellight.lab.report.pictures import encode_png
-from gellight.lab.touch.episode import tactile_frames
 from gellight.recording.shard_files import write_shards
+from gellight_touch.episode import tactile_frames
 
-TASK = "gellight.lab.touch.environments:gellight/SlideToEdge-v0"  # names the module, for workers that know it not yet
+TASK = "gellight_touch.environments:gellight/SlideToEdge-v0"  # names the module, for workers that know it not yet
 
 
 def episode(folder: Path, seed: int) -> str:

@@ -1,7 +1,7 @@
 """Learn by PPO to tell objects apart, with touch and without; give a file name for the curve: `learn.py learnt.svg`.
 
-`pip install "gellight[mujoco]" stable-baselines3`. Without touch the agent knows only that something touches. Judged on
-200 presses that nobody learnt from.
+`pip install . ./host/gellight_touch stable-baselines3`, from a clone. Without touch the agent knows only that something
+touches. Judged on 200 presses that nobody learnt from.
 """
 
 import argparse
@@ -15,7 +15,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 
 from gellight.lab.report.charts import Axes, Series, line_chart
-from gellight.lab.touch.environments import PressAndTell
+from gellight_touch.environments import PressAndTell
 
 BLOCK = 4096
 JUDGED = range(10_000, 10_200)

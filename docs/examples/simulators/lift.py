@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 
 from gellight.lab.report.pictures import depth_picture
-from gellight.lab.touch import GRIPPER, TouchSensor
-from gellight.lab.touch.mujoco_carry import Carrying
-from gellight.lab.touch.mujoco_gels import MujocoGels
+from gellight_touch import GRIPPER, TouchSensor
+from gellight_touch.mujoco_carry import Carrying
+from gellight_touch.mujoco_gels import MujocoGels
 
 model = mujoco.MjModel.from_xml_path(str(GRIPPER))
 data = mujoco.MjData(model)

@@ -2,7 +2,7 @@
 
 import mujoco
 
-from gellight.lab.touch.mujoco_gels import MujocoGels
+from gellight_touch.mujoco_gels import MujocoGels
 
 model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody>
     <body name="finger"><geom type="box" size=".02 .02 .002" pos="0 0 -.002"/><site name="gel"/></body>

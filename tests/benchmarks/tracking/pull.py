@@ -15,9 +15,9 @@ import numpy as np
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
-from gellight.lab.touch import Felt, TouchSensor
 from gellight.tracking.tracker import Tracker
 from gellight.tracking.view import View
+from gellight_touch import Felt, TouchSensor
 from sim_reference import tangential
 from sim_reference.objects import object_height
 

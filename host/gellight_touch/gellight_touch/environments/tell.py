@@ -8,8 +8,8 @@ import numpy as np
 from gymnasium import spaces
 
 from gellight.base.errors import InputError
-from gellight.lab.touch.environments.observing import OneGel
-from gellight.lab.touch.touch_sensor import TouchSensor
+from gellight_touch.environments.observing import OneGel
+from gellight_touch.touch_sensor import TouchSensor
 from sim_reference.objects import OBJECT_NAMES, object_height
 
 SENSOR = partial(TouchSensor, size=80, extent_mm=80.0)

@@ -10,8 +10,8 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 
 from gellight.base.errors import InputError
-from gellight.lab.touch import TouchSensor
-from gellight.lab.touch.environments import InsertPeg, Lift, PressAndTell, SlideToEdge
+from gellight_touch import TouchSensor
+from gellight_touch.environments import InsertPeg, Lift, PressAndTell, SlideToEdge
 from sim_reference.geometry import SensorGeometry
 from tests.benchmarks import touch_tasks
 

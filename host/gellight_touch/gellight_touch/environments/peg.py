@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 from gymnasium import spaces
 
-from gellight.lab.touch.environments.observing import OneGel, clipped
-from gellight.lab.touch.layer import Floats
-from gellight.lab.touch.mujoco_gels import MujocoGels
-from gellight.lab.touch.touch_sensor import Felt, TouchSensor
+from gellight_touch.environments.observing import OneGel, clipped
+from gellight_touch.layer import Floats
+from gellight_touch.mujoco_gels import MujocoGels
+from gellight_touch.touch_sensor import Felt, TouchSensor
 
 SENSOR = partial(TouchSensor, size=72, extent_mm=72.0)
 MODEL = Path(__file__).parent.parent / "peg.xml"

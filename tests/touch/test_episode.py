@@ -10,12 +10,12 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.lab.report.pictures import encode_png
-from gellight.lab.touch import Felt, TouchSensor
-from gellight.lab.touch.environments import SlideToEdge
-from gellight.lab.touch.episode import tactile_frames
 from gellight.recording.array_files import write_arrays
 from gellight.recording.lerobot_files import write_lerobot
 from gellight.recording.shard_files import LEAST_MM, STEP_MM, write_shards
+from gellight_touch import Felt, TouchSensor
+from gellight_touch.environments import SlideToEdge
+from gellight_touch.episode import tactile_frames
 from sim_reference.geometry import SensorGeometry
 
 ACTIONS = [[1.0, 0.25 * number, 0.0] for number in range(5)]

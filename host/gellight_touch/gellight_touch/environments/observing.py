@@ -10,8 +10,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.lab.touch.layer import Floats
-from gellight.lab.touch.touch_sensor import Felt, TouchSensor
+from gellight_touch.layer import Floats
+from gellight_touch.touch_sensor import Felt, TouchSensor
 
 KINDS = ("depth", "wrench", "contact", "picture")
 """depth: (n, n) mm; wrench: normal force, N, and where it acts, x and y mm; contact: whether anything touches; picture:

@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 from gymnasium import spaces
 
-from gellight.lab.touch import GRIPPER
-from gellight.lab.touch.environments.observing import Observing, clipped
-from gellight.lab.touch.layer import Floats
-from gellight.lab.touch.mujoco_carry import Carrying, Held
-from gellight.lab.touch.mujoco_gels import MujocoGels
-from gellight.lab.touch.touch_sensor import TouchSensor
+from gellight_touch import GRIPPER
+from gellight_touch.environments.observing import Observing, clipped
+from gellight_touch.layer import Floats
+from gellight_touch.mujoco_carry import Carrying, Held
+from gellight_touch.mujoco_gels import MujocoGels
+from gellight_touch.touch_sensor import TouchSensor
 
 MASSES_KG = 0.01, 0.08
 FRICTIONS = 0.4, 1.0

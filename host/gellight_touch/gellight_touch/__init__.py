@@ -17,8 +17,8 @@ peg.xml           a peg in a gripper over a slot
 
 from pathlib import Path
 
-from gellight.lab.touch.touch_sensor import Felt, TouchSensor
-from gellight.lab.touch.traction import Sheared
+from gellight_touch.touch_sensor import Felt, TouchSensor
+from gellight_touch.traction import Sheared
 
 __all__ = ["GRIPPER", "Felt", "Sheared", "TouchSensor"]
 

@@ -11,10 +11,10 @@ from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.lab.simulator.measured_light import MeasuredLight
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.touch import TouchSensor
-from gellight.lab.touch.layer import NOTHING
-from gellight.lab.touch.picture import Splines
 from gellight.opening import open_camera
+from gellight_touch import TouchSensor
+from gellight_touch.layer import NOTHING
+from gellight_touch.picture import Splines
 from sim_reference import gel
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry, pixel_grid

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.touch import GRIPPER, TouchSensor
-from gellight.lab.touch.mujoco_carry import Carrying, Held, _push
-from gellight.lab.touch.mujoco_drag import Dragging
-from gellight.lab.touch.mujoco_gels import MujocoGels
+from gellight_touch import GRIPPER, TouchSensor
+from gellight_touch.mujoco_carry import Carrying, Held, _push
+from gellight_touch.mujoco_drag import Dragging
+from gellight_touch.mujoco_gels import MujocoGels
 from sim_reference.geometry import SensorGeometry
 from tests.benchmarks.touch import grows
 

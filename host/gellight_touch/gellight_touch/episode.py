@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.measures import Force
-from gellight.lab.touch.layer import Floats
-from gellight.lab.touch.touch_sensor import Felt, TouchSensor
 from gellight.reconstruction.measures import LightMeasures
 from gellight.reconstruction.stages import Stages, tactile_frame
+from gellight_touch.layer import Floats
+from gellight_touch.touch_sensor import Felt, TouchSensor
 
 
 def tactile_frames(sensor: TouchSensor, touches: Iterable[Felt], *, fps: float) -> Iterator[TactileFrame]:

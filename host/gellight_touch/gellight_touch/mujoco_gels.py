@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.lab.touch.mujoco_gap import MM, GelGap, geoms_of
-from gellight.lab.touch.touch_sensor import Felt, TouchSensor
-from gellight.lab.touch.traction import Sheared
+from gellight_touch.mujoco_gap import MM, GelGap, geoms_of
+from gellight_touch.touch_sensor import Felt, TouchSensor
+from gellight_touch.traction import Sheared
 
 OUTWARDS = 0.1
 """cosine between the normals of a contact and of the gel, at least"""

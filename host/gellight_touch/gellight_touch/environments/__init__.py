@@ -9,10 +9,10 @@ peg.py        gellight/InsertPeg-v0: put a peg that hangs aside and tilted in th
 
 import gymnasium
 
-from gellight.lab.touch.environments.edge import SlideToEdge
-from gellight.lab.touch.environments.lift import Lift
-from gellight.lab.touch.environments.peg import InsertPeg
-from gellight.lab.touch.environments.tell import PressAndTell
+from gellight_touch.environments.edge import SlideToEdge
+from gellight_touch.environments.lift import Lift
+from gellight_touch.environments.peg import InsertPeg
+from gellight_touch.environments.tell import PressAndTell
 
 __all__ = ["InsertPeg", "Lift", "PressAndTell", "SlideToEdge"]
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from gellight.base.errors import InputError
-from gellight.lab.touch.layer import NOTHING
+from gellight_touch.layer import NOTHING
 
 Floats = NDArray[np.float64]
 BEHIND_M = 100.0

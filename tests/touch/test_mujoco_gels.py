@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.touch import TouchSensor
-from gellight.lab.touch.layer import NOTHING
-from gellight.lab.touch.mujoco_gels import MujocoGels
+from gellight_touch import TouchSensor
+from gellight_touch.layer import NOTHING
+from gellight_touch.mujoco_gels import MujocoGels
 
 BALL = '<geom name="ball" type="sphere" size=".004" {}/>'
 

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.lab.touch.mujoco_gap import MM
-from gellight.lab.touch.mujoco_gels import MujocoGel
-from gellight.lab.touch.touch_sensor import Felt
-from gellight.lab.touch.traction import Sheared, check_friction
+from gellight_touch.mujoco_gap import MM
+from gellight_touch.mujoco_gels import MujocoGel
+from gellight_touch.touch_sensor import Felt
+from gellight_touch.traction import Sheared, check_friction
 
 Floats = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from gellight.base.errors import InputError
 from gellight.frames.dots import find_dots
 from gellight.lab.simulator.printed_dots import PrintedDots
 from gellight.lab.simulator.scene import Press, Printed, Scene
-from gellight.lab.touch import Felt, TouchSensor
+from gellight_touch import Felt, TouchSensor
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import object_height

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gellight.lab.touch.springs import Spring, solve
+from gellight_touch.springs import Spring, solve
 
 STIFFNESS = np.array([100.0, 100.0, 150.0, 2e-3, 1e-3, 5e-4])
 SPRING = Spring(

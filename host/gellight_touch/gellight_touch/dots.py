@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from gellight.lab.simulator.printed_dots import PrintedDots, seen_px
-from gellight.lab.touch.layer import Floats
+from gellight_touch.layer import Floats
 from sim_reference.geometry import SensorGeometry
 
 

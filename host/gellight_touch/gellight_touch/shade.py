@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 
 from gellight.base.errors import InputError
-from gellight.lab.touch.layer import Floats
 from gellight.reconstruction.cast_shadows import EDGE_MM
 from gellight.reconstruction.native.library import Library, NativePathError, fitting_library
+from gellight_touch.layer import Floats
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions
 from sim_reference.imaging import ring_irradiance, ring_light
 from sim_reference.surface import untouched

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.touch import Felt, TouchSensor
+from gellight_touch import Felt, TouchSensor
 from sim_reference.objects import object_height
 
 FRICTION = 0.5

@@ -12,10 +12,10 @@ from gellight.bundle.bundle import Bundle
 from gellight.lab.simulator.printed_dots import PrintedDots, paint
 from gellight.lab.simulator.read_noise import ReadNoise
 from gellight.lab.simulator.unit import GEL, Unit
-from gellight.lab.touch.dots import dots_px
-from gellight.lab.touch.layer import NOTHING, Floats, Layer
-from gellight.lab.touch.picture import Pictures, UnitPictures
-from gellight.lab.touch.traction import Sheared, Traction, check_grid
+from gellight_touch.dots import dots_px
+from gellight_touch.layer import NOTHING, Floats, Layer
+from gellight_touch.picture import Pictures, UnitPictures
+from gellight_touch.traction import Sheared, Traction, check_grid
 from sim_reference.camera import CameraResponse
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry, pixel_grid

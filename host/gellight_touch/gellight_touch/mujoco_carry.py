@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.lab.touch.mujoco_gap import MM
-from gellight.lab.touch.mujoco_gels import MujocoGel, MujocoGels
-from gellight.lab.touch.springs import SLIDING, Spring, solve
-from gellight.lab.touch.touch_sensor import Felt
-from gellight.lab.touch.traction import Sheared
+from gellight_touch.mujoco_gap import MM
+from gellight_touch.mujoco_gels import MujocoGel, MujocoGels
+from gellight_touch.springs import SLIDING, Spring, solve
+from gellight_touch.touch_sensor import Felt
+from gellight_touch.traction import Sheared
 
 Floats = NDArray[np.float64]
 MOST_LOOKS, AS_EXPECTED = 20, 1e-9

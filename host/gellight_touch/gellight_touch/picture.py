@@ -15,8 +15,8 @@ from scipy.interpolate import make_interp_spline
 
 from gellight.lab.simulator.measured_light import MeasuredLight
 from gellight.lab.simulator.scene import BRIGHTEST_GREY
-from gellight.lab.touch.layer import Floats
-from gellight.lab.touch.shade import Shade
+from gellight_touch.layer import Floats
+from gellight_touch.shade import Shade
 from sim_reference.camera import CameraResponse, exposure_for, linear_grey
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions, pixel_grid
 from sim_reference.imaging import ring_light

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from gellight.lab.touch.environments.observing import OneGel, clipped
-from gellight.lab.touch.layer import NOTHING, Floats
-from gellight.lab.touch.touch_sensor import TouchSensor
+from gellight_touch.environments.observing import OneGel, clipped
+from gellight_touch.layer import NOTHING, Floats
+from gellight_touch.touch_sensor import TouchSensor
 
 SENSOR = partial(TouchSensor, size=72, extent_mm=72.0)
 PRESSED_MM = 0.3

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from gellight.lab.touch import GRIPPER, Sheared, TouchSensor
-from gellight.lab.touch.mujoco_carry import Carrying
-from gellight.lab.touch.mujoco_drag import Dragging
-from gellight.lab.touch.mujoco_gels import MujocoGel, MujocoGels
+from gellight_touch import GRIPPER, Sheared, TouchSensor
+from gellight_touch.mujoco_carry import Carrying
+from gellight_touch.mujoco_drag import Dragging
+from gellight_touch.mujoco_gels import MujocoGel, MujocoGels
 
 WEIGHT_N = 0.05 * 9.81
 
