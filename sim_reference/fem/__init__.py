@@ -6,7 +6,6 @@
 | elastic energy | `neo_hookean` |
 | contact without penetration | `barrier`, against the object as a `height_field` |
 | friction | `friction` |
-| the object under a load, free to tilt | `affine_body`, beginning as the linear layer has it: `leaning` |
 | 3 x 3 matrices by the many | `matrices` |
 | sums over the mesh | `assembly` |
 | linear systems | `multigrid` |

@@ -17,7 +17,7 @@ from sim_reference.fem.height_field import HeightField
 
 Array = NDArray[np.float64]
 LEAST_UPRIGHT = 0.1
-"""of dg/dz: under walls of a leaning object that hang over, a lift does not help"""
+"""of dg/dz: under walls of a turned object that hang over, a lift does not help"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,27 +33,24 @@ class Barrier:
     stiffness: float
     """kappa, shear moduli per mm"""
     depth_mm: float
-    """how far the object's point `pivot` is moved along z"""
+    """how far the object's origin is moved along z"""
     matrix: Array = dataclasses.field(default_factory=lambda: np.eye(3))
-    """(3, 3) how the object is turned about `pivot`"""
-    pivot: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
-    """(3,) a point of the object, in its own frame"""
+    """(3, 3) how the object is turned about its origin"""
     shift_mm: Array = dataclasses.field(default_factory=lambda: np.zeros(2))
-    """(2,) how far `pivot` is moved along x and y"""
+    """(2,) how far its origin is moved along x and y"""
 
     @property
     def moved_mm(self) -> Array:
-        """(3,) how far `pivot` is moved."""
+        """(3,) how far its origin is moved."""
         return np.append(self.shift_mm, self.depth_mm)
 
     def local(self, at: Array) -> Array:
         """Return points `at` (S, 3) in the object's frame."""
-        arm = (at - self.pivot - self.moved_mm) @ np.linalg.inv(self.matrix).T
-        return np.asarray(arm + self.pivot)
+        return np.asarray((at - self.moved_mm) @ np.linalg.inv(self.matrix).T)
 
     def world(self, points: Array) -> Array:
         """Return where points (S, 3) of the object are."""
-        return np.asarray((points - self.pivot) @ self.matrix.T + self.pivot + self.moved_mm)
+        return np.asarray(points @ self.matrix.T + self.moved_mm)
 
     def gap(self, at: Array) -> Array:
         """Return the gap (S,) in mm of vertices `at` (S, 3)."""
@@ -96,24 +93,21 @@ class Barrier:
         result[near] = self.stiffness * self.area[near, None, None] * blocks
         return result
 
-    def lift(self, at: Array, step: Array, moved: "Barrier | None" = None) -> Array:
+    def lift(self, at: Array, step: Array) -> Array:
         """Return how far (S,) mm vertices `at` (S, 3) are lifted along z after `step`, so that none is in the object.
 
-        `moved` has the object where it is after the step, if it moves. Newton's step changes a gap g by c to first
-        order. Within the distance, g becomes g + c, or g^2 / (g - c) where it closes: there the pressure grows like
-        1/g, and does so by what the step expects. Other vertices keep half the distance. Small steps are changed by
-        terms of second order only.
+        Newton's step changes a gap g by c to first order. Within the distance, g becomes g + c, or g^2 / (g - c) where
+        it closes: there the pressure grows like 1/g, and does so by what the step expects. Other vertices keep half the
+        distance. Small steps are changed by terms of second order only.
         """
-        moved = moved or self
         after = at + step
-        gap, reached = self.gap(at), moved.gap(after)
-        # Relative to the object, a vertex comes from where its point of the object has gone.
-        change = (self.gap_gradient(at) * (after - moved.world(self.local(at)))).sum(axis=1)
+        gap, reached = self.gap(at), self.gap(after)
+        change = (self.gap_gradient(at) * step).sum(axis=1)
         wanted = np.maximum(change, 0) + gap**2 / (gap - np.minimum(change, 0))
         touching = np.maximum(gap, wanted) < self.distance_mm
         least = np.minimum(gap, 0.5 * self.distance_mm)
         widened = np.where(touching, wanted - reached, np.maximum(least - reached, 0))
-        return widened / np.maximum(moved.gap_gradient(after)[:, 2], LEAST_UPRIGHT)
+        return widened / np.maximum(self.gap_gradient(after)[:, 2], LEAST_UPRIGHT)
 
     def gap_gradient(self, at: Array) -> Array:
         """Return grad g (S, 3) at vertices `at`."""

@@ -16,12 +16,13 @@ from sim_reference import gel
 from sim_reference.deformation import NotConverged
 from sim_reference.fem.barrier import Barrier
 from sim_reference.fem.gel import ABOVE_MM, INCREMENT_MM, FemGel, check_depth, field_of, solver_of
-from sim_reference.fem.leaning import MOST_TILT_RAD, Lean, check_tilt
 from sim_reference.fem.newton import Contact, State
 from sim_reference.fem.pressing import STICK_MM, Checkpoint, OnStep, Pressing, cleared
 from sim_reference.geometry import SensorGeometry
 
 Array = NDArray[np.float64]
+MOST_TILT_RAD = float(np.deg2rad(15))
+"""of an object that is rolled"""
 
 
 @dataclass(frozen=True)
@@ -139,16 +140,19 @@ def drag(
     solver = solver_of(model, geometry)
     lowest = -press_depth_mm - ABOVE_MM - float(np.tan(MOST_TILT_RAD)) * geometry.gel_diameter_mm / 2
     field = field_of(object_height_mm, spacing_mm, lowest, solver.mesh.spacing_mm)
-    start, bare = Lean(press_depth_mm), replace(geometry, coating_smoothing_mm=0.0)
-    dragging = Dragging(solver, field, model.friction, on_step, resume, start)
+    bare = replace(geometry, coating_smoothing_mm=0.0)
+    dragging = Dragging(solver, field, model.friction, on_step, resume)
     if resume is None:
         increment = INCREMENT_MM if model.friction else np.inf
         dragging.go_to(press_depth_mm, increment, lambda depth: gel.press(object_height_mm, spacing_mm, depth, bare))
-        dragging.close_gap(press_depth_mm, None)
+        dragging.close_gap(press_depth_mm)
     modulus = model.shear_modulus_mpa(geometry)
     found = []
     for pose in path:
-        check_tilt(float(np.hypot(*pose.turn_rad[:2])))
+        if np.hypot(*pose.turn_rad[:2]) > MOST_TILT_RAD:
+            raise ValueError(
+                f"a pose rolls the object by more than {np.rad2deg(MOST_TILT_RAD):.0f} degrees: roll it less"
+            )
         dragging.carry(pose, press_depth_mm)
         found.append(dragging.found(pose, modulus))
     return found

@@ -8,15 +8,13 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from sim_reference import gel
-from sim_reference.deformation import Deformation
-from sim_reference.fem.affine_body import Load, tilt_rad
+from sim_reference.deformation import Deformation, NotConverged
 from sim_reference.fem.barrier import Barrier
 from sim_reference.fem.height_field import HeightField, with_slopes_below
-from sim_reference.fem.leaning import MOST_TILT_RAD, Lean, lean_under
 from sim_reference.fem.mesh import gel_mesh
 from sim_reference.fem.neo_hookean import NeoHookean
 from sim_reference.fem.newton import Solver, State, Step
-from sim_reference.fem.pressing import Checkpoint, OnStep, Pressing
+from sim_reference.fem.pressing import OnStep, Pressing
 from sim_reference.fem.sampling import Sampled, sample_surface
 from sim_reference.geometry import SensorGeometry
 
@@ -25,6 +23,8 @@ INCREMENT_MM = 0.25
 """of a press with friction, which depends on the way"""
 STEEPEST_MM = 1.0
 """rise of the object from one vertex to the next: the mesh cannot follow steeper walls, which get a foot"""
+LOAD_SHARE, MOST_PRESSES = 0.005, 8
+"""how near to a load is near enough, and presses that are tried"""
 ABOVE_MM = 1.5
 """of a gel that bulges out: an object further behind the untouched surface than this is not there"""
 
@@ -35,29 +35,13 @@ class FemPress:
 
     surface: Sampled
     """on the object's grid, not coated"""
-    centre_mm: Array
-    """(3,) where the middle of the object's grid is, level with its highest point; the gap is accounted for"""
+    depth_mm: float
+    """of the object's highest point beyond first touch; the gap is accounted for"""
     force_n: float
     steps: list[Step] = field(repr=False)
     state: State = field(repr=False)
     barrier: Barrier = field(repr=False)
     """between the object, where it is, and the surface of the mesh"""
-
-    @property
-    def depth_mm(self) -> float:
-        """How far the object's middle is beyond first touch."""
-        return float(self.centre_mm[2])
-
-    @property
-    def tilt_rad(self) -> float:
-        """The angle between the object's axis and z."""
-        return tilt_rad(self.state.matrix)
-
-    @property
-    def slopes(self) -> Array:
-        """(2,) dz/dx, dz/dy of a plane of the object that was level."""
-        normal = np.linalg.inv(self.state.matrix)[2]
-        return np.asarray(-normal[:2] / normal[2])
 
     @property
     def min_gap_mm(self) -> float:
@@ -101,59 +85,58 @@ class FemGel:
         press_depth_mm: float,
         geometry: SensorGeometry,
         *,
-        load_n: float | None = None,
-        free_at_mm: tuple[float, float] | None = None,
         on_step: OnStep | None = None,
-        resume: Checkpoint | None = None,
     ) -> FemPress:
-        """Press the object to a depth, or from there on let it sink in until the gel holds `load_n`.
+        """Press the object to a depth; `on_step` is called after each of Newton's steps.
 
-        With `free_at_mm` the load acts at this (x, y) of the object, which tilts as the gel lets it, by up to 15
-        degrees; else the object does not tilt. `on_step` is called after each of Newton's steps; with `resume`, one of
-        its checkpoints, the same press goes on from there. Raises ValueError for a press outside 0 to 60 % of the gel's
-        thickness, for a load with friction or beside the gel, and for what the mesh or the layer refuses, NotConverged
-        where no solution was found or the object falls over.
+        Raises ValueError for a press outside 0 to 60 % of the gel's thickness and for what the mesh or the layer
+        refuses, NotConverged where no solution was found.
         """
         check_depth(press_depth_mm, geometry)
-        load, bare = self._load(load_n, free_at_mm, geometry), replace(geometry, coating_smoothing_mm=0.0)
-        solver = solver_of(self, geometry)
-        lowest = -press_depth_mm - ABOVE_MM
-        if load and load.tilts:
-            lowest -= float(np.tan(MOST_TILT_RAD)) * geometry.gel_diameter_mm / 2
-        field = field_of(object_height_mm, spacing_mm, lowest, solver.mesh.spacing_mm)
-        lean = Lean(press_depth_mm)
-        if load and load.tilts:
-            lean = lean_under(load, object_height_mm, spacing_mm, press_depth_mm, bare)
-        pressing = Pressing(solver, field, self.friction, on_step, resume, lean)
+        solver, bare = solver_of(self, geometry), replace(geometry, coating_smoothing_mm=0.0)
+        field = field_of(object_height_mm, spacing_mm, -press_depth_mm - ABOVE_MM, solver.mesh.spacing_mm)
+        pressing = Pressing(solver, field, self.friction, on_step)
         pressing.go_to(
-            lean.depth_mm,
+            press_depth_mm,
             INCREMENT_MM if self.friction else np.inf,
-            lambda depth: lean.press(object_height_mm, spacing_mm, depth, bare),
+            lambda depth: gel.press(object_height_mm, spacing_mm, depth, bare),
         )
-        pressing.close_gap(lean.depth_mm, load)
+        pressing.close_gap(press_depth_mm)
         barrier = pressing.barrier
         sampled = sample_surface(solver.mesh, pressing.state.at, barrier, len(object_height_mm), spacing_mm)
         force_n = sampled.force * self.shear_modulus_mpa(geometry)
-        centre = barrier.world(np.zeros((1, 3)))[0] + [0.0, 0.0, pressing.gap_mm]
-        return FemPress(sampled, centre, force_n, pressing.steps, pressing.state, barrier)
+        depth_mm = pressing.state.depth_mm + pressing.gap_mm
+        return FemPress(sampled, depth_mm, force_n, pressing.steps, pressing.state, barrier)
+
+    def press_under(
+        self,
+        load_n: float,
+        object_height_mm: Array,
+        spacing_mm: float,
+        geometry: SensorGeometry,
+        *,
+        on_step: OnStep | None = None,
+    ) -> FemPress:
+        """Press until the gel holds the load, to half a percent: two or three presses, the first as the layer has it.
+
+        Between presses the force is taken for a power of the depth, 1.5 at first (Hertz). Raises as `press`, and
+        ValueError for a load that is not above 0, or presses too deep.
+        """
+        depth, power = depth_under(load_n, object_height_mm, spacing_mm, self, geometry), 1.5
+        before: tuple[float, float] | None = None
+        for _ in range(MOST_PRESSES):
+            pressed = self.press(object_height_mm, spacing_mm, depth, geometry, on_step=on_step)
+            if abs(pressed.force_n / load_n - 1) < LOAD_SHARE:
+                return pressed
+            if before:
+                power = float(np.log(pressed.force_n / before[1]) / np.log(depth / before[0]))
+            before = depth, pressed.force_n
+            depth *= (load_n / pressed.force_n) ** (1 / power)
+        raise NotConverged(f"{MOST_PRESSES} presses did not find how deep {load_n:g} N press: give a depth")
 
     def shear_modulus_mpa(self, geometry: SensorGeometry) -> float:
         """Of the gel."""
         return self.youngs_modulus_mpa / 2 / (1 + geometry.poisson_ratio)
-
-    def _load(
-        self, load_n: float | None, free_at_mm: tuple[float, float] | None, geometry: SensorGeometry
-    ) -> Load | None:
-        if load_n is None:
-            if free_at_mm is not None:
-                raise ValueError("an object that is free to tilt needs a load: give a force, not a depth")
-            return None
-        if self.friction or not load_n > 0:
-            raise ValueError(f"load {load_n} N with friction {self.friction}: give a load above 0 N, without friction")
-        at_mm, radius = free_at_mm or (0.0, 0.0), geometry.gel_diameter_mm / 2
-        if not np.hypot(*at_mm) < radius:
-            raise ValueError(f"load at {at_mm[0]:g}, {at_mm[1]:g} mm: give a point over the gel, within {radius:g} mm")
-        return Load(load_n / self.shear_modulus_mpa(geometry), at_mm, tilts=free_at_mm is not None)
 
 
 def field_of(object_height_mm: Array, spacing_mm: float, lowest_mm: float, mesh_spacing_mm: float) -> HeightField:

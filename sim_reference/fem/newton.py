@@ -1,10 +1,8 @@
 """Projected Newton's method for the gel against an object: every iterate is free of penetration and inversion.
 
-The object is held where it is, or loaded with a force: then the moves that the load leaves free are more unknowns, and
-the linear system has a border (`affine_body`). Each step solves it by conjugate gradients, is cut to what no
-tetrahedron forbids, and then halved until the energy falls. Vertices that it would move into the object are lifted out
-of it, each for itself (`barrier.Barrier.lift`): if the whole step were cut instead, the first vertex that touches would
-stop all others.
+Each step solves a linear system by conjugate gradients, is cut to what no tetrahedron forbids, and then halved until
+the energy falls. Vertices that it would move into the object are lifted out of it, each for itself
+(`barrier.Barrier.lift`): if the whole step were cut instead, the first vertex that touches would stop all others.
 """
 
 from collections.abc import Callable
@@ -14,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_reference.deformation import NotConverged
-from sim_reference.fem.affine_body import DOWN, UNKNOWNS, Load, border, gradient_by_object
 from sim_reference.fem.assembly import Assembler, Pattern
 from sim_reference.fem.barrier import Barrier
 from sim_reference.fem.friction import Friction
@@ -53,7 +50,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The gel's vertices, and where the object is."""
+    """The gel's vertices, and where the object is, which the solver leaves as it is."""
 
     at: Array
     """(N, 3) mm"""
@@ -61,47 +58,29 @@ class State:
     matrix: Array = field(default_factory=lambda: np.eye(3))
     """(3, 3) see `barrier.Barrier`"""
     shift_mm: Array = field(default_factory=lambda: np.zeros(2))
-    """(2,) see `barrier.Barrier`; the solver leaves it as it is"""
+    """(2,) see `barrier.Barrier`"""
 
     def moved(self, step: "Change", share: float) -> "State":
         """Return the state after a share of a step."""
-        return State(
-            self.at + share * step.direction,
-            self.depth_mm + share * step.depth_mm,
-            self.matrix + share * step.matrix,
-            self.shift_mm,
-        )
+        return replace(self, at=self.at + share * step.direction)
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A step of the gel and the object."""
+    """A step of the gel."""
 
     direction: Array
     """(N, 3) mm"""
-    of_object: Array
-    """(12,) see `affine_body`"""
     slope: float
     """how fast the energy falls along the step: below 0"""
-
-    @property
-    def depth_mm(self) -> float:
-        """Of the object."""
-        return float(self.of_object[DOWN])
-
-    @property
-    def matrix(self) -> Array:
-        """(3, 3) of the object."""
-        return self.of_object[3:].reshape(3, 3)
 
 
 @dataclass(frozen=True)
 class Contact:
-    """What acts on the free surface. With `load` the object is free, and the load is held."""
+    """What acts on the free surface."""
 
     barrier: Barrier
     friction: Friction | None = None
-    load: Load | None = None
 
 
 class Solver:
@@ -139,7 +118,7 @@ class Solver:
             raise NotConverged("a stage begins with the gel inside out: press less deep, or give a finer resolution")
         for number in range(1, MOST_STEPS + 1):
             change, iterations, exact = self._change(state, contact, exact)
-            longest = self._longest(state, contact, change)
+            longest = float(np.abs(change.direction).max())
             state, share, energy = self._descend(state, contact, change, energy)
             step = Step(number, energy, longest, share, self.min_gap(state, contact), self.min_det_f(state),
                         iterations, not exact)  # fmt: skip
@@ -170,8 +149,6 @@ class Solver:
             return np.inf
         if contact.friction:
             energy += contact.friction.value(surface)
-        if contact.load:
-            energy += contact.load.value(state.depth_mm, state.matrix)
         return energy + self.elastic.value(state.at)
 
     def gradient(self, state: State, contact: Contact) -> Array:
@@ -202,37 +179,12 @@ class Solver:
         gradient = self.gradient(state, contact)
         wanted = -gradient[self.mesh.free].ravel()
         found = conjugate_gradients(matrix, wanted, precondition, 1e-2)
-        of_object = np.zeros(UNKNOWNS)
-        if contact.load and found.convex:
-            barrier, surface = _placed(contact.barrier, state), state.at[self.mesh.surface]
-            sides = border(barrier, contact.load, surface, self._spread, project=not exact)
-            found, of_object = sides.solve(found, lambda side: conjugate_gradients(matrix, side, precondition, 1e-3))
-        # Where the gel buckles, a direction of negative curvature is the way down, but not in an object's balance.
-        if exact and not found.convex and not (contact.load is None and float(wanted @ found.vector) > 0):
+        # Where the gel buckles, a direction of negative curvature is the way down.
+        if exact and not found.convex and not float(wanted @ found.vector) > 0:
             return self._change(state, contact, exact=False)
         direction = np.zeros_like(state.at)
         direction[self.mesh.free] = found.vector.reshape(-1, 3)
-        slope = float((gradient * direction).sum()) + self._slope_by_object(state, contact, of_object)
-        return Change(direction, of_object, slope), found.iterations, exact
-
-    def _spread(self, of_surface: Array) -> Array:
-        """Return (S, 3, k), given for the vertices of the surface, as (3n, k) for all that are free."""
-        result = np.zeros((len(self.mesh.free), *of_surface.shape[1:]))
-        result[self._surface_rows] = of_surface
-        return result.reshape(-1, of_surface.shape[2])
-
-    def _slope_by_object(self, state: State, contact: Contact, of_object: Array) -> float:
-        if not contact.load:
-            return 0.0
-        by_barrier = gradient_by_object(_placed(contact.barrier, state), state.at[self.mesh.surface])
-        return float((by_barrier + contact.load.gradient(state.matrix)) @ of_object)
-
-    def _longest(self, state: State, contact: Contact, change: Change) -> float:
-        """How far the step would move the vertex, or the object where a vertex touches it, that it moves furthest."""
-        barrier, surface = _placed(contact.barrier, state), state.at[self.mesh.surface]
-        touching = surface[barrier.gap(surface) < barrier.distance_mm]
-        of_object = (barrier.local(touching) - barrier.pivot) @ change.matrix.T + [0.0, 0.0, change.depth_mm]
-        return max(float(np.abs(change.direction).max()), float(np.abs(of_object).max(initial=0.0)))
+        return Change(direction, float((gradient * direction).sum())), found.iterations, exact
 
     def _descend(self, state: State, contact: Contact, change: Change, energy: float) -> tuple[State, float, float]:
         """Halve a step until the energy falls by a ten-thousandth of what its slope promises; prolong it if it pays."""
@@ -265,8 +217,8 @@ class Solver:
     def _ahead(self, state: State, contact: Contact, change: Change, share: float) -> State:
         """Return the state after a share of a step, with no vertex of the surface in the object."""
         ahead, surface = state.moved(change, share), self.mesh.surface
-        before, after = _placed(contact.barrier, state), _placed(contact.barrier, ahead)
-        ahead.at[surface, 2] += before.lift(state.at[surface], share * change.direction[surface], after)
+        barrier = _placed(contact.barrier, state)
+        ahead.at[surface, 2] += barrier.lift(state.at[surface], share * change.direction[surface])
         return ahead
 
 

@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
 from sim_reference.deformation import Deformation, NotConverged, grid
-from sim_reference.fem.affine_body import Load, tilt_rad
 from sim_reference.fem.barrier import LEAST_UPRIGHT, Barrier
 from sim_reference.fem.friction import friction_of
 from sim_reference.fem.height_field import HeightField
-from sim_reference.fem.leaning import Lean, check_tilt
 from sim_reference.fem.mesh import Mesh
 from sim_reference.fem.newton import Contact, Solver, State, Step
 
@@ -34,14 +32,14 @@ LEAST_INCREMENT_MM = 0.001
 BEGINNING_SHARE = 1e-3
 """of the energy: what only begins the next stage ends with a step that lowers it by no more"""
 MOST_LIFTS = 50
-"""how often the gel is lifted out of an object that leans"""
+"""how often the gel is lifted out of an object that is turned"""
 MOST_LAGS = 20
 """how often friction is evaluated with the contact as it has become"""
 
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """A press under way, after one of Newton's steps: what it takes to go on from there."""
+    """A press after one of its stages: what it takes to go on from there."""
 
     state: State
     increment_mm: float
@@ -56,7 +54,7 @@ class Checkpoint:
     """(N,) depth of the linear layer above each vertex in this increment"""
 
 
-OnStep = Callable[[Step, Checkpoint], None]
+OnStep = Callable[[Step], None]
 
 
 class Pressing:
@@ -68,16 +66,13 @@ class Pressing:
         field: HeightField,
         friction: float,
         on_step: OnStep | None,
-        resume: Checkpoint | None,
-        start: Lean,
+        resume: Checkpoint | None = None,
     ) -> None:
-        """Start with the gel at rest and the object leaning, or go on from `resume`."""
+        """Start with the gel at rest, or go on from `resume`."""
         self._solver, self._field, self._friction, self._on_step = solver, field, friction, on_step
-        self._mesh, self._pivot = solver.mesh, start.pivot
+        self._mesh = solver.mesh
         at = self._mesh.vertices
-        at_rest = Checkpoint(
-            State(at, 0.0, start.matrix), 0.0, False, USUAL_GAP, at[self._mesh.surface], np.zeros(len(at))
-        )
+        at_rest = Checkpoint(State(at, 0.0), 0.0, False, USUAL_GAP, at[self._mesh.surface], np.zeros(len(at)))
         self._now = resume or at_rest
         self.steps: list[Step] = []
 
@@ -90,7 +85,7 @@ class Pressing:
     def barrier(self) -> Barrier:
         """The barrier of the mesh's surface against the object where it is."""
         area, state, distance = self._mesh.surface_area, self.state, BARRIER_DISTANCES_MM[self._now.narrow]
-        at = (state.depth_mm, state.matrix, self._pivot, state.shift_mm)
+        at = (state.depth_mm, state.matrix, state.shift_mm)
         return Barrier(self._field, area, distance, STIFFNESS / distance, *at)
 
     @property
@@ -101,13 +96,8 @@ class Pressing:
     def go_to(self, depth_mm: float, increment_mm: float, layer: Callable[[float], Deformation]) -> None:
         """Press to `depth_mm` in increments of at most `increment_mm`, beginning each with the layer's change in it.
 
-        An increment that would turn a tetrahedron inside out is halved. A press that was interrupted goes on with the
-        increment under way. Raises NotConverged where no increment is small enough.
+        An increment that would turn a tetrahedron inside out is halved. Raises NotConverged where none is small enough.
         """
-        if self._now.narrow:
-            return
-        if self._now.increment_mm:
-            self._settle(self._now.increment_mm, load=None)
         while (reached := self._now.increment_mm) < depth_mm:
             count = max(1.0, np.ceil((depth_mm - reached) / increment_mm - 1e-9))
             ahead = depth_mm if count == 1 else reached + (depth_mm - reached) / count
@@ -118,7 +108,7 @@ class Pressing:
                         f"at {reached:.3f} mm the gel turns inside out: press less deep, or give a finer resolution"
                     )
             self._now = begun
-            self._settle(begun.increment_mm, load=None)
+            self._settle(begun.increment_mm)
 
     def _begun(self, depth_mm: float, layer: Callable[[float], Deformation]) -> Checkpoint | None:
         """Return an increment's first state, None if it has tetrahedra inside out, or all but."""
@@ -136,14 +126,7 @@ class Pressing:
         anchor = np.column_stack([x, y, depth_mm + self._field(x, y)])
         return replace(self._now, state=begun, increment_mm=depth_mm, anchor=anchor, layer_mm=above)
 
-    def close_gap(self, depth_mm: float, load: Load | None) -> None:
-        """Narrow the barrier; with `load`, let the object go and hold the load instead."""
-        going_on = self._now.narrow
-        if not going_on:
-            self._narrow()
-        self._settle(self.state.depth_mm + self.gap_mm if going_on and load else depth_mm, load)
-
-    def _narrow(self) -> None:
+    def close_gap(self, depth_mm: float) -> None:
         """Narrow the barrier and the gaps within it by moving object and gel: every pressure stays what it is."""
         before, wide = self.state, self.barrier
         self._now = replace(self._now, narrow=True)
@@ -155,14 +138,15 @@ class Pressing:
         moved = np.where(gap < wide.distance_mm, forward - (1 - share) * gap / upright, 0)
         at[:, 2] += moved[self._mesh.above] * (1 - self._mesh.vertices[:, 2] / self._mesh.thickness_mm)
         self._move(replace(before, at=at, depth_mm=before.depth_mm + forward))
+        self._settle(depth_mm)
 
-    def _settle(self, depth_mm: float, load: Load | None) -> None:
+    def _settle(self, depth_mm: float) -> None:
         """Hold the object back by the gap, and find where the gel rests."""
         self._move(replace(self.state, depth_mm=depth_mm - self.gap_mm))
         self._move(replace(self.state, at=cleared(self.state.at, self._mesh, self.barrier)))
         # What is friction or the last stage is built upon this; else it is where the next stage begins.
         exact = self._now.narrow or self._friction
-        self._solve(Contact(self.barrier, load=load), 0.0 if exact else BEGINNING_SHARE)
+        self._solve(Contact(self.barrier), 0.0 if exact else BEGINNING_SHARE)
         if self._friction:
             self._rub()
         surface = self.state.at[self._mesh.surface]
@@ -195,11 +179,10 @@ class Pressing:
         self._now = replace(self._now, state=state)
 
     def _record(self, step: Step, state: State) -> None:
-        check_tilt(tilt_rad(state.matrix))
         self._move(state)
         self.steps.append(replace(step, number=len(self.steps) + 1))
         if self._on_step:
-            self._on_step(self.steps[-1], self._now)
+            self._on_step(self.steps[-1])
 
 
 def depth_above(layer: Deformation, mesh: Mesh) -> Array:
@@ -216,10 +199,10 @@ def cleared(at: Array, mesh: Mesh, barrier: Barrier) -> Array:
     """
     at, fade = at.copy(), 1 - mesh.vertices[:, 2] / mesh.thickness_mm
     wanted = 0.3 * barrier.distance_mm
-    # Once is enough under an object that does not lean.
+    # Once is enough under an object that is not turned.
     for _ in range(MOST_LIFTS):
         lift = np.maximum(wanted - barrier.gap(at[mesh.surface]), 0)
         at[:, 2] += lift[mesh.above] * fade
         if lift.max() < 0.5 * wanted:
             return at
-    raise NotConverged("the object leans over the gel beside it: put the load nearer to the middle of the contact")
+    raise NotConverged("the turned object hangs over the gel beside it: turn it less in each pose")

@@ -32,7 +32,6 @@ from sim_reference import gel
 from sim_reference.deformation import Deformation, NotConverged, grid
 from sim_reference.fem.gel import FemGel, FemPress, coated, solver_of
 from sim_reference.fem.newton import Step
-from sim_reference.fem.pressing import Checkpoint
 from sim_reference.geometry import SensorGeometry
 from sim_reference.metrics import angular_error
 from sim_reference.objects import OBJECT_NAMES, object_height
@@ -232,7 +231,7 @@ def scale(resolution_mm: float, given: Given) -> Scale:
     model, begun = replace(given.model, resolution_mm=resolution_mm), time.monotonic()
     times: list[tuple[float, float]] = []
 
-    def on_step(step: Step, _: Checkpoint) -> None:
+    def on_step(step: Step) -> None:
         times.append((time.process_time(), time.monotonic()))
         print(f"    step {step.number} at {times[-1][1] - begun:.0f} s, energy {step.energy:.6f}", flush=True)
         if len(times) == given.steps:

@@ -33,15 +33,6 @@ def press(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write surface, pressure and report here.")],
     depth: Annotated[float | None, typer.Option("--depth-mm", help="How deep, mm.")] = None,
     force: Annotated[float | None, typer.Option("--force-n", help="With which force, N, instead of a depth.")] = None,
-    free: Annotated[
-        bool, typer.Option("--free", help="Let the object tilt under the force; it neither slides nor spins.")
-    ] = False,
-    load_at: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            "--load-at", metavar="X Y", help="With --free: where on the object the force acts, mm.", show_default="0 0"
-        ),
-    ] = None,
     gel: Annotated[GelKind, typer.Option("--gel", help="Elastic layer, or finite elements.")] = "fem",
     resolution: Annotated[
         float, typer.Option("--resolution-mm", min=0.001, help="Between vertices of the surface.")
@@ -57,18 +48,15 @@ def press(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Press one object into the gel, to a depth or with a force; with --free it tilts as the gel lets it.
-
-    What was interrupted goes on with the same command, a press by finite elements from its last step, a drag with the
-    pose that was under way.
-    """
+    """Press one object into the gel, to a depth or with a force, or drag it along a path."""
     from gellight.lab.design.geometry import read_geometry  # this and what is below: not for the help, a second
     from gellight.lab.simulator.one_press import PressRequest
 
-    _check_load(depth, force, free, load_at)
+    if (depth is None) == (force is None):
+        raise InputError("give --depth-mm or --force-n, one of the two")
     check_out(out / ("report.json" if path else "press.npz"), overwrite)
     request = PressRequest(object_name=object_name, depth_mm=depth, force_n=force, gel=gel, resolution_mm=resolution,
-                     friction=friction, free_at_mm=(load_at or (0.0, 0.0)) if free else None)  # fmt: skip
+                     friction=friction)  # fmt: skip
     show(_pressed(request, path, out, read_geometry(geometry)), as_json)
 
 
@@ -86,16 +74,6 @@ def _pressed(
         if path:
             return drag_once(request, read_path(path), out, sensor, on_step)
         return press_once(request, out, sensor, on_step)
-
-
-def _check_load(depth: float | None, force: float | None, free: bool, load_at: tuple[float, float] | None) -> None:
-    """Refuse options of a press that contradict each other."""
-    if (depth is None) == (force is None):
-        raise InputError("give --depth-mm or --force-n, one of the two")
-    if free and force is None:
-        raise InputError("an object with --free tilts under a load: give --force-n, not --depth-mm")
-    if load_at is not None and not free:
-        raise InputError("--load-at is of an object that may tilt: give --free too")
 
 
 @app.command()

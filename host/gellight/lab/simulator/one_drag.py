@@ -2,11 +2,9 @@
 
 The path is a CSV file with the columns x_mm, y_mm, z_mm (deeper) and turn_deg (from x towards y). A row is where the
 object is, from where the press has left it. The folder holds pose-000.npz, the press, and one for each row: what
-press.npz holds, on a grid about where the press was. report.json has the forces. While a drag is under way there is
-also state.npz, from which the same command goes on with the pose under way.
+press.npz holds, on a grid about where the press was. report.json has the forces.
 """
 
-import hashlib
 import io
 import json
 import math
@@ -16,16 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from gellight.base.csv_file import Row, number_in, read_rows
-from gellight.base.errors import InputError, first_line
+from gellight.base.errors import InputError
 from gellight.base.writing import new_folder, write_file
-from gellight.lab.simulator.gel_models import DAMAGED, source_digest
 from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.one_press import SPACING_MM, PressRequest, Progress, object_heights
 from gellight.lab.simulator.scene import Array
 from sim_reference.deformation import NotConverged
 from sim_reference.fem.dragging import Dragged, Pose, drag
 from sim_reference.fem.gel import FemGel, solver_of
-from sim_reference.fem.newton import State
 from sim_reference.fem.pressing import Checkpoint
 from sim_reference.fem.sampling import sample_surface
 from sim_reference.geometry import SensorGeometry
@@ -80,8 +76,8 @@ def drag_once(
     Raises InputError for what cannot be dragged, would not fit the memory, or cannot be written.
     """
     depth = request.depth_mm
-    if depth is None or request.free_at_mm is not None or request.gel != "fem":
-        raise InputError("a path is of finite elements, from a depth: give --depth-mm and --gel fem, without --free")
+    if depth is None or request.gel != "fem":
+        raise InputError("a path is of finite elements, from a depth: give --depth-mm and --gel fem")
     for number, pose in enumerate(path, 1):
         if not 0 < depth + pose.move_mm[2] <= geometry.deepest_press_mm:
             raise InputError(
@@ -93,7 +89,6 @@ def drag_once(
         with new_folder(folder):
             report = _Drag(request, depth, [Pose(), *path], folder, geometry, show).run()
         write_file(folder / "report.json", json.dumps(asdict(report), indent=2).encode())
-        (folder / "state.npz").unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"the drag cannot be written to {folder} ({error.strerror}): choose another --out") from error
     return report
@@ -114,17 +109,15 @@ class _Drag:
         self._request, self._depth_mm, self._path, self._folder = request, depth_mm, path, folder
         self._geometry, self._show, self._height = geometry, show, object_heights(request.object_name)
         self._model = FemGel(resolution_mm=request.resolution_mm, friction=request.friction)
-        said = f"{source_digest()} {asdict(request)} {asdict(geometry)} {path}"
-        self._key = hashlib.sha256(said.encode() + self._height.tobytes()).hexdigest()
 
     def run(self) -> DragReport:
-        """Take the poses that are left."""
-        poses, checkpoint = self._kept()
-        for number in range(len(poses), len(self._path)):
+        """Take the poses, each from where the last has ended."""
+        poses: list[PoseReport] = []
+        checkpoint: Checkpoint | None = None
+        for number in range(len(self._path)):
             one = self._take(number, checkpoint)
             checkpoint, poses = one.checkpoint, [*poses, _told(one)]
             write_file(self._folder / f"pose-{number:03d}.npz", self._sampled(one))
-            self._keep(poses, checkpoint)
         request = self._request
         return DragReport(object_name=request.object_name, depth_mm=self._depth_mm, friction=request.friction,
                           poses=tuple(poses))  # fmt: skip
@@ -132,7 +125,7 @@ class _Drag:
     def _take(self, number: int, checkpoint: Checkpoint | None) -> Dragged:
         try:
             return drag(self._model, self._height, SPACING_MM, self._depth_mm, [self._path[number]], self._geometry,
-                        on_step=lambda step, _: self._show(step), resume=checkpoint)[0]  # fmt: skip
+                        on_step=self._show, resume=checkpoint)[0]  # fmt: skip
         except (ValueError, NotConverged) as error:
             what = f"pose {number} of the path" if number else "this press"
             raise InputError(f"{what} cannot be simulated: {error}") from error
@@ -145,43 +138,6 @@ class _Drag:
         np.savez_compressed(content, depth_mm=np.float32(surface.depth_mm), pressure_mpa=np.float32(pressure),
                             tangential_mm=np.float32(surface.tangential_mm), spacing_mm=SPACING_MM)  # fmt: skip
         return content.getvalue()
-
-    def _keep(self, poses: list[PoseReport], checkpoint: Checkpoint) -> None:
-        """Write the state, so that an interruption costs one pose."""
-        state, content = checkpoint.state, io.BytesIO()
-        np.savez(
-            content,
-            key=self._key,
-            poses=json.dumps([asdict(pose) for pose in poses]),
-            at=state.at,
-            depth_mm=state.depth_mm,
-            matrix=state.matrix,
-            shift_mm=state.shift_mm,
-            increment_mm=checkpoint.increment_mm,
-            gap_share=checkpoint.gap_share,
-            anchor=checkpoint.anchor,
-            layer_mm=checkpoint.layer_mm,
-        )
-        write_file(self._folder / "state.npz", content.getvalue())
-
-    def _kept(self) -> tuple[list[PoseReport], Checkpoint | None]:
-        """Return the poses that are done and where the last has ended; InputError for another drag's state."""
-        path = self._folder / "state.npz"
-        if not path.exists():
-            return [], None
-        try:
-            with np.load(path) as kept:
-                if str(kept["key"]) != self._key:
-                    raise InputError(
-                        f"{path} is of another drag, or of another version: remove it, or choose another --out"
-                    )
-                state = State(kept["at"], float(kept["depth_mm"]), kept["matrix"], kept["shift_mm"])
-                poses = [PoseReport(**{**pose, "force_n": tuple(pose["force_n"])})
-                         for pose in json.loads(str(kept["poses"]))]  # fmt: skip
-                return poses, Checkpoint(state, float(kept["increment_mm"]), True, float(kept["gap_share"]),
-                                         kept["anchor"], kept["layer_mm"])  # fmt: skip
-        except DAMAGED as error:
-            raise InputError(f"{path} cannot be read ({first_line(error)}): remove it, the drag begins anew") from error
 
 
 def _told(one: Dragged) -> PoseReport:

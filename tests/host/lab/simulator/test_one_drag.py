@@ -1,4 +1,4 @@
-"""`gellight simulate press --path`: a press, then a drag; resumed, and refused with what works."""
+"""`gellight simulate press --path`: a press, then a drag, and refused with what works."""
 
 import json
 from dataclasses import replace
@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.simulator.one_drag import PoseReport, _Drag, drag_once, read_path
+from gellight.lab.simulator.one_drag import drag_once, read_path
 from gellight.lab.simulator.one_press import PressRequest
 from sim_reference.fem.dragging import Pose
-from sim_reference.fem.newton import State, Step
-from sim_reference.fem.pressing import Checkpoint
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.command_line import invoke, refused
 
@@ -20,23 +18,10 @@ GEOMETRY = SensorGeometry()
 BALL = PressRequest(object_name="ball", depth_mm=0.4, force_n=None, gel="fem", resolution_mm=1.25, friction=0.8)
 
 
-class Interrupted(Exception):  # noqa: N818 - what Ctrl-C does
-    pass
-
-
 @pytest.mark.nightly
-def test_the_verb_writes_each_pose_and_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
+def test_the_verb_writes_each_pose(tmp_path: Path) -> None:
     path, folder = tmp_path / "path.csv", tmp_path / "p"
     path.write_text("x_mm,y_mm,z_mm,turn_deg\n-0.05,0,0,3\n")
-
-    def interrupt(_: Step) -> None:
-        if (folder / "pose-000.npz").exists():
-            raise Interrupted
-
-    with pytest.raises(Interrupted):
-        drag_once(BALL, read_path(path), folder, GEOMETRY, interrupt)
-    with pytest.raises(InputError, match="another drag"):
-        drag_once(replace(BALL, friction=0.5), read_path(path), folder, GEOMETRY, interrupt)
     command = ["simulate", "press", "--object", "ball", "--depth-mm", "0.4", "--resolution-mm", "1.25", "--json"]
     command += ["--friction", "0.8", "--path", str(path), "--out", str(folder)]
     result = invoke(*command)
@@ -52,24 +37,7 @@ def test_the_verb_writes_each_pose_and_goes_on_where_it_was_interrupted(tmp_path
         # Friction along the slopes of the ball holds some of the force.
         assert written["pressure_mpa"].sum() * written["spacing_mm"] ** 2 == pytest.approx(dragged[2], rel=0.05)
         assert written["tangential_mm"][256, 256] == pytest.approx([-0.05, 0.0], abs=0.01)
-    assert not (folder / "state.npz").exists()
     assert "exists" in refused(invoke(*command))
-
-
-def test_a_state_is_taken_up_as_it_was_kept(tmp_path: Path) -> None:
-    random = np.random.default_rng(0)
-    state = State(random.normal(size=(9, 3)), 0.4, random.normal(size=(3, 3)), random.normal(size=2))
-    kept = Checkpoint(state, 0.3, True, 0.7, random.normal(size=(5, 3)), random.normal(size=9))
-    poses = [PoseReport(x_mm=1, y_mm=2, z_mm=3, turn_deg=4, force_n=(5, 6, 7), torque_nmm=8, sticks=0.9)]
-    dragging = _Drag(BALL, 0.4, [Pose()], tmp_path, GEOMETRY, lambda _: None)
-    dragging._keep(poses, kept)
-    found, checkpoint = dragging._kept()
-    assert found == poses
-    assert checkpoint is not None
-    for one, other in ((checkpoint, kept), (checkpoint.state, state)):
-        for name, value in vars(other).items():
-            if name != "state":
-                np.testing.assert_array_equal(getattr(one, name), value, err_msg=name)
 
 
 @pytest.mark.parametrize(
