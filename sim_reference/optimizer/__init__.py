@@ -9,7 +9,6 @@
 | the same heights judged by what is reconstructed | `near_field.normal_error` |
 | equation 8: the calibration ball | `ball.elevation_table` |
 | beyond: light bent by the window, Fresnel losses | `refraction` |
-| beyond: one exposure, four exposures, twelve | `exposures` |
 | beyond: angle, height, number and exposure at once | `design.optimise` |
 | beyond: what the best angle depends on | `sensitivity.variants` |
 """

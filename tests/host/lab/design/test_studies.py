@@ -90,7 +90,7 @@ def test_a_design_comes_with_its_parts(tmp_path: Path, monkeypatch: pytest.Monke
     assert answer["ring_colours"] == "ff0000,ff0000,00ff00,00ff00,0000ff,0000ff"
     assert answer["shadow_free_deg"]["given"] == pytest.approx(55.44, abs=0.01), "not 61: what the tilt of 29 leaves"
     assert answer["shadow_free_deg"]["chosen"] != answer["shadow_free_deg"]["given"]
-    assert answer["gains"][-1]["before_deg"] == pytest.approx(answer["given"]["top1_deg"], abs=1e-4)
+    assert answer["given"]["leds"] == 12
 
 
 @pytest.mark.parametrize(
