@@ -10,5 +10,4 @@
 | equation 8: the calibration ball | `ball.elevation_table` |
 | beyond: light bent by the window, Fresnel losses | `refraction` |
 | beyond: angle, height, number and exposure at once | `design.optimise` |
-| beyond: what the best angle depends on | `sensitivity.variants` |
 """

@@ -10,13 +10,13 @@ from gellight.lab.design import output, studies
 from gellight.lab.simulator.sweep import SweepOptions, run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import BENCHMARK_NAMES
-from sim_reference.optimizer import fine
+from sim_reference.optimizer import fine, near_field
 from sim_reference.optimizer.coarse import CoarseResult
 from sim_reference.optimizer.exposing import LightGroups
 from tests.helpers.studies import setup
 from tests.paper import comparison, comparison_coarse, variants
 from tests.paper.__main__ import judgements
-from tests.paper.heights import fine_study
+from tests.paper.heights import fine_study, least_error
 
 
 @pytest.mark.nightly
@@ -128,3 +128,29 @@ def test_a_statement_that_does_not_hold_is_not_reproduced(options: SweepOptions)
     claim = "the incident angle is 29°, closest to the average minimum"
     assert honest[claim]
     assert not other[claim]
+
+
+def test_the_variants_change_one_thing_each() -> None:
+    studied = variants.variants(SensorGeometry())
+    assert {variant.quantity for variant in studied} >= {"noise", "press", "relief", "coating", "cast shadows"}
+    assert len({repr(variant) for variant in studied}) == len(studied)
+
+
+def test_the_least_error_is_that_of_the_noise_where_there_is_no_shadow() -> None:
+    # A plane under n even lights: each slope has the standard deviation sd / G sqrt(2 / n) / sin(phi), two slopes twice
+    # its square.
+    count, angle = 12, np.radians(29)
+    turns = 2 * np.pi * np.arange(count) / count
+    vectors = np.stack([np.sin(angle) * np.cos(turns), np.sin(angle) * np.sin(turns), np.full(count, np.cos(angle))], 1)
+    ring = near_field.Ring(vectors[:, None, :], turns[:, None] % (2 * np.pi), np.full((count, 1), 1 / np.tan(angle)))
+    flat = near_field.Scene("plane", 0, np.array([[0.0, 0.0, 1.0]]), np.full((near_field.HORIZONS, 1), -np.inf))
+    camera = LightGroups(noise_grey=2.0)
+    mae, _, top1 = least_error(flat, ring, np.eye(count), camera, gain=1.0)
+    s = np.sqrt(4 + 1 / 12) / camera.full_scale_grey * np.sqrt(2 / count) / np.sin(angle)
+    assert mae == top1 == pytest.approx(np.sqrt(2) * s)
+
+
+def test_a_point_that_two_colours_do_not_reach_has_no_least_error() -> None:
+    ring = near_field.Ring(np.array([[[0.5, 0.0, 0.5]]]), np.zeros((1, 1)), np.ones((1, 1)))
+    flat = near_field.Scene("plane", 0, np.array([[0.0, 0.0, 1.0]]), np.full((near_field.HORIZONS, 1), -np.inf))
+    assert least_error(flat, ring, np.eye(1), LightGroups(), gain=1.0)[0] == pytest.approx(np.pi / 2)

@@ -10,9 +10,8 @@ import pytest
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.imaging import led_irradiance
 from sim_reference.metrics import maximum_elevation
-from sim_reference.optimizer import ball, design, fine, near_field, refraction, sensitivity
+from sim_reference.optimizer import ball, design, fine, near_field, refraction
 from sim_reference.optimizer.benchmark import Sampling, plane, press_benchmark, region
-from sim_reference.optimizer.exposing import LightGroups
 from sim_reference.surface import untouched
 
 GEOMETRY = replace(SensorGeometry(), ring_radius_mm=22.0)
@@ -209,12 +208,6 @@ def test_wishes_that_cannot_be_met_are_refused(requirements: dict[str, object], 
         design.Requirements(**requirements)  # type: ignore[arg-type]
 
 
-def test_the_variants_change_one_thing_each() -> None:
-    studied = sensitivity.variants(GEOMETRY)
-    assert {variant.quantity for variant in studied} >= {"noise", "press", "relief", "coating", "cast shadows"}
-    assert len({repr(variant) for variant in studied}) == len(studied)
-
-
 def test_equation_3_as_printed_knows_no_distance() -> None:
     # Without 1/d^2 the light of an LED is its beam and Lambert's cosine: in the middle cos(beam)^m cos(incidence).
     sensor, heights = SensorGeometry(), (4.0, 20.0, 32.0)
@@ -225,23 +218,3 @@ def test_equation_3_as_printed_knows_no_distance() -> None:
     along_axis = (21.5 * np.sin(np.radians(29)) + above * np.cos(np.radians(29))) / distance
     expected = along_axis**sensor.emission_exponent * above / distance
     assert [one.mean / light[0].mean for one in light] == pytest.approx((expected / expected[0]).tolist(), rel=2e-3)
-
-
-def test_the_least_error_is_that_of_the_noise_where_there_is_no_shadow() -> None:
-    # A plane under n even lights: each slope has the standard deviation sd / G sqrt(2 / n) / sin(phi), two slopes twice
-    # its square.
-    count, angle = 12, np.radians(29)
-    turns = 2 * np.pi * np.arange(count) / count
-    vectors = np.stack([np.sin(angle) * np.cos(turns), np.sin(angle) * np.sin(turns), np.full(count, np.cos(angle))], 1)
-    ring = near_field.Ring(vectors[:, None, :], turns[:, None] % (2 * np.pi), np.full((count, 1), 1 / np.tan(angle)))
-    flat = near_field.Scene("plane", 0, np.array([[0.0, 0.0, 1.0]]), np.full((near_field.HORIZONS, 1), -np.inf))
-    camera = LightGroups(noise_grey=2.0)
-    mae, _, top1 = near_field.least_error(flat, ring, np.eye(count), camera, gain=1.0)
-    s = np.sqrt(4 + 1 / 12) / camera.full_scale_grey * np.sqrt(2 / count) / np.sin(angle)
-    assert mae == top1 == pytest.approx(np.sqrt(2) * s)
-
-
-def test_a_point_that_two_colours_do_not_reach_has_no_least_error() -> None:
-    ring = near_field.Ring(np.array([[[0.5, 0.0, 0.5]]]), np.zeros((1, 1)), np.ones((1, 1)))
-    flat = near_field.Scene("plane", 0, np.array([[0.0, 0.0, 1.0]]), np.full((near_field.HORIZONS, 1), -np.inf))
-    assert near_field.least_error(flat, ring, np.eye(1), LightGroups(), gain=1.0)[0] == pytest.approx(np.pi / 2)

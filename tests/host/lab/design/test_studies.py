@@ -18,11 +18,10 @@ from gellight.lab.design import benchmark_files, studies
 from gellight.lab.design.geometry import read_geometry
 from gellight.lab.simulator.sweep import SweepOptions, run_study
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
-from sim_reference.optimizer import sensitivity
 from sim_reference.optimizer.exposing import LightGroups
 from tests.helpers.command_line import invoke
 from tests.helpers.studies import setup
-from tests.paper.variants import variant_errors
+from tests.paper.variants import Variant, variant_errors
 
 
 def optimize(*arguments: str) -> Any:
@@ -56,7 +55,7 @@ def test_a_study_by_finite_elements_presses_once_and_differs_from_the_layers(opt
     presses = list(platformdirs.user_cache_path("gellight").glob("presses/*.npz"))
     assert len(presses) == 1, "kept, so that other studies of this object read it"
     kept = presses[0].stat().st_mtime_ns
-    variant = sensitivity.Variant("", "", sampling=layer.sampling, parameters=fem.parameters)
+    variant = Variant("", "", sampling=layer.sampling, parameters=fem.parameters)
     varied = variant_errors("SCROWN", variant, fem)
     assert np.shape(varied) == (11,)
     assert presses[0].stat().st_mtime_ns == kept
