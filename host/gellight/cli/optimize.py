@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
 
-OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results, figures and parts here.")]
+OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results and figures here.")]
 Package = Annotated[str, typer.Option("--package", help=f"Package of the LEDs: {', '.join(LAMPS)}.")]
 Size = Annotated[int, typer.Option("--size", min=32, max=2048, help="Pixels a side of the evaluated square.")]
 
@@ -111,21 +111,19 @@ def design(
         float, typer.Option("--exposure-limit", min=0.01, help="Longest exposure, in those of the given sensor.")
     ] = 1.0,
 ) -> None:
-    """Angle, height, number of LEDs and exposure at once, by the error; with --out, the parts to make."""
+    """Angle, height, number of LEDs and exposure at once, by the error; with --out, the sensor as gellight.toml."""
     from gellight.lab.design import designs
-    from gellight.lab.design.parts import check_can_draw
+    from gellight.lab.design.geometry import design_file
     from gellight.lab.simulator.sweep import run_study
 
     setup = study.setup()
-    if study.out is not None:
-        check_can_draw()
     sensor, numbers = setup.geometry, tuple(lights or (12,))
     requirements = designs.requirements(
         numbers, sensor, one_shot=one_shot, noise_grey=study.noise, exposure_limit=exposure_limit
     )
     with study.sweep("designs") as options:
         result = run_study(designs.full_design_study(setup, requirements), options)
-    files = designs.parts_of(designs.designed(result.chosen, sensor)) if study.out is not None else {}
+    files = {"gellight.toml": design_file(designs.designed(result.chosen, sensor))}
     study.answer("design", designs.design_json(result, sensor), designs.design_text(result, sensor), files)
 
 
@@ -146,20 +144,6 @@ def ball(
     result = output.ball_study(read_geometry(geometry), press, radius)
     charts = {"ball.svg": output.ball_chart(result)}
     answering.answer("ball", output.ball_json(result), output.ball_text(result.choice), charts)
-
-
-@app.command("parts")
-def make_parts(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the parts here.")],
-    geometry: GeometryFile = None,
-) -> None:
-    """Drawings of a sensor: the LED strip, the ring, the table of the LEDs, without a study."""
-    from gellight.lab.design import designs, output
-    from gellight.lab.design.geometry import read_geometry
-
-    check_out(out / "any", overwrite=True)
-    for path in output.write_all(out, designs.parts_of(read_geometry(geometry))):
-        typer.echo(path)
 
 
 @app.command()

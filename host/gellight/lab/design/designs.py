@@ -1,13 +1,12 @@
-"""Designs beside the given sensor: the study, and the parts to make."""
+"""Designs beside the given sensor: the study, and its answer."""
 
 from dataclasses import dataclass, replace
 from math import degrees
 from typing import Any
 
 from gellight.base.errors import InputError
-from gellight.lab.design import drawings, parts
-from gellight.lab.design.geometry import STRIP_WIDTH_MM, design_file, outer_radius_mm, ring_colours
-from gellight.lab.design.output import Files
+from gellight.lab.design import parts
+from gellight.lab.design.geometry import STRIP_WIDTH_MM, outer_radius_mm, ring_colours
 from gellight.lab.design.studies import StudySetup, design_study, given_study
 from gellight.lab.simulator.sweep import Study
 from sim_reference.geometry import SensorGeometry
@@ -121,15 +120,3 @@ def design_text(result: DesignResult, geometry: SensorGeometry) -> str:
             f"in the middle of the gel slopes beyond {chosen} degrees lie in the shadow of an LED ({given} as given)",
         ]
     )
-
-
-def parts_of(geometry: SensorGeometry) -> Files:
-    """Return the files to make a ring: strip as DXF and SVG, section, LED table, and the settings of the sensor."""
-    flat = parts.strip(geometry)
-    return {
-        "gellight.toml": design_file(geometry),
-        "strip.dxf": parts.strip_dxf(flat),
-        "strip.svg": drawings.strip_svg(flat, geometry.led_colours),
-        "ring.svg": drawings.ring_svg(geometry),
-        "leds.csv": parts.led_table(geometry),
-    }

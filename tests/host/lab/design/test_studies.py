@@ -75,14 +75,13 @@ def test_the_ball_is_printed_as_json() -> None:
     assert answer["elevation_by_press_deg"]["3"][0] is None
 
 
-def test_a_design_comes_with_its_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_design_comes_with_its_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(studies, "DESIGN_SAMPLING", replace(studies.DESIGN_SAMPLING, size_px=48))
     out = tmp_path / "out"
     answer = optimize("design", "--lights", "6", "--workers", "1", "--size", "64", "--out", str(out), "--json")
     assert answer["chosen"]["leds"] == 6
     assert answer["chosen"]["top1_deg"] > answer["chosen"]["mae_deg"] > 0
-    files = {"design.json", "gellight.toml", "leds.csv", "ring.svg", "strip.dxf", "strip.svg"}
-    assert {path.name for path in out.iterdir()} == files
+    assert {path.name for path in out.iterdir()} == {"design.json", "gellight.toml"}
     built = read_geometry(out / "gellight.toml")
     assert built.led_colours == "RRGGBB"
     assert built.mounting_height_mm == pytest.approx(answer["chosen"]["mounting_height_mm"], abs=0.06)
