@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gellight.lab.design import output, studies
-from gellight.lab.simulator.sweep import SweepOptions, run_study
+from gellight.lab.design.sweep import run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import BENCHMARK_NAMES
 from sim_reference.optimizer import fine, near_field
@@ -20,11 +20,11 @@ from tests.paper.heights import fine_study, least_error
 
 
 @pytest.mark.nightly
-def test_all_but_two_statements_of_the_paper_hold_under_a_reading(options: SweepOptions) -> None:
+def test_all_but_two_statements_of_the_paper_hold_under_a_reading() -> None:
     """At a quarter of the pixels; `python -m tests.paper` judges at 256 x 256, where the first of the two holds."""
     given = studies.study_setup(SensorGeometry(), 0.9, 1.0, 128)
-    readings = run_study(variants.coarse_readings(given, LightGroups()), options)
-    rows = judgements(readings, run_study(fine_study(given, fine.HEIGHTS_MM), options), given.geometry)
+    readings = run_study(variants.coarse_readings(given, LightGroups()))
+    rows = judgements(readings, run_study(fine_study(given, fine.HEIGHTS_MM)), given.geometry)
     assert len(rows) == 20
     assert all(len(row.by_reading) >= 2 for row in rows)
     assert [row.by_default.claim for row in rows if not row.reproduced] == [
@@ -51,8 +51,8 @@ def test_all_but_two_statements_of_the_paper_hold_under_a_reading(options: Sweep
 
 
 @pytest.mark.nightly
-def test_the_best_angle_depends_on_the_surface_and_hardly_on_the_light(options: SweepOptions) -> None:
-    found = run_study(variants.sensitivity_study(setup(48)), options)
+def test_the_best_angle_depends_on_the_surface_and_hardly_on_the_light() -> None:
+    found = run_study(variants.sensitivity_study(setup(48)))
     best_deg = [(variant.quantity, np.degrees(angle)) for variant, angle in found]
     surface = [angle for quantity, angle in best_deg if quantity in ("press", "relief", "coating", "wavelength")]
     light = [angle for quantity, angle in best_deg if quantity in ("noise", "cast shadows", "full scale")]
@@ -60,8 +60,8 @@ def test_the_best_angle_depends_on_the_surface_and_hardly_on_the_light(options: 
     assert np.ptp(light) < 9 < 20 < np.ptp(surface)
 
 
-def test_the_window_leaves_no_room_for_leds_further_down(options: SweepOptions) -> None:
-    heights = run_study(fine_study(setup(32, ("SCROWN",)), (0.0, 12.0, 24.0, 36.0)), options)
+def test_the_window_leaves_no_room_for_leds_further_down() -> None:
+    heights = run_study(fine_study(setup(32, ("SCROWN",)), (0.0, 12.0, 24.0, 36.0)))
     assert np.isfinite(heights.errors_deg("air", "one exposure")).all()
     assert np.isfinite(heights.errors_deg("window", "one exposure")[:, 0]).tolist() == [True, True, True, False]
 
@@ -120,8 +120,8 @@ def test_a_judgement_counts_the_readings_under_which_it_holds() -> None:
     assert "2 under one and the same reading of each stage (1), 1 under that of the defaults" in text
 
 
-def test_a_statement_that_does_not_hold_is_not_reproduced(options: SweepOptions) -> None:
-    result = run_study(studies.coarse_study(setup(48), LightGroups()), options)
+def test_a_statement_that_does_not_hold_is_not_reproduced() -> None:
+    result = run_study(studies.coarse_study(setup(48), LightGroups()))
     honest = {row.claim: row.reproduced for row in comparison_coarse.coarse_statements(result)}
     turned = replace(result, errors_rad=result.errors_rad[:, :, ::-1])
     other = {row.claim: row.reproduced for row in comparison_coarse.coarse_statements(turned)}

@@ -2,24 +2,24 @@
 
 import json
 from collections.abc import Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
 from gellight.cli.options import AsJson, GeometryFile, check_out, with_options
 from gellight.cli.showing import show
-from gellight.cli.sweeping import Sweeping
+from gellight.cli.sweeping import Workers, many
 from gellight.lab.boards.catalogue import LAMPS
 from gellight.lab.boards.modules import MODULES
 from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
 
 if TYPE_CHECKING:
     from gellight.lab.design.studies import StudySetup
-    from gellight.lab.simulator.sweep import SweepOptions
+    from gellight.lab.design.sweep import Study as ToRun
 
+ResultT = TypeVar("ResultT")
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
 
 OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results and figures here.")]
@@ -44,7 +44,7 @@ class Answering:
 
 
 @dataclass(frozen=True)
-class Study(Answering, Sweeping):
+class Study(Answering):
     """The options that all studies share."""
 
     geometry: GeometryFile = None
@@ -58,9 +58,7 @@ class Study(Answering, Sweeping):
     resolution: Annotated[float, typer.Option("--resolution-mm", min=0.001, help="Of the finite elements.")] = (
         RESOLUTION_MM
     )
-    store: Annotated[
-        Path | None, typer.Option("--store", metavar="DIR", help="Where results are kept.", show_default="cache")
-    ] = None
+    workers: Workers = 0
 
     def setup(self) -> "StudySetup":
         """Return what is studied; raises ConfigError or InputError for what cannot be, or cannot be written."""
@@ -68,21 +66,23 @@ class Study(Answering, Sweeping):
         from gellight.lab.design.geometry import read_geometry
         from gellight.lab.design.studies import study_setup
         from gellight.lab.simulator.memory import check_memory
-        from gellight.lab.simulator.sweep import available_cores
+        from gellight.lab.simulator.processes import available_cores
 
         if self.out is not None:
             output.check_writable(self.out)
         sensor = read_geometry(self.geometry)
-        if self.gel == "fem" and self.scheduler is None:
+        if self.gel == "fem":
             check_memory(self.resolution, sensor, self.workers or available_cores())
         setup = study_setup(sensor, self.press, self.relief, self.size, self.noise)
         return replace(setup, gel=self.gel, resolution_mm=self.resolution)
 
-    def sweep(self, title: str) -> "AbstractContextManager[SweepOptions]":
-        """Return how to compute, in the store of the studies; see `Sweeping.sweep_in`."""
-        from gellight.lab.simulator.sweep import ResultStore, default_folder
+    def run(self, title: str, study: "ToRun[ResultT]") -> "ResultT":
+        """Return the result of a study."""
+        from gellight.lab.design.sweep import kept_in, run_study
+        from gellight.lab.simulator.processes import available_cores
 
-        return self.sweep_in(ResultStore(self.store or default_folder()), title, as_json=self.as_json)
+        with many(title, kept_in()) as tell:
+            return run_study(study, self.workers or available_cores(), tell)
 
 
 @app.command()
@@ -90,12 +90,10 @@ class Study(Answering, Sweeping):
 def coarse(study: Study) -> None:
     """Number of lights and incident angle: 77 light groups on the ten objects."""
     from gellight.lab.design import output, studies
-    from gellight.lab.simulator.sweep import run_study
     from sim_reference.optimizer.exposing import LightGroups
 
     setup = study.setup()
-    with study.sweep("light groups") as options:
-        result = run_study(studies.coarse_study(setup, setup.with_noise(LightGroups())), options)
+    result = study.run("light groups", studies.coarse_study(setup, setup.with_noise(LightGroups())))
     study.answer("coarse", output.coarse_json(result), output.coarse_text(result), output.coarse_charts(result))
 
 
@@ -114,15 +112,13 @@ def design(
     """Angle, height, number of LEDs and exposure at once, by the error; with --out, the sensor as gellight.toml."""
     from gellight.lab.design import designs
     from gellight.lab.design.geometry import design_file
-    from gellight.lab.simulator.sweep import run_study
 
     setup = study.setup()
     sensor, numbers = setup.geometry, tuple(lights or (12,))
     requirements = designs.requirements(
         numbers, sensor, one_shot=one_shot, noise_grey=study.noise, exposure_limit=exposure_limit
     )
-    with study.sweep("designs") as options:
-        result = run_study(designs.full_design_study(setup, requirements), options)
+    result = study.run("designs", designs.full_design_study(setup, requirements))
     files = {"gellight.toml": design_file(designs.designed(result.chosen, sensor))}
     study.answer("design", designs.design_json(result, sensor), designs.design_text(result, sensor), files)
 

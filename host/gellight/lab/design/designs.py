@@ -8,7 +8,7 @@ from gellight.base.errors import InputError
 from gellight.lab.design import parts
 from gellight.lab.design.geometry import STRIP_WIDTH_MM, outer_radius_mm, ring_colours
 from gellight.lab.design.studies import StudySetup, design_study, given_study
-from gellight.lab.simulator.sweep import Study
+from gellight.lab.design.sweep import Study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer import design
 from sim_reference.optimizer.ball import shadow_free_slope

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.lab.design.sweep import Study, Task
 from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
 from gellight.lab.simulator.gel_models import gel_model
-from gellight.lab.simulator.sweep import Study, Task
 from sim_reference.deformation import GelModel
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
