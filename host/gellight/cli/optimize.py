@@ -99,6 +99,24 @@ def coarse(study: Study) -> None:
 
 @app.command()
 @with_options
+def fine(
+    answering: Answering,
+    geometry: GeometryFile = None,
+    diameter: Annotated[float, typer.Option("--diameter-mm", min=1, help="Of the disc that is judged.")] = 35.0,
+    gamma: Annotated[float, typer.Option("--gamma", min=1, max=3, help="Of the camera's picture; 1: linear.")] = 1.0,
+) -> None:
+    """Mounting height, as the paper has it: how even and how coloured the gel is lit (equations 6 and 7)."""
+    from gellight.lab.design import output
+    from gellight.lab.design.geometry import read_geometry
+
+    result = output.fine_study(read_geometry(geometry), diameter, gamma)
+    answering.answer(
+        "fine", output.fine_json(result), output.fine_text(result), {"fine.svg": output.fine_chart(result)}
+    )
+
+
+@app.command()
+@with_options
 def design(
     study: Study,
     lights: Annotated[

@@ -62,6 +62,17 @@ def test_a_study_by_finite_elements_presses_once_and_differs_from_the_layers() -
     assert len(list(presses[0].parent.iterdir())) == 1, "the same press serves the sensitivity study"
 
 
+def test_the_fine_stage_is_printed_and_drawn(tmp_path: Path) -> None:
+    answer = optimize("fine", "--out", str(tmp_path), "--json")
+    assert answer["mounting_height_mm"] == list(range(0, 37, 4))
+    assert answer["half_saturated_mm"] == pytest.approx(9.7, abs=0.05)
+    assert np.all(np.diff(answer["saturation"][:-1]) > 0)
+    assert {path.name for path in tmp_path.iterdir()} == {"fine.json", "fine.svg"}
+    assert invoke("optimize", "fine").stdout.endswith("SAT is 50 % at 9.7 mm\n")
+    whole = optimize("fine", "--diameter-mm", "50", "--gamma", "2.2", "--json")
+    assert whole["half_saturated_mm"] == pytest.approx(20.4, abs=0.05)
+
+
 def test_the_ball_is_printed_as_json() -> None:
     answer = optimize("ball", "--json")
     assert answer["radius_mm"] == 4
