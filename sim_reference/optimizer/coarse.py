@@ -1,102 +1,63 @@
-"""Section 2.3.1, all light groups of an object at once.
+"""Section 2.3.1: every light group of an object, light by light.
 
-What is shared, and why it is the same: the groups' 84 lights stand at 54 azimuths; a picture serves every group its
-light belongs to; a horizon serves every incident angle; and for lights evenly around a ring the least squares of
-`photometric_stereo.solve_normals` have a closed form, because the columns of L are orthogonal:
-
-    g_x = 2 / (n sin phi) sum I cos a,   g_y = -2 / (n sin phi) sum I sin a,   g_z = 1 / (n cos phi) sum I
+Two things are kept, for the groups share them: the horizon towards an azimuth serves every incident angle, and the
+picture of one of the 54 distinct lights every group that the light belongs to.
 """
 
 from dataclasses import dataclass
 from fractions import Fraction
-from math import cos, erfc, log, pi, sin, sqrt, tan
+from functools import cache, partial
+from math import erfc, log, pi, sin, sqrt, tan
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_reference.metrics import error_figures
+from sim_reference.metrics import angular_error, error_figures
 from sim_reference.optimizer.benchmark import PressedObject
-from sim_reference.optimizer.exposing import LightGroups, azimuths, expose, picture_key
+from sim_reference.optimizer.exposing import LightGroups, expose, picture_key, ring_azimuths
 from sim_reference.optimizer.shadows import box_of, horizon, reach
+from sim_reference.photometric_stereo import ring_directions, solve_normals
 
 Array = NDArray[np.float64]
 CHOSEN_NUMBER = 12
 """of lights: the choice of section 3.1.1"""
 
 
-@dataclass(frozen=True, eq=False)
-class Light:
-    """One azimuth, and what does not depend on the incident angle."""
-
-    azimuth: Fraction
-    cosine: float
-    sine: float
-    sideways: Array
-    """(P,) the normals' component towards the light"""
-    horizon: NDArray[np.floating] | None
-    """(P,) tangent of the horizon's elevation, None without cast shadows"""
-
-
 def evaluate(pressed: PressedObject, groups: LightGroups) -> Array:
-    """Return MAE, MAE_Top5, MAE_Top1 in rad of every light group: (numbers, angles, 3)."""
-    truth = np.ascontiguousarray(pressed.normals.T)
-    lights = ring_lights(pressed, groups, truth)
-    result = np.empty((len(groups.numbers), len(groups.angles_rad), 3))
-    for column, angle in enumerate(groups.angles_rad):
-        for row, sums in enumerate(_sums(pressed, groups, lights, truth[2], angle)):
-            number = groups.numbers[row]
-            scale = np.array([2 / (number * sin(angle)), 2 / (number * sin(angle)), 1 / (number * cos(angle))])
-            result[row, column] = error_figures(_angle_between(sums * scale[:, None], truth))
-    return result
+    """Return MAE, MAE_Top5, MAE_Top1 in rad (equations 4, 5) of every light group: (numbers, angles, 3)."""
+    raised = cache(partial(_raised, pressed, reach(pressed.depth_mm, max(groups.angles_rad))))
+
+    def picture(angle: float, azimuth: Fraction, direction: Array) -> Array:
+        """Equation 2 and the camera: (P,) grey levels under one light."""
+        light = np.maximum(pressed.normals @ direction, 0)
+        if groups.cast_shadows:
+            light *= raised(azimuth) < 1 / tan(angle)
+        return expose(light, groups, picture_key(pressed.index, azimuth, angle))
+
+    errors = []
+    for angle in groups.angles_rad:
+        kept: dict[Fraction, Array] = {}
+        for number in groups.numbers:
+            azimuths, directions = ring_azimuths(number), ring_directions(number, angle)
+            for azimuth, direction in zip(azimuths, directions, strict=True):
+                if azimuth not in kept:
+                    kept[azimuth] = picture(angle, azimuth, direction)
+            errors.append(_figures(pressed, np.stack([kept[azimuth] for azimuth in azimuths]), directions))
+    return np.swapaxes(np.reshape(errors, (len(groups.angles_rad), len(groups.numbers), 3)), 0, 1)
 
 
-def ring_lights(pressed: PressedObject, groups: LightGroups, truth: Array) -> list[Light]:
-    """Return every azimuth of `groups` with its horizon; `truth` is (3, P)."""
-    far = reach(pressed.depth_mm, max(groups.angles_rad))
-    depth, box = pressed.depth_mm.astype(np.float32), box_of(pressed.region)
-    inside = pressed.region[box[0] : box[1], box[2] : box[3]]
-    lights = []
-    for azimuth in azimuths(groups.numbers):
-        turn = 2 * pi * float(azimuth)
-        shade = horizon(depth, pressed.spacing_mm, turn, far, box)[inside] if groups.cast_shadows else None
-        lights.append(Light(azimuth, cos(turn), -sin(turn), truth[0] * cos(turn) - truth[1] * sin(turn), shade))
-    return lights
+def _raised(pressed: PressedObject, far_mm: float, azimuth: Fraction) -> NDArray[np.floating]:
+    """Return the tangent (P,) of the horizon's elevation towards an azimuth in turns."""
+    box = box_of(pressed.region)
+    turn = 2 * pi * float(azimuth)
+    seen = horizon(pressed.depth_mm.astype(np.float32), pressed.spacing_mm, turn, far_mm, box)
+    return seen[pressed.region[box[0] : box[1], box[2] : box[3]]]
 
 
-def _sums(
-    pressed: PressedObject, groups: LightGroups, lights: list[Light], upright: Array, angle: float
-) -> list[Array]:
-    """Return sum I cos a, -sum I sin a, sum I for each number of lights, (3, P) each."""
-    sums = [np.zeros((3, len(upright))) for _ in groups.numbers]
-    above = upright * cos(angle)
-    for light in lights:
-        image = _picture(pressed, groups, light, above, angle)
-        across, down = image * light.cosine, image * light.sine
-        for number, total in zip(groups.numbers, sums, strict=True):
-            if number % light.azimuth.denominator == 0:
-                total[0] += across
-                total[1] += down
-                total[2] += image
-    return sums
-
-
-def _picture(pressed: PressedObject, groups: LightGroups, light: Light, above: Array, angle: float) -> Array:
-    """Equation 2 and the camera, as `plain.light_picture`; `above` is n_z cos phi."""
-    brightness = light.sideways * sin(angle)
-    brightness += above
-    np.maximum(brightness, 0, out=brightness)
-    if light.horizon is not None:
-        brightness *= light.horizon < 1 / tan(angle)
-    return expose(brightness, groups, picture_key(pressed.index, light.azimuth, angle))
-
-
-def _angle_between(found: Array, truth: Array) -> Array:
-    """Angle (P,) in rad between vectors (3, P), as `metrics.angular_error`; where nothing was found, a right angle."""
-    cross = (found[1] * truth[2] - found[2] * truth[1]) ** 2
-    cross += (found[2] * truth[0] - found[0] * truth[2]) ** 2
-    cross += (found[0] * truth[1] - found[1] * truth[0]) ** 2
-    along = (found * truth).sum(axis=0)
-    return np.where(found.any(axis=0), np.arctan2(np.sqrt(cross), along), pi / 2)
+def _figures(pressed: PressedObject, images: Array, directions: Array) -> tuple[float, float, float]:
+    found = solve_normals(images[:, None, :], directions)[0]
+    # Where no light arrives nothing is found; equation 4 with a normal of zero then says arccos 0, a right angle.
+    return error_figures(np.where(images.any(axis=0), angular_error(found, pressed.normals), pi / 2))
 
 
 def noise_law(groups: LightGroups, number: int, angle_rad: float) -> tuple[float, float, float]:

@@ -46,11 +46,6 @@ def ring_azimuths(number: int) -> list[Fraction]:
     return [Fraction(light, number) for light in range(number)]
 
 
-def azimuths(numbers: tuple[int, ...]) -> list[Fraction]:
-    """Return the distinct azimuths of all groups in turns: 54 of the 84 lights of the paper."""
-    return sorted({azimuth for number in numbers for azimuth in ring_azimuths(number)})
-
-
 def expose(light: Array, groups: LightGroups, noise_key: tuple[int, ...]) -> Array:
     """Return grey levels (P,) of what has the brightness `light` (P,); `noise_key` names the picture."""
     grey = light * groups.full_scale_grey

@@ -131,29 +131,3 @@ def normal_error(
     level = SHADOW_SIGMAS * camera.noise_grey if drop_shadows else None
     found = solve_normals(images[:, None, :], vectors[:, None] * gain * camera.full_scale_grey, level)[0]
     return error_figures(np.where(images.any(axis=0), angular_error(found, seen.normals), pi / 2))
-
-
-def least_error(
-    seen: Scene, ring: Ring, pictures: Array, camera: LightGroups, *, gain: float
-) -> tuple[float, float, float]:
-    """Return MAE, Top5, Top1 in rad of the normals of an unbiased estimate that knows where shadows are.
-
-    The Cramer-Rao bound: with V_c the light of the LEDs that shine on a point, picture c is V_c . n, the information on
-    a turn of n along the tangents e is F = sum_c (V_c . e)(V_c . e)^T / variance, and the angle's root mean square is
-    sqrt(trace F^-1). The variance is that of noise and rounding. Where F is singular the angle is a right one.
-    """
-    lit = irradiance(seen, ring, cast_shadows=camera.cast_shadows) > 0
-    light = np.einsum("ck,kp,kpi->pci", pictures, lit, ring.vectors) * gain * camera.full_scale_grey
-    along = np.einsum("pci,pei->pce", light, _tangents(seen.normals))
-    information = np.einsum("pce,pcf->pef", along, along) / (camera.noise_grey**2 + camera.quantised / 12)
-    trace_, determinant = np.trace(information, axis1=1, axis2=2), np.linalg.det(information)
-    # The trace of an inverse of two rows is trace over determinant.
-    variance = np.divide(trace_, determinant, out=np.full_like(trace_, np.inf), where=determinant > 0)
-    return error_figures(np.minimum(np.sqrt(variance), pi / 2))
-
-
-def _tangents(normals: Array) -> Array:
-    """Return two unit vectors across each normal, (P, 2, 3)."""
-    first = np.cross(normals, [0.0, 1.0, 0.0])
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(normals, first)], axis=1)

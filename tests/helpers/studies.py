@@ -1,12 +1,10 @@
-"""A small setup of the optimizer's studies, and fixtures: a store and a cache of the test's own."""
+"""A small setup of the optimizer's studies, and a fixture: a cache of the test's own."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from gellight.lab.design import studies
-from gellight.lab.simulator.sweep import ResultStore, SweepOptions
 from sim_reference.geometry import SensorGeometry
 
 FEW = ("TSTEP", "SCROWN", "SINWAVE", "BSWAVE")
@@ -15,11 +13,6 @@ FEW = ("TSTEP", "SCROWN", "SINWAVE", "BSWAVE")
 def setup(size: int = 64, names: tuple[str, ...] = FEW) -> studies.StudySetup:
     """Return the studies' input for `size` x `size` pixels and the objects `names`."""
     return replace(studies.study_setup(SensorGeometry(), 0.9, 1.0, size), names=names)
-
-
-@pytest.fixture
-def options(tmp_path: Path) -> SweepOptions:
-    return SweepOptions(store=ResultStore(tmp_path / "store"))
 
 
 @pytest.fixture(autouse=True)

@@ -13,7 +13,7 @@ import pytest
 from gellight.bundle.bundle import load_bundle
 from gellight.lab.simulator import scene as gellight_scene
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.training.synthetic import evaluate_simulated, pixel_bound_deg
+from gellight.lab.training.synthetic import evaluate_simulated
 from gelnet import synthetic
 from gelnet.recipes import RECIPES
 from gelnet.synthetic import Options, geometry_hash, main, simulated_sensor, table_of_presses
@@ -23,6 +23,7 @@ from sim_reference.deformation import Deformation
 from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import ring_irradiance
 from sim_reference.surface import Surface
+from tests.helpers.pixel_bound import bound_on_balls_deg, pixel_bound_deg
 from tests.helpers.trainers import TRAINERS
 
 SMALL = SensorGeometry(image_width_px=160, image_height_px=120, pixel_size_mm=0.2352)
@@ -156,7 +157,7 @@ def test_the_shipped_network_keeps_what_the_model_card_promises() -> None:
     error = evaluate_simulated(load_bundle("synthetic"), presses=3)
     assert error.whole_map_normal_mae_deg <= 0.28
     assert error.contact_depth_mae_mm <= 0.010
-    assert error.contact_normal_mae_deg < error.pixel_bound_deg
+    assert error.contact_normal_mae_deg < bound_on_balls_deg(3, error.press_depth_mm)
 
 
 def test_the_bound_of_one_pixel_grows_with_the_noise() -> None:

@@ -1,11 +1,9 @@
 """`python -m tests.paper [PIXELS]`: the paper's twenty statements about light, judged by the numbers (two minutes)."""
 
 import argparse
-import tempfile
-from pathlib import Path
 
 from gellight.lab.design.studies import study_setup
-from gellight.lab.simulator.sweep import ResultStore, SweepOptions, run_study
+from gellight.lab.design.sweep import run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer import fine
 from sim_reference.optimizer.coarse import CoarseResult
@@ -26,10 +24,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.paper", description=__doc__)
     parser.add_argument("pixels", type=int, nargs="?", default=256)
     setup = study_setup(SensorGeometry(), 0.9, 1.0, parser.parse_args().pixels)
-    with tempfile.TemporaryDirectory() as folder:
-        options = SweepOptions(store=ResultStore(Path(folder)))
-        readings = run_study(coarse_readings(setup, LightGroups()), options)
-        rows = judgements(readings, run_study(fine_study(setup, fine.HEIGHTS_MM), options), setup.geometry)
+    readings = run_study(coarse_readings(setup, LightGroups()))
+    rows = judgements(readings, run_study(fine_study(setup, fine.HEIGHTS_MM)), setup.geometry)
     for row in rows:
         one, under = row.best, "; or ".join(row.holds_under)
         print(f"{one.section} {one.claim}: {one.measured}\n    {under or f'under no reading: {one.why}'}")

@@ -6,7 +6,6 @@ from math import degrees, radians
 
 import numpy as np
 
-from gellight.lab.design.studies import PAPER_ANGLE_RAD
 from sim_reference.geometry import SensorGeometry
 from sim_reference.metrics import maximum_elevation
 from sim_reference.optimizer import fine
@@ -14,6 +13,7 @@ from sim_reference.optimizer.refraction import ACRYLIC_MM, Medium, refracted
 from tests.paper.heights import EQUAL_LIGHT, FineResult
 
 ENCODED = replace(fine.IDEAL_CAMERA, gamma=2.2)
+PAPER_ANGLE_RAD = radians(29)
 PAPER_BEAM_RAD = radians(160)
 PAPER_SPAN = 15 / 159.02
 HEIGHT_READINGS = {

@@ -49,7 +49,6 @@ DOORS = {
     "mcap": ("recording/recording_file.py",),
     "typer": ("cli/",),
     "rich": ("cli/",),
-    "ezdxf": ("lab/design/",),
     "shapely": ("lab/boards/pour.py",),
     "mcubes": ("lab/scanning/body.py",),
     "x3pio": ("lab/scanning/map_files.py",),

@@ -1,8 +1,4 @@
-"""Episodes as WebDataset shards, a folder each: `python episodes.py OUT 100 [tcp://SCHEDULER:8786]`.
-
-With the address of a Dask scheduler its workers make them, in a folder that all of them see. The same command goes on
-where it was interrupted.
-"""
+"""Episodes as WebDataset shards, a folder each: `python episodes.py OUT 100`; it goes on where it was interrupted."""
 
 import sys
 from pathlib import Path
@@ -13,7 +9,7 @@ from gellight.lab.report.pictures import encode_png
 from gellight.recording.shard_files import write_shards
 from gellight_touch.episode import tactile_frames
 
-TASK = "gellight_touch.environments:gellight/SlideToEdge-v0"  # names the module, for workers that know it not yet
+TASK = "gellight_touch.environments:gellight/SlideToEdge-v0"
 
 
 def episode(folder: Path, seed: int) -> str:
@@ -36,12 +32,4 @@ if __name__ == "__main__":
     out, count = Path(sys.argv[1]).resolve(), int(sys.argv[2])
     out.mkdir(parents=True, exist_ok=True)
     folders = [out / f"{seed:06}" for seed in range(count)]
-    missing = [(folder, seed) for seed, folder in enumerate(folders) if not folder.exists()]
-    if len(sys.argv) > 3:
-        from distributed import Client
-
-        with Client(sys.argv[3]) as client:
-            done = client.map(lambda one: episode(*one), missing, pure=False)
-            print(*client.gather(done), sep="\n")
-    else:
-        print(*(episode(*one) for one in missing), sep="\n")
+    print(*(episode(folder, seed) for seed, folder in enumerate(folders) if not folder.exists()), sep="\n")

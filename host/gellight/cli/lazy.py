@@ -22,7 +22,7 @@ PANELS = {
     "Page": "port host tls-cert tls-key browser dashboard",
     "Other programs": "publish lan zenoh-config ros2 foxglove",
     "Light": "mode sequence light-mode",
-    "Process": "realtime log threads dense workers shard scheduler store seed",
+    "Process": "realtime log threads dense workers seed",
     "What is recorded": "depth map",
     "Other tools": "cylinder-diameter-mm balls-to-press",
     "Grids": "grid spacing-px pitch-mm pin-pitch-mm several",

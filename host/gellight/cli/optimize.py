@@ -2,27 +2,27 @@
 
 import json
 from collections.abc import Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
 from gellight.cli.options import AsJson, GeometryFile, check_out, with_options
 from gellight.cli.showing import show
-from gellight.cli.sweeping import Sweeping
+from gellight.cli.sweeping import Workers, many
 from gellight.lab.boards.catalogue import LAMPS
 from gellight.lab.boards.modules import MODULES
 from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
 
 if TYPE_CHECKING:
     from gellight.lab.design.studies import StudySetup
-    from gellight.lab.simulator.sweep import SweepOptions
+    from gellight.lab.design.sweep import Study as ToRun
 
+ResultT = TypeVar("ResultT")
 app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
 
-OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results, figures and parts here.")]
+OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results and figures here.")]
 Package = Annotated[str, typer.Option("--package", help=f"Package of the LEDs: {', '.join(LAMPS)}.")]
 Size = Annotated[int, typer.Option("--size", min=32, max=2048, help="Pixels a side of the evaluated square.")]
 
@@ -44,7 +44,7 @@ class Answering:
 
 
 @dataclass(frozen=True)
-class Study(Answering, Sweeping):
+class Study(Answering):
     """The options that all studies share."""
 
     geometry: GeometryFile = None
@@ -58,9 +58,7 @@ class Study(Answering, Sweeping):
     resolution: Annotated[float, typer.Option("--resolution-mm", min=0.001, help="Of the finite elements.")] = (
         RESOLUTION_MM
     )
-    store: Annotated[
-        Path | None, typer.Option("--store", metavar="DIR", help="Where results are kept.", show_default="cache")
-    ] = None
+    workers: Workers = 0
 
     def setup(self) -> "StudySetup":
         """Return what is studied; raises ConfigError or InputError for what cannot be, or cannot be written."""
@@ -68,21 +66,23 @@ class Study(Answering, Sweeping):
         from gellight.lab.design.geometry import read_geometry
         from gellight.lab.design.studies import study_setup
         from gellight.lab.simulator.memory import check_memory
-        from gellight.lab.simulator.sweep import available_cores
+        from gellight.lab.simulator.processes import available_cores
 
         if self.out is not None:
             output.check_writable(self.out)
         sensor = read_geometry(self.geometry)
-        if self.gel == "fem" and self.scheduler is None:
+        if self.gel == "fem":
             check_memory(self.resolution, sensor, self.workers or available_cores())
         setup = study_setup(sensor, self.press, self.relief, self.size, self.noise)
         return replace(setup, gel=self.gel, resolution_mm=self.resolution)
 
-    def sweep(self, title: str) -> "AbstractContextManager[SweepOptions]":
-        """Return how to compute, in the store of the studies; see `Sweeping.sweep_in`."""
-        from gellight.lab.simulator.sweep import ResultStore, default_folder
+    def run(self, title: str, study: "ToRun[ResultT]") -> "ResultT":
+        """Return the result of a study."""
+        from gellight.lab.design.sweep import kept_in, run_study
+        from gellight.lab.simulator.processes import available_cores
 
-        return self.sweep_in(ResultStore(self.store or default_folder()), title, as_json=self.as_json)
+        with many(title, kept_in()) as tell:
+            return run_study(study, self.workers or available_cores(), tell)
 
 
 @app.command()
@@ -90,13 +90,29 @@ class Study(Answering, Sweeping):
 def coarse(study: Study) -> None:
     """Number of lights and incident angle: 77 light groups on the ten objects."""
     from gellight.lab.design import output, studies
-    from gellight.lab.simulator.sweep import run_study
     from sim_reference.optimizer.exposing import LightGroups
 
     setup = study.setup()
-    with study.sweep("light groups") as options:
-        result = run_study(studies.coarse_study(setup, setup.with_noise(LightGroups())), options)
+    result = study.run("light groups", studies.coarse_study(setup, setup.with_noise(LightGroups())))
     study.answer("coarse", output.coarse_json(result), output.coarse_text(result), output.coarse_charts(result))
+
+
+@app.command()
+@with_options
+def fine(
+    answering: Answering,
+    geometry: GeometryFile = None,
+    diameter: Annotated[float, typer.Option("--diameter-mm", min=1, help="Of the disc that is judged.")] = 35.0,
+    gamma: Annotated[float, typer.Option("--gamma", min=1, max=3, help="Of the camera's picture; 1: linear.")] = 1.0,
+) -> None:
+    """Mounting height, as the paper has it: how even and how coloured the gel is lit (equations 6 and 7)."""
+    from gellight.lab.design import output
+    from gellight.lab.design.geometry import read_geometry
+
+    result = output.fine_study(read_geometry(geometry), diameter, gamma)
+    answering.answer(
+        "fine", output.fine_json(result), output.fine_text(result), {"fine.svg": output.fine_chart(result)}
+    )
 
 
 @app.command()
@@ -111,21 +127,17 @@ def design(
         float, typer.Option("--exposure-limit", min=0.01, help="Longest exposure, in those of the given sensor.")
     ] = 1.0,
 ) -> None:
-    """Angle, height, number of LEDs and exposure at once, by the error; with --out, the parts to make."""
+    """Angle, height, number of LEDs and exposure at once, by the error; with --out, the sensor as gellight.toml."""
     from gellight.lab.design import designs
-    from gellight.lab.design.parts import check_can_draw
-    from gellight.lab.simulator.sweep import run_study
+    from gellight.lab.design.geometry import design_file
 
     setup = study.setup()
-    if study.out is not None:
-        check_can_draw()
     sensor, numbers = setup.geometry, tuple(lights or (12,))
     requirements = designs.requirements(
         numbers, sensor, one_shot=one_shot, noise_grey=study.noise, exposure_limit=exposure_limit
     )
-    with study.sweep("designs") as options:
-        result = run_study(designs.full_design_study(setup, requirements), options)
-    files = designs.parts_of(designs.designed(result.chosen, sensor)) if study.out is not None else {}
+    result = study.run("designs", designs.full_design_study(setup, requirements))
+    files = {"gellight.toml": design_file(designs.designed(result.chosen, sensor))}
     study.answer("design", designs.design_json(result, sensor), designs.design_text(result, sensor), files)
 
 
@@ -146,20 +158,6 @@ def ball(
     result = output.ball_study(read_geometry(geometry), press, radius)
     charts = {"ball.svg": output.ball_chart(result)}
     answering.answer("ball", output.ball_json(result), output.ball_text(result.choice), charts)
-
-
-@app.command("parts")
-def make_parts(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the parts here.")],
-    geometry: GeometryFile = None,
-) -> None:
-    """Drawings of a sensor: the LED strip, the ring, the table of the LEDs, without a study."""
-    from gellight.lab.design import designs, output
-    from gellight.lab.design.geometry import read_geometry
-
-    check_out(out / "any", overwrite=True)
-    for path in output.write_all(out, designs.parts_of(read_geometry(geometry))):
-        typer.echo(path)
 
 
 @app.command()

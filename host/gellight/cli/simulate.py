@@ -7,9 +7,9 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.cli.lazy import MARKUP
-from gellight.cli.options import AsJson, GeometryFile, Overwrite, check_out, with_options
+from gellight.cli.options import AsJson, GeometryFile, Overwrite, check_out
 from gellight.cli.showing import progress, show
-from gellight.cli.sweeping import Sweeping
+from gellight.cli.sweeping import Workers, many
 from gellight.lab.simulator.choices import GelKind, LightKind
 
 if TYPE_CHECKING:
@@ -77,9 +77,7 @@ def _pressed(
 
 
 @app.command()
-@with_options
 def dataset(
-    sweeping: Sweeping,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the data set here, or go on with it.")],
     presses: Annotated[int, typer.Option("--presses", min=1, max=1_000_000, help="How many presses in all.")] = 100,
     objects: Annotated[
@@ -93,6 +91,7 @@ def dataset(
     noise: Annotated[float, typer.Option("--noise", min=0, max=50, help="Noise of the camera, grey levels.")] = 1.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Other presses, other noise.")] = 0,
     geometry: GeometryFile = None,
+    workers: Workers = 0,
     as_json: AsJson = False,
 ) -> None:
     """Press many objects: images, depth, normals, pressure and force, for training other networks.
@@ -100,7 +99,8 @@ def dataset(
     The same command goes on where it was interrupted; with more --presses it adds to what is there.
     """
     from gellight.lab.design.geometry import read_geometry
-    from gellight.lab.simulator.dataset import DatasetRequest, make_dataset, store_in
+    from gellight.lab.simulator.dataset import DatasetRequest, make_dataset
+    from gellight.lab.simulator.processes import available_cores
     from sim_reference.objects import OBJECT_NAMES
 
     request = DatasetRequest(
@@ -115,8 +115,8 @@ def dataset(
         seed=seed,
         geometry=read_geometry(geometry),
     )
-    with sweeping.sweep_in(store_in(out), "presses", as_json=as_json) as options:
-        report = make_dataset(request, out, options)
+    with many("presses", out) as tell:
+        report = make_dataset(request, out, workers or available_cores(), tell)
     show(report, as_json, f"{report.presses} presses, {report.megabytes:.1f} MB, in {report.folder}: see its index.csv")
 
 

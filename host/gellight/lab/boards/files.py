@@ -16,6 +16,7 @@ from gellight.lab.boards.modules import carrier_pins
 from gellight.lab.boards.picture import wiring_svg
 from gellight.lab.boards.schematic import schematic_file
 from gellight.lab.boards.strip import strip_board
+from gellight.lab.design.parts import led_table
 from gellight.ring.boards import find_board
 from sim_reference.geometry import SensorGeometry
 
@@ -73,6 +74,7 @@ def board_files(geometry: SensorGeometry, controller: str, package: str) -> File
         **_files(carrier),
         "shopping.csv": shopping_list([strip, carrier]),
         "wiring.svg": wiring_svg(strip, carrier),
+        "leds.csv": led_table(geometry),
         "order.txt": _order(geometry, controller, package, strip),
     }
 

@@ -1,7 +1,7 @@
 """The results of the coarse stage, the fine stage and the calibration ball as JSON, text and charts; writing files."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees, isfinite
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from gellight.base.errors import InputError
 from gellight.base.writing import write_file
 from gellight.lab.report.charts import Axes, Series, heat_map, line_chart
 from sim_reference.geometry import SensorGeometry
-from sim_reference.optimizer import ball
+from sim_reference.optimizer import ball, fine
 from sim_reference.optimizer.coarse import CHOSEN_NUMBER, CoarseResult
 
 Array = NDArray[np.float64]
@@ -92,6 +92,61 @@ def top1_curves(result: CoarseResult, name: str | None) -> str:
     rows = zip(result.groups.numbers, np.degrees(values).tolist(), strict=True)
     axes = Axes(title=title, x="incident angle, degrees", y="Top1, degrees", log=True, legend="lights:")
     return line_chart([Series(str(number), angles, row) for number, row in rows], axes)
+
+
+@dataclass(frozen=True)
+class FineResult:
+    """The fine stage: how a plane is lit with the LEDs at each height."""
+
+    by_height: Sequence[fine.Illumination]
+
+    @property
+    def half_saturated_mm(self) -> float:
+        """The height at which SAT is a half, NaN where it is not."""
+        heights, saturations = zip(*((one.mounting_height_mm, one.saturation) for one in self.by_height), strict=True)
+        return fine.height_of_saturation(np.array(heights), np.array(saturations))
+
+
+def fine_study(geometry: SensorGeometry, diameter_mm: float, gamma: float) -> FineResult:
+    """Return the fine stage of a sensor: of the paper's heights those at which its LEDs are above the gel."""
+    view = fine.View(diameter_mm=diameter_mm, camera=replace(fine.IDEAL_CAMERA, gamma=gamma))
+    heights = [height for height in fine.HEIGHTS_MM if height < geometry.camera_height_mm]
+    return FineResult([fine.illumination(fine.at_height(geometry, height), view) for height in heights])
+
+
+def fine_json(result: FineResult) -> dict[str, Any]:
+    """Return equations 6 and 7 by height, and the height at which SAT is a half (null where it is not)."""
+    columns = ("mounting_height_mm", "nsd", "saturation", "mean", "variation")
+    return {
+        "half_saturated_mm": numbers(result.half_saturated_mm),
+        **{name: numbers([getattr(one, name) for one in result.by_height]) for name in columns},
+    }
+
+
+def fine_text(result: FineResult) -> str:
+    """Return equations 6 and 7 by height as lines of text."""
+    brightest = max(one.mean for one in result.by_height)
+    rows = [
+        f"{one.mounting_height_mm:9g}{one.nsd:8.3f}{one.saturation:8.1%}{one.mean / brightest:9.1%}"
+        f"{one.variation:10.1%}"
+        for one in result.by_height
+    ]
+    half = result.half_saturated_mm
+    return "\n".join(
+        [
+            "height mm     NSD     SAT    light    spread",
+            *rows,
+            f"SAT is 50 % at {half:.1f} mm" if isfinite(half) else "SAT is 50 % at none of these heights",
+        ]
+    )
+
+
+def fine_chart(result: FineResult) -> str:
+    """Return NSD and SAT by height as SVG."""
+    heights = [one.mounting_height_mm for one in result.by_height]
+    curves = {"NSD": [one.nsd for one in result.by_height], "SAT": [one.saturation for one in result.by_height]}
+    axes = Axes(title="Equations 6 and 7", x="mounting height, mm", y="NSD, SAT", legend="")
+    return line_chart([Series(name, heights, values) for name, values in curves.items()], axes)
 
 
 @dataclass(frozen=True, eq=False)

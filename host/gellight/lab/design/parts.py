@@ -1,18 +1,15 @@
-"""Parts to make of a design: the flexible strip of the LEDs and the table of the LEDs; `drawings` draws them.
+"""Parts to make of a design: the flexible strip of the LEDs, flat, and the table of the LEDs.
 
 The strip lies on a cone whose side rises by the incident angle from the horizontal, so LEDs that stand upright on it
 shine inwards at that angle. Unrolled, a cone of radius r is a sector of radius r / cos(angle) and of
-360 degrees cos(angle). The drawings show the side of the LEDs, as seen from the gel. There the LEDs are numbered
+360 degrees cos(angle). The boards show the side of the LEDs, as seen from the gel. There the LEDs are numbered
 clockwise; in the camera's image their azimuths run anticlockwise.
 """
 
-import io
-from cmath import rect
 from dataclasses import dataclass
-from math import cos, degrees, pi, sin
+from math import cos, pi, sin
 
 from gellight.base.errors import InputError
-from gellight.base.packages import needed
 from gellight.lab.design.geometry import STRIP_WIDTH_MM, check
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions
 
@@ -46,13 +43,6 @@ class Strip:
     def _turn(self, led: int) -> float:
         return self.sector_rad - (led + 0.5) * self.pitch_rad
 
-    def led_corners(self, led: int) -> list[Point]:
-        """Return the corners of an LED's package, in the coordinates of `led_centre`."""
-        turn, half = self._turn(led), LED_SIDE_MM / 2
-        local = [(half, half), (half, -half), (-half, -half), (-half, half)]
-        corners = [(self.middle_radius_mm + out + 1j * along) * rect(1, turn) for out, along in local]
-        return [(corner.real, corner.imag) for corner in corners]
-
 
 def fits(count: int, geometry: SensorGeometry) -> bool:
     """Return whether `count` LEDs fit side by side on the ring."""
@@ -79,44 +69,6 @@ def strip(geometry: SensorGeometry, width_mm: float = STRIP_WIDTH_MM) -> Strip:
         )
     half, rise_mm = width_mm / 2, width_mm * sin(geometry.incident_angle_rad)
     return Strip(middle - half, middle, middle + half, 2 * pi * flat, count, rise_mm)
-
-
-def check_can_draw() -> None:
-    """Raise InputError where the library that writes DXF is not installed: before a study, not behind it."""
-    with needed('drawing the strip needs a package: pip install "gellight[parts]"'):
-        import ezdxf.filemanagement  # noqa: F401
-
-
-def strip_dxf(flat: Strip) -> bytes:
-    """Return the strip as DXF R2010 in mm, seen from the LED side: layers OUTLINE, LED and NUMBER.
-
-    Raises InputError if ezdxf is not installed, or finds errors in the drawing.
-    """
-    check_can_draw()
-    from ezdxf import units
-    from ezdxf.enums import TextEntityAlignment
-    from ezdxf.filemanagement import new
-
-    drawing = new("R2010", setup=True)
-    drawing.units = units.MM
-    for layer in ("OUTLINE", "LED", "NUMBER"):
-        drawing.layers.add(layer)
-    space, last = drawing.modelspace(), degrees(flat.sector_rad)
-    for radius in (flat.inner_radius_mm, flat.outer_radius_mm):
-        space.add_arc((0, 0), radius, 0, last, dxfattribs={"layer": "OUTLINE"})
-    for turn in (0.0, flat.sector_rad):
-        ends = [(radius * cos(turn), radius * sin(turn)) for radius in (flat.inner_radius_mm, flat.outer_radius_mm)]
-        space.add_line(ends[0], ends[1], dxfattribs={"layer": "OUTLINE"})
-    for led in range(flat.count):
-        space.add_lwpolyline(flat.led_corners(led), close=True, dxfattribs={"layer": "LED"})
-        number = space.add_text(str(led), height=2.0, dxfattribs={"layer": "NUMBER"})
-        number.set_placement(flat.led_centre(led), align=TextEntityAlignment.MIDDLE_CENTER)
-    problems = drawing.audit().errors
-    if problems:
-        raise InputError(f"the drawing of the strip is not sound: {problems[0].message}")
-    text = io.StringIO()
-    drawing.write(text)
-    return text.getvalue().encode(drawing.output_encoding)
 
 
 def led_table(geometry: SensorGeometry) -> str:

@@ -3,33 +3,27 @@
 The functions that tasks call run in worker processes, so they return what JSON can hold.
 """
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from math import radians
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.lab.design.sweep import Study, Task
 from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
 from gellight.lab.simulator.gel_models import gel_model
-from gellight.lab.simulator.sweep import Study, Task
 from sim_reference.deformation import GelModel
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
-from sim_reference.optimizer import coarse, design, exposures, near_field
+from sim_reference.optimizer import coarse, design, near_field
 from sim_reference.optimizer.benchmark import PressedObject, Sampling, press_benchmark, region
 from sim_reference.optimizer.exposing import LightGroups
-from sim_reference.optimizer.refraction import window_of
 
 Array = NDArray[np.float64]
 DESIGN_SAMPLING = Sampling(region_diameter_mm=30.0, size_px=128)
-BEYOND_THINNING, DESIGN_THINNING = 3, 2
-"""every third and every second pixel is evaluated, because a study repeats itself a hundred times"""
-BEYOND_ANGLES = tuple(radians(angle) for angle in range(5, 86, 8))
-PAPER_ANGLE_RAD = radians(29)
-CROSSTALK = np.array([[0.90, 0.08, 0.02], [0.06, 0.88, 0.06], [0.02, 0.08, 0.90]])
+DESIGN_THINNING = 2
+"""every second pixel is evaluated, because a search repeats itself a hundred times"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,11 +43,6 @@ class StudySetup:
     def model(self) -> GelModel:
         """What computes the gel."""
         return gel_model(self.gel, self.resolution_mm)
-
-    @property
-    def led_count(self) -> int:
-        """Number of LEDs of the sensor."""
-        return len(self.geometry.led_colours)
 
     def with_noise(self, camera: LightGroups) -> LightGroups:
         """Return `camera` with the noise of this setup."""
@@ -108,58 +97,6 @@ def coarse_study(setup: StudySetup, groups: LightGroups) -> Study[coarse.CoarseR
     return Study(
         [Task(name, coarse_errors, (name, setup, groups)) for name in setup.names],
         lambda errors: coarse.CoarseResult(setup.names, groups, np.array(errors)),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class BeyondResult:
-    """MAE, Top5 and Top1 in rad of the methods beyond the paper, averaged over the objects."""
-
-    curves: Mapping[str, Array]
-    """by method, (angles, 3): an error for each of `BEYOND_ANGLES`"""
-    schemes: Mapping[str, Array]
-    """by exposure scheme, (3,), at the paper's incident angle"""
-
-    @property
-    def few_exposures(self) -> str:
-        """Name of the scheme that lights three LEDs in each exposure: "4 exposures" of twelve LEDs."""
-        return list(self.schemes)[1]
-
-
-def beyond_errors(name: str, setup: StudySetup) -> Any:
-    """Return the lists of errors of `BeyondResult` for one object: curves and schemes, by name."""
-    scenes = setup.press(name, setup.sampling, BEYOND_THINNING).scenes
-    camera = setup.with_noise(LightGroups())
-    number = setup.led_count // 3 * 3
-    window = window_of(setup.geometry)
-    methods: dict[str, dict[str, Any]] = {
-        "least squares": {},
-        "shadows dropped": {"drop_shadows": True},
-        "window, same lamps": {"medium": window},
-        "window, exposure restored": {"medium": window, "exposure_restored": True},
-    }
-    in_turn = exposures.in_turn(number)
-    curves = {
-        method: [exposures.directional_error(scenes, in_turn, angle, camera, **options) for angle in BEYOND_ANGLES]
-        for method, options in methods.items()
-    }
-    schemes = {
-        scheme.name + label: exposures.directional_error(scenes, scheme, PAPER_ANGLE_RAD, camera)
-        for label, crosstalk in (("", None), (", crosstalk", CROSSTALK))
-        for scheme in (exposures.one_exposure(number, crosstalk), exposures.single_leds(number, crosstalk))
-    }
-    return {"curves": curves, "schemes": schemes}
-
-
-def beyond_study(setup: StudySetup) -> Study[BeyondResult]:
-    """Return the study of what goes beyond the paper: one task an object."""
-
-    def averaged(errors: list[Any], part: str) -> dict[str, Array]:
-        return {name: np.mean([one[part][name] for one in errors], axis=0) for name in errors[0][part]}
-
-    return Study(
-        [Task(name, beyond_errors, (name, setup)) for name in setup.names],
-        lambda errors: BeyondResult(averaged(errors, "curves"), averaged(errors, "schemes")),
     )
 
 

@@ -8,8 +8,7 @@ gel_models.py          the gel as a layer or by finite elements, whose presses a
 memory.py              whether finite elements fit the memory
 one_press.py           one object pressed, as files
 dataset.py             many presses as files, for training other networks
-demo_presses.py        the presses of the demo, computed ahead by finite elements
-sweep.py               independent tasks over processes or a cluster, each result kept at once
+processes.py           many calls of one function, spread over processes
 scene.py               what it looks at, computed once for a press
 unit.py                a real unit as its bundle tells of it
 measured_light.py      what the camera of a real unit shows of a slope

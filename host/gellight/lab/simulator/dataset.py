@@ -4,11 +4,11 @@ The folder holds
 
     dataset.json         the sensor, the light, what was asked for; what each field of a press is
     reference.npz        images and light of the untouched gel
-    presses/000000.npz   one press each: images, light, depth_mm, normals, pressure_mpa, contact
+    presses/000000.npz   one press each: images, light, depth_mm, normals, pressure_mpa, contact, force_n
     index.csv            a row a press: file, object, depth_mm, x_mm, y_mm, force_n
 
 docs/dataset.md describes shapes and units. A press depends on the seed and its number alone, so a data set can be
-continued, extended, or made in parts on several machines, and is the same in the end.
+continued and extended, and is the same in the end.
 """
 
 import csv
@@ -16,6 +16,7 @@ import io
 import json
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +29,8 @@ from gellight.base.writing import make_folder, write_file
 from gellight.lab.simulator.choices import GelKind, LightKind
 from gellight.lab.simulator.gel_models import gel_model
 from gellight.lab.simulator.memory import check_memory
+from gellight.lab.simulator.processes import Progress, call_all
 from gellight.lab.simulator.scene import BRIGHTEST_GREY, Press, Scene
-from gellight.lab.simulator.sweep import ResultStore, SweepOptions, Task, run_all
 from sim_reference.camera import WHITE, CameraResponse, digitise
 from sim_reference.deformation import Deformation
 from sim_reference.fem.gel import FemGel
@@ -38,7 +39,7 @@ from sim_reference.imaging import normals
 from sim_reference.objects import OBJECT_NAMES
 
 Array = NDArray[np.float64]
-FORMAT = "gellight-dataset 1"
+FORMAT = "gellight-dataset 2"
 DEPTH_STEP_MM = 0.05
 """between depths that are drawn, so that the gel is computed once for many presses"""
 REFERENCE_PICTURES = 8
@@ -94,63 +95,60 @@ class DatasetReport:
     megabytes: float
 
 
-def make_dataset(request: DatasetRequest, folder: Path, options: SweepOptions) -> DatasetReport:
-    """Make the presses that are missing in `folder`, and the index; `options.store` is where `store_in` says.
+def make_dataset(
+    request: DatasetRequest, folder: Path, workers: int = 1, progress: Progress = lambda *told: None
+) -> DatasetReport:
+    """Make the presses that are missing in `folder`, and the index.
 
     Raises InputError for a folder with another data set or one that cannot be written, and for a mesh that does not
-    fit the memory, SweepIncomplete where other shards are missing, ValueError and NotConverged for what cannot be
-    simulated.
+    fit the memory, ValueError and NotConverged for what cannot be simulated.
     """
-    if request.gel == "fem" and options.scheduler is None:
-        check_memory(request.resolution_mm, request.geometry, options.workers)
+    if request.gel == "fem":
+        check_memory(request.resolution_mm, request.geometry, workers)
     same = replace(request, presses=0)  # More presses do not change those that are there.
+    numbers = range(request.presses)
     try:
+        make_folder(folder / "presses")
         _describe(same, folder)
-        tasks = _tasks(same, request.presses, folder)
-        for task in tasks:
-            if not _press_file(folder, task.arguments[2]).exists():
-                options.store.path(task.key).unlink(missing_ok=True)
-        rows = run_all(tasks, options)
-        write_file(folder / "index.csv", _table(rows))
+        missing = [number for number in numbers if not _press_file(folder, number).exists()]
+        there = request.presses - len(missing)
+        progress(there, request.presses, "")
+        calls = [(str(folder.resolve()), same, number) for number in missing]
+        done = count(there + 1)
+        call_all(make_press, calls, workers, lambda at: progress(next(done), request.presses, str(missing[at])))
+        write_file(folder / "index.csv", _table([_row(folder, same, number) for number in numbers]))
     except OSError as error:
         raise InputError(f"{folder} cannot be written ({error.strerror}): choose another --out") from error
     finally:
         _sensor.cache_clear()
     size = sum(path.stat().st_size for path in folder.rglob("*.npz"))
-    return DatasetReport(folder=str(folder), presses=len(rows), megabytes=size / 1e6)
+    return DatasetReport(folder=str(folder), presses=request.presses, megabytes=size / 1e6)
 
 
-def store_in(folder: Path) -> ResultStore:
-    """Make the folder of a data set; return the store of what is done; InputError where it cannot be written."""
-    try:
-        make_folder(folder / "presses")
-    except OSError as error:
-        raise InputError(f"{folder} cannot be written ({error.strerror}): choose another --out") from error
-    return ResultStore(folder / "done")
-
-
-def _tasks(request: DatasetRequest, presses: int, folder: Path) -> list[Task]:
-    return [Task(str(number), make_press, (str(folder.resolve()), request, number)) for number in range(presses)]
-
-
-def make_press(folder: str, request: DatasetRequest, number: int) -> dict[str, Any]:
-    """Write a press; return its row of the index."""
+def make_press(folder: str, request: DatasetRequest, number: int) -> None:
+    """Write a press."""
     sensor, press = _sensor(request), request.press(number)
     surface, deformation = sensor.scene.show(press)[1], sensor.scene.deformation(press)
     pressure_mpa = deformation.pressure * sensor.shear_modulus_mpa
-    path = _press_file(Path(folder), number)
     _write(
-        path,
+        _press_file(Path(folder), number),
         images=sensor.pictures(sensor.grey(press), np.random.default_rng([request.seed, number, 1])),
         light=np.float32(sensor.light),
         depth_mm=np.float32(surface.depth_mm),
         normals=np.float32(normals(surface.gradient_map)),
         pressure_mpa=_on_pixels(pressure_mpa, deformation, request.geometry, press),
         contact=surface.contact,
+        force_n=round(float(pressure_mpa.sum()) * deformation.spacing_mm**2, 5),
     )
-    force_n = float(pressure_mpa.sum()) * deformation.spacing_mm**2
+
+
+def _row(folder: Path, request: DatasetRequest, number: int) -> dict[str, Any]:
+    """Return the row of a press in the index."""
+    path, press = _press_file(folder, number), request.press(number)
+    with np.load(path) as fields:
+        force_n = float(fields["force_n"])
     return {"file": f"presses/{path.name}", "object": press.object_name, "depth_mm": press.depth_mm,
-            "x_mm": press.x_mm, "y_mm": press.y_mm, "force_n": round(force_n, 5)}  # fmt: skip
+            "x_mm": press.x_mm, "y_mm": press.y_mm, "force_n": force_n}  # fmt: skip
 
 
 class _Sensor:

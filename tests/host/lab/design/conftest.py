@@ -1,5 +1,5 @@
-"""A store and a cache of the test's own."""
+"""A cache of the test's own."""
 
-from tests.helpers.studies import options, own_cache
+from tests.helpers.studies import own_cache
 
-__all__ = ["options", "own_cache"]
+__all__ = ["own_cache"]

@@ -1,20 +1,14 @@
-"""Parts to make: the unrolled cone, its files, and the design that the rest of the stack reads."""
+"""Parts to make: the unrolled cone, the table of its LEDs, and the design that the rest of the stack reads."""
 
-import io
-import re
-import sys
 from dataclasses import replace
-from math import cos, degrees, hypot, pi, radians
+from math import cos, degrees, pi, radians
 from pathlib import Path
-from xml.etree import ElementTree
 
-import ezdxf
 import numpy as np
 import pytest
 
 from gellight.base.errors import ConfigError, InputError
 from gellight.lab.design import parts
-from gellight.lab.design.designs import parts_of
 from gellight.lab.design.geometry import design_file, read_geometry
 from gellight.opening import open_camera
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions
@@ -32,20 +26,6 @@ def test_the_strip_is_the_unrolled_cone() -> None:
     assert flat.sector_rad * flat.middle_radius_mm == pytest.approx(2 * pi * GEOMETRY.ring_radius_mm)
 
 
-def test_leds_lie_inside_the_strip_and_apart() -> None:
-    flat = parts.strip(GEOMETRY)
-    for led in range(12):
-        radii = [hypot(*corner) for corner in flat.led_corners(led)]
-        assert flat.inner_radius_mm < min(radii)
-        assert max(radii) < flat.outer_radius_mm
-        assert np.mean(flat.led_corners(led), axis=0) == pytest.approx(
-            [
-                flat.middle_radius_mm * cos(flat.sector_rad - (led + 0.5) * flat.pitch_rad),
-                flat.middle_radius_mm * np.sin(flat.sector_rad - (led + 0.5) * flat.pitch_rad),
-            ]
-        )
-
-
 def test_rolled_up_with_its_leds_to_the_gel_the_strip_is_the_ring_of_the_table() -> None:
     flat = parts.strip(GEOMETRY)
     right_handed = np.array([1, -1, 1])  # y up, as z points to the camera
@@ -56,38 +36,6 @@ def test_rolled_up_with_its_leds_to_the_gel_the_strip_is_the_ring_of_the_table()
         on_paper = np.linalg.det([here, there - here])
         in_the_sensor = np.cross(outwards, places[led + 1] - places[led]) @ axes[led]
         assert on_paper * in_the_sensor > 0, "who sees the drawing looks into the LEDs"
-
-
-def test_the_drawing_passes_the_auditor_and_says_the_same() -> None:
-    flat = parts.strip(GEOMETRY)
-    drawing = ezdxf.read(io.StringIO(parts.strip_dxf(flat).decode()))
-    assert not drawing.audit().errors
-    assert drawing.units == ezdxf.units.MM
-    space = drawing.modelspace()
-    arcs = sorted((arc.dxf.radius, arc.dxf.end_angle) for arc in space.query("ARC"))
-    assert np.array(arcs) == pytest.approx(np.array([[21.332, 314.863], [27.832, 314.863]]), abs=1e-3)
-    leds = space.query('LWPOLYLINE[layer=="LED"]')
-    assert len(leds) == 12
-    numbers = {number.dxf.text: number.dxf.align_point for number in space.query("TEXT")}
-    assert len(numbers) == 12
-    assert tuple(numbers["7"])[:2] == pytest.approx(flat.led_centre(7))
-    sides = [np.hypot(*np.diff(np.array(led.get_points("xy")), axis=0).T) for led in leds]
-    assert np.array(sides) == pytest.approx(5.0)
-
-
-def test_the_pictures_are_sound_and_true_to_size() -> None:
-    files = parts_of(GEOMETRY)
-    for name in ("strip.svg", "ring.svg"):
-        root = ElementTree.fromstring(str(files[name]))
-        width = float(root.attrib["viewBox"].split()[2])
-        assert root.attrib["width"] == f"{width:.3f}mm"
-    assert str(files["strip.svg"]).count("<polygon") == 12
-
-
-def test_without_its_library_a_strip_is_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "ezdxf.filemanagement", None)
-    with pytest.raises(InputError, match=re.escape('pip install "gellight[parts]"')):
-        parts_of(GEOMETRY)
 
 
 def test_the_led_table_is_the_ring() -> None:

@@ -14,15 +14,14 @@ import pytest
 
 from gellight.base.errors import ConfigError, GellightError, InputError
 from gellight.frames.point_cloud import STL_RECORD, solid_stl
-from gellight.lab.design import benchmark_files, studies
+from gellight.lab.design import benchmark_files, studies, sweep
 from gellight.lab.design.geometry import read_geometry
-from gellight.lab.simulator.sweep import SweepOptions, run_study
+from gellight.lab.design.sweep import run_study
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
-from sim_reference.optimizer import sensitivity
 from sim_reference.optimizer.exposing import LightGroups
 from tests.helpers.command_line import invoke
 from tests.helpers.studies import setup
-from tests.paper.variants import variant_errors
+from tests.paper.variants import Variant, variant_errors
 
 
 def optimize(*arguments: str) -> Any:
@@ -45,28 +44,33 @@ def test_the_coarse_study_writes_json_and_charts(tmp_path: Path) -> None:
     assert again == answer
 
 
-def test_a_study_by_finite_elements_presses_once_and_differs_from_the_layers(options: SweepOptions) -> None:
+def test_a_study_by_finite_elements_presses_once_and_differs_from_the_layers() -> None:
     layer = replace(setup(32, ("SCROWN",)), parameters=ObjectParameters(relief_mm=0.5))
     layer = replace(layer, sampling=replace(layer.sampling, press_depth_mm=0.3))
     fem = replace(layer, gel="fem", resolution_mm=1.25)
     groups = LightGroups(numbers=(12,))
-    by_layer, by_fem = (run_study(studies.coarse_study(one, groups), options).errors_rad for one in (layer, fem))
+    by_layer, by_fem = (run_study(studies.coarse_study(one, groups)).errors_rad for one in (layer, fem))
     assert by_fem.shape == by_layer.shape
     assert np.abs(by_fem - by_layer).max() > radians(0.1)
     presses = list(platformdirs.user_cache_path("gellight").glob("presses/*.npz"))
     assert len(presses) == 1, "kept, so that other studies of this object read it"
     kept = presses[0].stat().st_mtime_ns
-    variant = sensitivity.Variant("", "", sampling=layer.sampling, parameters=fem.parameters)
+    variant = Variant("", "", sampling=layer.sampling, parameters=fem.parameters)
     varied = variant_errors("SCROWN", variant, fem)
     assert np.shape(varied) == (11,)
     assert presses[0].stat().st_mtime_ns == kept
     assert len(list(presses[0].parent.iterdir())) == 1, "the same press serves the sensitivity study"
 
 
-def test_a_shard_alone_says_that_it_is_not_all(tmp_path: Path) -> None:
-    answer = optimize("coarse", "--size", "32", "--workers", "1", "--shard", "2/5", "--json")
-    assert answer["complete"] is False
-    assert len(list(Path(answer["store"]).iterdir())) == 2
+def test_the_fine_stage_is_printed_and_drawn(tmp_path: Path) -> None:
+    answer = optimize("fine", "--out", str(tmp_path), "--json")
+    assert answer["mounting_height_mm"] == list(range(0, 37, 4))
+    assert answer["half_saturated_mm"] == pytest.approx(9.7, abs=0.05)
+    assert np.all(np.diff(answer["saturation"][:-1]) > 0)
+    assert {path.name for path in tmp_path.iterdir()} == {"fine.json", "fine.svg"}
+    assert invoke("optimize", "fine").stdout.endswith("SAT is 50 % at 9.7 mm\n")
+    whole = optimize("fine", "--diameter-mm", "50", "--gamma", "2.2", "--json")
+    assert whole["half_saturated_mm"] == pytest.approx(20.4, abs=0.05)
 
 
 def test_the_ball_is_printed_as_json() -> None:
@@ -76,21 +80,20 @@ def test_the_ball_is_printed_as_json() -> None:
     assert answer["elevation_by_press_deg"]["3"][0] is None
 
 
-def test_a_design_comes_with_its_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_design_comes_with_its_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(studies, "DESIGN_SAMPLING", replace(studies.DESIGN_SAMPLING, size_px=48))
     out = tmp_path / "out"
     answer = optimize("design", "--lights", "6", "--workers", "1", "--size", "64", "--out", str(out), "--json")
     assert answer["chosen"]["leds"] == 6
     assert answer["chosen"]["top1_deg"] > answer["chosen"]["mae_deg"] > 0
-    files = {"design.json", "gellight.toml", "leds.csv", "ring.svg", "strip.dxf", "strip.svg"}
-    assert {path.name for path in out.iterdir()} == files
+    assert {path.name for path in out.iterdir()} == {"design.json", "gellight.toml"}
     built = read_geometry(out / "gellight.toml")
     assert built.led_colours == "RRGGBB"
     assert built.mounting_height_mm == pytest.approx(answer["chosen"]["mounting_height_mm"], abs=0.06)
     assert answer["ring_colours"] == "ff0000,ff0000,00ff00,00ff00,0000ff,0000ff"
     assert answer["shadow_free_deg"]["given"] == pytest.approx(55.44, abs=0.01), "not 61: what the tilt of 29 leaves"
     assert answer["shadow_free_deg"]["chosen"] != answer["shadow_free_deg"]["given"]
-    assert answer["gains"][-1]["before_deg"] == pytest.approx(answer["given"]["top1_deg"], abs=1e-4)
+    assert answer["given"]["leds"] == 12
 
 
 @pytest.mark.parametrize(
@@ -99,7 +102,6 @@ def test_a_design_comes_with_its_parts(tmp_path: Path, monkeypatch: pytest.Monke
         (["coarse", "--press", "3.1"], "at most 3 mm, 60 % of the gel's 5 mm"),
         (["coarse", "--gel", "fem", "--resolution-mm", "0.01"], "mm fits"),
         (["coarse", "--press", "-1"], "must be positive"),
-        (["coarse", "--shard", "3/2"], "give i/n"),
         (["ball", "--press", "3", "--radius", "2"], "deeper than the ball"),
         (["ball", "--press", "3.5"], "give 0 to 3 mm, 60% of the gel's thickness"),
         (["ball", "--press", "0"], "press deeper"),
@@ -150,11 +152,11 @@ def test_what_only_the_simulator_can_refuse_is_refused_in_one_line(tmp_path: Pat
     assert "this sensor cannot be simulated: no LED lights the gel" in str(result.exception)
 
 
-def test_ctrl_c_says_where_to_go_on(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(studies, "coarse_study", Mock(side_effect=KeyboardInterrupt))
-    result = invoke("optimize", "coarse", "--store", str(tmp_path / "here"))
+def test_ctrl_c_says_where_to_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(studies.coarse, "evaluate", Mock(side_effect=KeyboardInterrupt))
+    result = invoke("optimize", "coarse", "--workers", "1")
     assert result.exit_code == 130
-    assert f"what is done is kept in {tmp_path / 'here'}" in result.stderr
+    assert f"what is done is kept in {sweep.kept_in()}" in result.stderr
 
 
 def test_help_says_what_is_taken_by_default() -> None:

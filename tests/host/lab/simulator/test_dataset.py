@@ -4,14 +4,12 @@ import csv
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.simulator.dataset import DatasetRequest, make_dataset, store_in
-from gellight.lab.simulator.sweep import Shard, SweepIncomplete, SweepOptions
+from gellight.lab.simulator.dataset import DatasetRequest, make_dataset
 from sim_reference import gel
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import press_object
@@ -21,8 +19,8 @@ SMALL = SensorGeometry(image_width_px=80, image_height_px=60, pixel_size_mm=0.4)
 REQUEST = DatasetRequest(presses=3, objects=("BALL", "WAVE"), geometry=SMALL, seed=5)
 
 
-def make(folder: Path, request: DatasetRequest = REQUEST, **options: Any) -> None:
-    make_dataset(request, folder, SweepOptions(store=store_in(folder), **options))
+def make(folder: Path, request: DatasetRequest = REQUEST) -> None:
+    make_dataset(request, folder)
 
 
 def read(folder: Path) -> list[tuple[dict[str, str], dict[str, np.ndarray]]]:
@@ -67,6 +65,7 @@ def test_pressure_adds_up_to_the_force(balls: Path) -> None:
         assert ((press["pressure_mpa"] > 0) == press["contact"]).all()
         pressed = press_object("BALL", float(row["depth_mm"]), SMALL, model=gel.press)
         shear_modulus_mpa = 0.2 / 2 / (1 + SMALL.poisson_ratio)
+        assert float(row["force_n"]) == press["force_n"]
         force = pressed.pressure.sum() * shear_modulus_mpa * pressed.spacing_mm**2
         assert float(row["force_n"]) == pytest.approx(force, abs=1e-5)
 
@@ -89,14 +88,12 @@ def test_single_lights_add_up_to_what_they_are_together(tmp_path: Path) -> None:
     assert 190 <= np.load(tmp_path / "reference.npz")["images"].max() <= 201
 
 
-def test_parts_continued_and_extended_are_the_same_in_the_end(tmp_path: Path) -> None:
+def test_what_was_begun_and_extended_is_the_same_in_the_end(tmp_path: Path) -> None:
     make(tmp_path / "whole")
-    parts = tmp_path / "parts"
+    parts, told = tmp_path / "parts", []
     make(parts, replace(REQUEST, presses=1))
-    with pytest.raises(SweepIncomplete):
-        make(parts, shard=Shard(2, 3))
-    assert len(list((parts / "presses").iterdir())) == 2
-    make(parts)
+    make_dataset(REQUEST, parts, 2, lambda *how_far: told.append(how_far[:2]))
+    assert told == [(1, 3), (2, 3), (3, 3)]
     assert content(parts) == content(tmp_path / "whole")
 
 
@@ -128,7 +125,6 @@ def test_another_data_set_is_not_mixed_in(tmp_path: Path) -> None:
         (["--gel", "fem", "--resolution-mm", "0.05", "--workers", "9"], "in each of 9 --workers needs about"),
         (["--shallowest-mm", "0"], "give positive ones"),
         (["--shallowest-mm", "0.9", "--deepest-mm", "0.3"], "the shallowest first"),
-        (["--shard", "3/2"], "give i/n"),
     ],
 )
 def test_what_cannot_be_made_is_refused(tmp_path: Path, arguments: list[str], reason: str) -> None:
