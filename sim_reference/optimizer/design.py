@@ -24,6 +24,8 @@ FIRST_GREY = 200.0
 FIGURES = ("mae", "top5", "top1")
 ENOUGH = 1.10
 """the fewest LEDs whose error is within a tenth of the best are chosen"""
+MOST_EVALUATIONS = 600
+"""of the error by one search; about a hundred are needed"""
 STARTING_GREY = 230.0
 """of the brightest pixel: how the sensor that we start from is exposed"""
 
@@ -71,6 +73,8 @@ class Candidate:
     noise_mae_rad: float
     """what the closed form says noise alone does to a plane: the rest is shadow and clipping"""
     evaluations: int
+    converged: bool = True
+    """whether the search ended by itself, not at `MOST_EVALUATIONS`"""
 
     def figure_rad(self, name: str) -> float:
         """Return the error by its name in `FIGURES`."""
@@ -172,10 +176,11 @@ def _best_of(number: int, geometry: SensorGeometry, place: Place, requirements: 
     low, high = _bounds(geometry, requirements)
     search = _Search(number, geometry, place, requirements, low, high, _longest_exposure(geometry, place, requirements))
     simplex = search.simplex()
-    options = {"initial_simplex": simplex, "maxfev": 90, "xatol": 0.004, "fatol": radians(0.001)}
+    options = {"initial_simplex": simplex, "maxfev": MOST_EVALUATIONS, "xatol": 0.004, "fatol": radians(0.001)}
     found = minimize(search.error, simplex[0], method="Nelder-Mead", bounds=[(0.0, 1.0)] * 3, options=options)
     sensor, grey, longest = search.at(found.x)
-    return replace(assessed(sensor, place, requirements, grey, longest), evaluations=int(found.nfev))
+    best = assessed(sensor, place, requirements, grey, longest)
+    return replace(best, evaluations=int(found.nfev), converged=bool(found.success))
 
 
 def _bounds(geometry: SensorGeometry, requirements: Requirements) -> tuple[Array, Array]:
@@ -248,4 +253,5 @@ def describe(candidate: Candidate) -> str:
         f"{candidate.number} LEDs, {degrees(candidate.incident_angle_rad):.1f} degrees, "
         f"{candidate.mounting_height_mm:.1f} mm: Top1 {degrees(candidate.top1_rad):.2f}, MAE "
         f"{degrees(candidate.mae_rad):.3f} degrees"
+        f"{'' if candidate.converged else f' (NOT the best: the search broke off after {candidate.evaluations} tries)'}"
     )

@@ -164,10 +164,19 @@ def test_the_design_is_better_than_the_start_and_no_worse_than_its_neighbours() 
     start = design.errors(GEOMETRY, place(), requirements, 200.0)[2]
     (found,) = design.optimise(GEOMETRY, place(), requirements)
     assert found.top1_rad < 0.8 * start
+    assert found.converged
     built = replace(GEOMETRY, incident_angle_rad=found.incident_angle_rad, mounting_height_mm=found.mounting_height_mm)
     for change in (-radians(12), radians(12)):
         turned = replace(built, incident_angle_rad=min(found.incident_angle_rad + change, radians(89)))
         assert design.errors(turned, place(), requirements, found.brightest_grey)[2] > 0.99 * found.top1_rad
+
+
+def test_a_search_that_broke_off_is_no_best_design(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(design, "MOST_EVALUATIONS", 6)
+    (found,) = design.optimise(GEOMETRY, place(), design.Requirements(numbers=(12,)))
+    assert not found.converged
+    assert f"NOT the best: the search broke off after {found.evaluations} tries" in design.describe(found)
+    assert "NOT" not in design.describe(replace(found, converged=True))
 
 
 def test_little_light_asks_for_leds_nearer_to_the_gel() -> None:

@@ -111,6 +111,7 @@ class ActivePipeline:
             unix_s=stamp.unix_s,
             ages_s={"taken": taken_s - frame.time_s, "reconstructed": now_s - frame.time_s},
             findings=self._kinds_against(felt),
+            gel_thickness_mm=self.thickness_mm,
         )
         return replace(felt, provenance=provenance)
 

@@ -261,6 +261,8 @@ class Provenance:
     """kinds of what the watch has found, such as "drift" or "led_dead"; see docs/watch.md"""
     dropped: int = 0
     """camera frames between the last tactile frame that this reader had and this one"""
+    gel_thickness_mm: float | None = None
+    """None where nobody knows"""
 
 
 @with_field_docs

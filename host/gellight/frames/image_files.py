@@ -19,7 +19,13 @@ from gellight.base.png import cut_off
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
 from gellight.frames.jpeg import CorruptPictureError, decode_jpeg_file
-from gellight.frames.video_files import VIDEO_SUFFIXES, frame_of_video, frames_of_video, is_frame_of_video
+from gellight.frames.video_files import (
+    VIDEO_SUFFIXES,
+    frame_of_video,
+    frames_of_video,
+    is_frame_of_video,
+    times_of_video,
+)
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 KINDS = (
@@ -31,8 +37,8 @@ KINDS = (
 class ImageCamera(Camera):
     """Deliver image files, each once and in the given order, as the frames of a camera.
 
-    `live`: a picture is of the moment in which it is read, as of a camera that runs. Otherwise time does not go on, so
-    that each picture stands for itself.
+    `live`: a picture is of the moment in which it is read, as of a camera that runs; those of a video have the video's
+    own times, the last one that of the opening. Otherwise time does not go on, so that each picture stands for itself.
     """
 
     waits = True
@@ -41,10 +47,11 @@ class ImageCamera(Camera):
         """Open the files; the first one is read to learn the size, the others when their turn comes."""
         if not paths:
             raise CameraError(f"no images: {KINDS}")
-        self._paths, self._live = tuple(paths), live
+        self._paths = tuple(paths)
         self.url = printable(paths[0] if url is None else url)
         height, width, _ = read_image(self._paths[0]).shape
         self.image_shape = (height, width)
+        self._times_s = _times_of(self._paths) if live else [0.0] * len(self._paths)
         self._next = 0
         self._closed = False
 
@@ -62,12 +69,21 @@ class ImageCamera(Camera):
                 f"{path} is {_size(image.shape)}, {self._paths[0].name} is {_size(self.image_shape)}: "
                 "put images of one size together"
             )
-        time_s = time.monotonic() if self._live else 0.0
+        time_s = self._times_s[sequence] if self._times_s else time.monotonic()
         return CameraFrame(image=image, time_s=time_s, sequence=sequence, source=printable(path))
 
     def close(self) -> None:
         """End the delivery."""
         self._closed = True
+
+
+def _times_of(paths: Sequence[Path]) -> list[float]:
+    """Return when the pictures of a whole video were taken, none of them in the future; nothing for other pictures."""
+    if not is_frame_of_video(paths[0]):
+        return []
+    times_s = times_of_video(paths[0].parent)
+    begun_s = time.monotonic() - times_s[-1]
+    return [begun_s + time_s for time_s in times_s] if len(times_s) == len(paths) else []
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:

@@ -5,7 +5,8 @@ Pictures are always decoded one after the other from the beginning: seeking in a
 
 import re
 import threading
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -53,14 +54,20 @@ class _Video:
             self._last = np.ascontiguousarray(picture[..., ::-1])
         return bool(taken)
 
-    def count(self) -> int:
-        """Return how many pictures can be decoded; what the file says of itself may be wrong."""
+    @cached_property
+    def times_s(self) -> list[float]:
+        """When each picture that can be decoded was taken, s, by its own stamp, else by the rate; from the first on.
+
+        How many pictures there are, what the file says of itself may be wrong.
+        """
         self._begin()
-        found = 0
+        stamps, rate = [], self._capture.get(cv2.CAP_PROP_FPS)
         while self._capture.grab():
-            found += 1
+            stamps.append(self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000)
         self._begin()
-        return found
+        if any(later <= earlier for earlier, later in pairwise(stamps)) and rate > 0:
+            stamps = [number / rate for number in range(len(stamps))]
+        return [stamp - stamps[0] for stamp in stamps]
 
 
 _reading = threading.Lock()
@@ -92,7 +99,13 @@ def frame_of_video(path: Path) -> NDArray[np.uint8]:
 def frames_of_video(path: Path) -> list[Path]:
     """Return the names of all pictures of a video, in order; InputError where there is none."""
     with _reading:
-        count = _opened(path).count()
+        count = len(_opened(path).times_s)
     if not count:
         raise InputError(f"{path} has no picture that can be decoded: convert it, for example to .mp4 or .avi")
     return [path / f"{path.stem}-{number:06}.png" for number in range(count)]
+
+
+def times_of_video(path: Path) -> list[float]:
+    """Return when each picture of a video was taken, s from the first on."""
+    with _reading:
+        return _opened(path).times_s

@@ -161,7 +161,8 @@ class Recorder:
             return number
         self.status.lost += taken - number - 1
         assert frame.stamp is not None, "a daemon stamps every frame"
-        self._writer.add(frame, frame.stamp, packed=time.monotonic() - frame.time_s < LATE_S)
+        kept_up = self._daemon.camera.waits or time.monotonic() - frame.time_s < LATE_S
+        self._writer.add(frame, frame.stamp, packed=kept_up)
         self._first = frame.sequence if self._first is None else self._first
         self.status.frames += 1
         return taken

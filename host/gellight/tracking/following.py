@@ -49,5 +49,6 @@ class ObjectFollower:
             if made_with != self._seen or not 0 <= taken_s - self._seen_s <= GAP_S:
                 tracker.forget()
             self._seen, self._seen_s = made_with, taken_s
-            view = View.of(frame.depth_mm, frame.gradient_map, provenance.pixel_size_mm)
+            thickness_mm = provenance.gel_thickness_mm
+            view = View.of(frame.depth_mm, frame.gradient_map, provenance.pixel_size_mm, thickness_mm=thickness_mm)
             return replace(frame, pose=tracker.follow(view, frame.camera_frame.sequence))

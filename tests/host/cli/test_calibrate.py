@@ -70,6 +70,15 @@ def test_a_ball_that_the_light_contradicts_is_warned_of(pressed: Path, named: fl
     assert not warned or float(warning.split("about ")[1].split(" mm")[0]) == pytest.approx(4.0, rel=0.1)
 
 
+def test_fit_tells_that_pixels_are_not_square(bundle: Path) -> None:
+    written = load_bundle(bundle)
+    assert written.metrics["pixel_ratio"]["ratio"] == pytest.approx(1, abs=0.03)
+    assert not any("not square" in line for line in training._fit_lines(written))
+    (line,) = training._pixel_warning({"ratio": 1.08, "error": 0.002}, written.image_shape)
+    assert "1.080 +- 0.002 times as high as wide" in line
+    assert "--size 160x130" in line
+
+
 def test_the_warning_names_a_small_ball_by_its_size() -> None:
     (warning,) = ball_warning(0.2954, 0.2465)
     assert "named as 0.2465 mm" in warning

@@ -1,6 +1,7 @@
 """Image files as a camera: order, end, and every kind of file that is not a picture of the gel."""
 
 import sys
+import time
 from pathlib import Path
 
 import cv2
@@ -8,8 +9,9 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import CameraError, InputError
+from gellight.frames import video_files
 from gellight.frames.camera import Camera, EndOfStream
-from gellight.frames.image_files import ImageCamera, read_image, read_levels
+from gellight.frames.image_files import ImageCamera, image_files, read_image, read_levels
 from gellight.opening import open_camera
 from tests.helpers.children import run
 
@@ -129,6 +131,41 @@ def test_pictures_that_are_no_stream_follow_nothing_in_time(tmp_path: Path) -> N
     assert camera.read().time_s == camera.read().time_s
 
 
+@pytest.mark.parametrize(("suffix", "code"), [(".avi", "MJPG"), (".mp4", "mp4v")])
+def test_pictures_of_a_video_have_the_times_of_the_video(suffix: str, code: str, tmp_path: Path) -> None:
+    video = tmp_path / f"press{suffix}"
+    writer = cv2.VideoWriter(str(video), cv2.VideoWriter.fourcc(*code), 5, (64, 48))
+    for number in range(4):
+        writer.write(np.full((48, 64, 3), 10 * number, np.uint8))
+    writer.release()
+    with open_camera(video) as camera:
+        times_s = [camera.read().time_s for _ in range(4)]
+    np.testing.assert_allclose(np.diff(times_s), 0.2, atol=1e-6)
+    assert time.monotonic() - 60 < times_s[-1] <= time.monotonic()
+    assert ImageCamera(image_files(str(video))).read().time_s == 0
+
+
+def test_a_video_whose_pictures_have_no_stamps_goes_by_its_rate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Unstamped:
+        def __init__(self, path: str) -> None:
+            self.left = 3
+
+        def isOpened(self) -> bool:  # noqa: N802  (OpenCV's name)
+            return True
+
+        def get(self, what: int) -> float:
+            return 25.0 if what == cv2.CAP_PROP_FPS else 0.0
+
+        def grab(self) -> bool:
+            self.left -= 1
+            return self.left >= 0
+
+    monkeypatch.setattr(cv2, "VideoCapture", Unstamped)
+    assert video_files._Video(tmp_path / "x.avi").times_s == [0, 0.04, 0.08]
+
+
 def test_a_video_is_read_picture_by_picture_in_order(tmp_path: Path) -> None:
     video = write_video(tmp_path / "press.avi", 12)
     with open_camera(video) as camera:
@@ -171,6 +208,7 @@ def test_images_of_two_sizes_are_refused_by_name(tmp_path: Path) -> None:
 
 BOMB = """
 import sys
+import time
 import gellight
 from gellight.frames.image_files import read_image
 from gellight.base.errors import InputError

@@ -1,7 +1,7 @@
 """`gellight calibrate fit`, `evaluate`, `crossvalidate` and `synthetic`: train GelNet, and measure what it is worth."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,6 +21,7 @@ from gellight.lab.training.cross_validation import Comparison, CrossValidation, 
 from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling.ball_size import check_ball, felt_radius_mm
+from gellight.lab.training.labelling.pixel_ratio import PixelRatio, pixel_ratio
 from gellight.lab.training.level_light import lights_of_unit
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.synthetic import PIXEL_SIZE_MM, make_synthetic
@@ -188,10 +189,14 @@ def synthetic(
 def which_ball(labelled: list[Press], untouched: Reference, ball: Ball, previous: str | None) -> dict[str, object]:
     """Return, for the metrics, the radius that fits the light in the imprints, and that an earlier bundle feels.
 
+    With it goes by how much pixels are higher than wide (`pixel_ratio`).
+
     Raises InputError where the earlier bundle feels another ball than the one that was named.
     """
     images = [press.picture() for press in labelled]
     found: dict[str, object] = {"likely_ball_radius_mm": likely_radius_mm(images, labelled, untouched.image, ball)}
+    if shape := pixel_ratio(labelled, untouched.image, ball):
+        found["pixel_ratio"] = asdict(shape)
     if previous is not None:
         found["felt_ball_radius_mm"] = check_ball(load_bundle(previous), labelled, ball)
     return found
@@ -228,6 +233,7 @@ def _fit_lines(written: Bundle) -> list[str]:
         *like_words(metrics),
         *depth_line(written),
         *ball_warning(metrics.get("likely_ball_radius_mm"), metrics["ball_radius_mm"]),
+        *_pixel_warning(metrics.get("pixel_ratio"), written.image_shape),
         *radius_line(metrics.get("refinement")),
     ]
 
@@ -277,6 +283,12 @@ def ball_warning(likely_mm: float | None, named_mm: float) -> list[str]:
         f"WARNING: the ball was named as {named_mm:g} mm in radius, but the light in its imprints fits one of about "
         f"{likely_mm:.3g} mm: measure the ball, and train again with its radius"
     ]
+
+
+def _pixel_warning(found: Mapping[str, float] | None, image_shape: tuple[int, int]) -> list[str]:
+    """Return a warning where the presses show that pixels are not square."""
+    wrong = PixelRatio(**found).remedy(image_shape) if found else ""
+    return [f"WARNING: {wrong}"] if wrong else []
 
 
 def _error_lines(errors: PressFigures) -> list[str]:

@@ -14,6 +14,7 @@ from gellight.frames.frames import CaptureStamp, Provenance, TactileFrame
 from gellight.frames.picture import prepared
 from gellight.recording.recording_file import Recording
 from gellight.recording.replay_camera import ReplayCamera, ReplayUrl
+from gellight.watch.possible import gel_thickness_mm
 
 
 def felt_frames(recording: Recording, bundle: Bundle | None) -> Iterator[TactileFrame]:
@@ -37,5 +38,6 @@ def felt_frames(recording: Recording, bundle: Bundle | None) -> Iterator[Tactile
                 pixel_size_mm=wanted.pixel_size_mm,
                 unix_s=info.unix_s,
                 ages_s={},
+                gel_thickness_mm=gel_thickness_mm(wanted),
             )
             yield replace(path.reconstruct(replace(frame, time_s=info.time_s, stamp=stamp)), provenance=provenance)

@@ -13,6 +13,7 @@ from gellight.lab.calibration.sensing import check_light, detector_of, next_pres
 from gellight.lab.calibration.state import PressRecord
 from gellight.lab.report.pictures import difference_picture
 from gellight.lab.simulator.virtual_hand import VirtualHand
+from gellight.lab.training.labelling.pixel_ratio import pixel_ratio
 from gellight.lab.training.presses import Ball
 
 _PATIENCE = 0.5
@@ -151,20 +152,25 @@ class _Collector:
             self.refused += 1
 
     def check_radius(self) -> None:
-        """Ask whether the ball is the one that was named, where the light tells its radius."""
+        """Ask whether pixels are square, and the ball is the one that was named, where the light tells."""
         presses = self.run.folder.presses()
         images = [read_image(press.image) for press in presses]
         self.radius_mm = ball_radius.likely_radius_mm(images, presses, self.reference, self.ball)
         named = self.run.options.tools.ball_radius_mm
-        if self.radius_mm is None or not ball_radius.is_another(self.radius_mm, named):
-            return
-        problem = (
-            f"the ball was named as {named:g} mm in radius, but the light in its imprints fits a ball of about "
-            f"{self.radius_mm:.3g} mm: measure the ball, and begin again with its radius"
+        problems = (
+            [shape.remedy(self.run.camera.image_shape)]
+            if (shape := pixel_ratio(presses, self.reference, self.ball))
+            else []
         )
-        if self.run.hand:
-            raise BundleError(problem)
-        self.run.wait_for_acceptance(problem)
+        if self.radius_mm is not None and ball_radius.is_another(self.radius_mm, named):
+            problems.append(
+                f"the ball was named as {named:g} mm in radius, but the light in its imprints fits a ball of about "
+                f"{self.radius_mm:.3g} mm: measure the ball, and begin again with its radius"
+            )
+        for problem in filter(None, problems):
+            if self.run.hand:
+                raise BundleError(problem)
+            self.run.wait_for_acceptance(problem)
 
     def show_progress(self) -> None:
         """Show how far it is, what is covered and what is missing."""

@@ -104,6 +104,8 @@ def candidate_json(one: Candidate) -> dict[str, Any]:
         "mae_deg": round(degrees(one.mae_rad), 4),
         "top1_deg": round(degrees(one.top1_rad), 4),
         "noise_mae_deg": round(degrees(one.noise_mae_rad), 4),
+        "evaluations": one.evaluations,
+        "converged": one.converged,
     }
 
 

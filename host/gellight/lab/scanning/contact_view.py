@@ -46,6 +46,8 @@ class ContactView:
     pixel_size_mm: tuple[float, float]
     calibration: str
     """identity of the bundle that the depth was found by"""
+    thickness_mm: float | None = None
+    """of the gel; None where nobody knows"""
 
     @property
     def size_mm(self) -> tuple[float, float]:
@@ -56,7 +58,7 @@ class ContactView:
     @cached_property
     def reached(self) -> Bools:
         """(H, W) where the gel lies on the part."""
-        return reached_by(self.depth_mm, self.pixel_size_mm)
+        return reached_by(self.depth_mm, self.pixel_size_mm, self.thickness_mm)
 
     @cached_property
     def view(self) -> View:
@@ -80,14 +82,14 @@ class ContactView:
         return float(self.view.touching.mean())
 
 
-def reached_by(depth_mm: Floats, pixel_size_mm: tuple[float, float]) -> Bools:
-    """Return the (H, W) pixels where gel of this depth lies on what it is pressed by."""
+def reached_by(depth_mm: Floats, pixel_size_mm: tuple[float, float], thickness_mm: float | None) -> Bools:
+    """Return the (H, W) pixels where gel of this depth lies on what it is pressed by; None: nobody knows how thick."""
     factor = _factor(depth_mm)
     depth = reduced(depth_mm, factor)
     # Gel that is cut by the border of the view goes on; cut off, it would look pressed there.
     wider = np.pad(depth, MIRRORED_PX, mode="symmetric")
     pixel = pixel_size_mm[0] * factor, pixel_size_mm[1] * factor
-    pressure = pressure_of(wider, pixel, THICKNESS_MM, coarser=1)[_INNER, _INNER]
+    pressure = pressure_of(wider, pixel, thickness_mm or THICKNESS_MM, coarser=1)[_INNER, _INNER]
     pressed = pressure[(depth > LEAST_MM) & (pressure > 0)]
     if not len(pressed):
         return np.zeros(depth_mm.shape, np.bool_)

@@ -84,7 +84,8 @@ def map_of_press(frame: TactileFrame, pixel_size_mm: tuple[float, float], error_
     pixel = pixel_size_mm[0]
     if abs(pixel_size_mm[1] / pixel - 1) > SAME_PIXEL:
         raise InputError(f"pixels of {pixel_size_mm[0]} x {pixel_size_mm[1]} mm are not square: no map is made of them")
-    reached = reached_by(frame.depth_mm, pixel_size_mm)
+    thickness_mm = frame.provenance.gel_thickness_mm if frame.provenance else None
+    reached = reached_by(frame.depth_mm, pixel_size_mm, thickness_mm)
     if not reached.any():
         raise InputError("nothing touches the gel in this frame: choose one of a press")
     error = _errors(frame) if error_mm is None else np.full(frame.depth_mm.shape, error_mm, np.float32)

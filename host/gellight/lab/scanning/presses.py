@@ -67,7 +67,7 @@ class PressWatcher:
         if deep_mm >= 0.98 * self._best_mm:
             depth = np.asarray(np.mean(self._still, axis=0, dtype=np.float64), np.float32)
             made = frame.provenance
-            self._best = ContactView(depth, made.pixel_size_mm, made.calibration)
+            self._best = ContactView(depth, made.pixel_size_mm, made.calibration, made.gel_thickness_mm)
             self._best_mm = max(deep_mm, self._best_mm)
 
     def end(self) -> ContactView | None:

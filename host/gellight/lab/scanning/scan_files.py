@@ -70,6 +70,7 @@ def write_press(path: Path, view: ContactView, joints: Sequence[Joint]) -> None:
         "depth_mm": view.depth_mm,
         "pixel_size_mm": np.array(view.pixel_size_mm),
         "calibration": np.array(view.calibration),
+        "gel_thickness_mm": np.array(view.thickness_mm or 0.0),
     }
     arrays |= {f"joint_{name}": np.array([getattr(joint, name) for joint in joints]) for name in _JOINT}
     content = io.BytesIO()
@@ -102,8 +103,12 @@ def _read(path: Path) -> tuple[ContactView, list[Joint]]:
             raise ValueError(f"a depth of shape {depth.shape}")
         if pixel.shape != (2,) or not (np.isfinite(pixel).all() and (pixel > 0).all()):
             raise ValueError(f"pixels of {pixel} mm")
+        thickness = arrays.get("gel_thickness_mm", np.zeros(()))  # presses of before do not tell
+        if thickness.shape != () or not 0 <= thickness < np.inf:
+            raise ValueError(f"a gel of {thickness} mm")
         joints = [_joint(row) for row in zip(*(arrays[f"joint_{name}"] for name in _JOINT), strict=True)]
-        return ContactView(depth.astype(np.float32), (float(pixel[0]), float(pixel[1])), str(calibration)), joints
+        size = float(pixel[0]), float(pixel[1])
+        return ContactView(depth.astype(np.float32), size, str(calibration), float(thickness) or None), joints
     except (*UNZIPPING, KeyError, TypeError) as problem:
         raise InputError(f"{path} is no press of a scan ({problem}): remove it, and press there again") from problem
 

@@ -42,7 +42,7 @@ class Touch:
 def view_of(contact: ContactView) -> View:
     """Return what tracking takes of a touch."""
     depth, pixel = contact.depth_mm, contact.pixel_size_mm
-    return View.of(depth, surface_gradient(depth, pixel), pixel)
+    return View.of(depth, surface_gradient(depth, pixel), pixel, thickness_mm=contact.thickness_mm)
 
 
 def covered(one: View, other: View, motion: Array) -> float:
@@ -63,8 +63,9 @@ def touches_in(frames: Iterator[TactileFrame]) -> Iterator[Touch]:
         if pose is None or pose.lost:
             continue
         factor = max(1, round(frame.depth_mm.shape[1] / WORKING_PX))
-        x, y = frame.provenance.pixel_size_mm
-        contact = ContactView(reduced(frame.depth_mm, factor), (x * factor, y * factor), frame.provenance.calibration)
+        made = frame.provenance
+        pixel = made.pixel_size_mm[0] * factor, made.pixel_size_mm[1] * factor
+        contact = ContactView(reduced(frame.depth_mm, factor), pixel, made.calibration, made.gel_thickness_mm)
         touch, view = Touch(contact, pose.number, frame.camera_frame.sequence, pose.motion), view_of(contact)
         if last is not None and last_view is not None and last.number == touch.number:
             rolled = touch.motion @ inverse(last.motion)

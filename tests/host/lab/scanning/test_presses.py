@@ -1,6 +1,7 @@
 """Presses in a stream of frames: each is taken once, while it is still and deepest."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.frames.frames import TactileFrame
 from gellight.lab.scanning import touches
+from gellight.lab.scanning.contact_view import reached_by
 from gellight.lab.scanning.presses import PressWatcher, presses_in
+from gellight.lab.scanning.scan_files import path_of, read_presses, write_press
 from tests.helpers.hill_frames import HILL, frame
 
 
@@ -32,6 +35,22 @@ def test_what_is_never_still_or_hardly_pressed_is_no_press() -> None:
     assert deepest([0, 0.2, 0.3, 0.4, 0.5, 0.4, 0.2, 0]) == []
     assert (deepest([0.079] * 9), deepest([0.081] * 9)) == ([], [0.081])
     assert (deepest([0.5] * 2), deepest([0.5] * 3)) == ([], [0.5])
+
+
+@pytest.mark.parametrize("thickness_mm", [1.5, None])
+def test_a_press_is_looked_at_with_the_thickness_of_the_gel_it_was_made_in(
+    thickness_mm: float | None, tmp_path: Path
+) -> None:
+    seen = frame(0.5)
+    assert seen.provenance is not None
+    made = replace(seen.provenance, gel_thickness_mm=thickness_mm)
+    (view,) = presses_in(iter([replace(seen, provenance=made)] * 3))
+    write_press(path_of(tmp_path, 0, "press"), view, [])
+    kept = read_presses(tmp_path, "press")[0][0]
+    for one in (view, kept):
+        assert one.thickness_mm == thickness_mm
+        assert (one.reached == reached_by(view.depth_mm, view.pixel_size_mm, thickness_mm)).all()
+    assert (view.reached != reached_by(view.depth_mm, view.pixel_size_mm, 5.0)).any() is np.bool_(bool(thickness_mm))
 
 
 def level(left_mm: float, right_mm: float) -> TactileFrame:

@@ -91,7 +91,7 @@ def standard_errors(residual: Residual[Shape], shape: Shape, part: NDArray[np.in
     and, as parts that touch are alike too, three times its standard deviations are returned.
     """
     left, jacobian = residual.left(shape), residual.jacobian(shape)
-    weighted = jacobian / np.sqrt(1 + (left.T / _ROBUST_GREY) ** 2)
+    weighted = jacobian * robust_weights(left).T
     pulls = np.einsum("pcn,nc->np", weighted, left)
     square = np.einsum("pcn,qcn->pq", weighted, jacobian)
     size = np.sqrt(np.maximum(np.diag(square), 1e-12))
@@ -99,6 +99,11 @@ def standard_errors(residual: Residual[Shape], shape: Shape, part: NDArray[np.in
     sums = np.zeros((int(part.max()) + 1, len(square)))
     np.add.at(sums, part, pulls)
     return np.asarray(_ALIKE * np.sqrt(((sums @ inverse) ** 2).sum(axis=0)))
+
+
+def robust_weights(left: Array) -> Array:
+    """Return how much each of (N, 3) residuals counts in what `least` makes least."""
+    return np.asarray(1 / np.sqrt(1 + (left / _ROBUST_GREY) ** 2))
 
 
 def cost(left: Array) -> float:

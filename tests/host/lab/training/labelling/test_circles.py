@@ -10,6 +10,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.frames.image_files import read_image
+from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press as GelPress
 from gellight.lab.simulator.scene import Scene
 from gellight.lab.training.labelling import circle, find_circle
@@ -17,8 +18,9 @@ from gellight.lab.training.labelling.circle import ARC, PressCircle, find_circle
 from gellight.lab.training.labelling.detection import Detection, _refused_touch_of_reference
 from gellight.lab.training.labelling.fitting import Array, FittedShape, standard_errors
 from gellight.lab.training.labelling.pattern import PressShape, free_response, profile, response, sampled_around
+from gellight.lab.training.labelling.pixel_ratio import PixelRatio, pixel_ratio
 from gellight.lab.training.labelling.plate import plate_grid
-from gellight.lab.training.presses import Ball
+from gellight.lab.training.presses import Ball, Press
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import ObjectParameters
@@ -55,6 +57,33 @@ def test_the_circle_is_found_to_a_fraction_of_a_pixel(place: tuple[float, float,
     assert np.hypot(circle.center_x_px - place[0], circle.center_y_px - place[1]) < 0.3
     assert circle.contact_radius_px == pytest.approx(place[2], abs=0.6)
     assert circle.quality > 0.95
+
+
+@pytest.mark.parametrize("height", [1.0, 1.08, 0.97])
+def test_pixels_that_are_not_square_show_by_how_much(height: float, tmp_path: Path) -> None:
+    """Lines of a picture are made fewer: each pixel is higher by as much."""
+    places = [(130.3, 100.7, 24.0), (60.0, 140.2, 30.5), (200.9, 70.0, 16.0), (90.0, 60.0, 27.0)]
+    lines = round(SHAPE[0] / height)
+    height = SHAPE[0] / lines
+    presses = []
+    for number, (x, y, radius) in enumerate(places):
+        flat = cv2.resize(photograph((x, y, radius)), (SHAPE[1], lines), interpolation=cv2.INTER_AREA)
+        write_png(tmp_path / f"{number}.png", flat)
+        at = {"center_x_px": x, "center_y_px": (y + 0.5) / height - 0.5, "contact_radius_px": radius}
+        presses.append(Press(image=tmp_path / f"{number}.png", **at))
+    flat = cv2.resize(reference(), (SHAPE[1], lines), interpolation=cv2.INTER_AREA).astype(np.float32)
+    found = pixel_ratio(presses, flat, BALL)
+    assert found is not None
+    assert found.ratio == pytest.approx(height, abs=0.01)
+    assert bool(found.remedy((lines, SHAPE[1]))) is (height > 1.05)
+    assert pixel_ratio(presses[:3], flat, BALL) is None
+
+
+def test_square_pixels_are_called_so_within_what_presses_tell() -> None:
+    for ratio, error, square in ((1.029, 0.001, True), (1.031, 0.001, False), (0.9, 0.026, True), (0.9, 0.024, False)):
+        assert bool(PixelRatio(ratio=ratio, error=error).remedy((480, 640))) is not square
+    remedy = PixelRatio(ratio=1.0811, error=0.001).remedy((444, 640))
+    assert '--corners "-0.5,-0.5 639.5,-0.5 639.5,443.5 -0.5,443.5" --size 640x480' in remedy
 
 
 ARCS = [(-12.0, 100.3, 30.0), (130.4, -8.0, 26.0), (8.0, 191.0, 28.0), (257.0, 100.0, 24.0)]
