@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from sim_reference.optimizer.exposing import LightGroups
 from sim_reference.optimizer.near_field import Ring, Scene, normal_error
-from sim_reference.optimizer.refraction import VACUUM, Medium, refracted, transmittance
 from sim_reference.photometric_stereo import ring_directions
+from sim_reference.refraction import VACUUM, Medium, refracted, transmittance
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from gellight.lab.design.geometry import STRIP_WIDTH_MM
 from gellight.lab.design.parts import LED_SIDE_MM, Point, Strip
-from sim_reference.geometry import SensorGeometry, led_positions
-from sim_reference.optimizer.refraction import ACRYLIC_MM
+from sim_reference.geometry import ACRYLIC_MM, SensorGeometry, led_positions
 
 COLOURS = {"R": "#d6453d", "G": "#3a9d5d", "B": "#3b6fd4"}
 LETTER_MM = 2.4

@@ -21,7 +21,7 @@ from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
 from sim_reference.optimizer import coarse, design, exposures, near_field
 from sim_reference.optimizer.benchmark import PressedObject, Sampling, press_benchmark, region
 from sim_reference.optimizer.exposing import LightGroups
-from sim_reference.optimizer.refraction import window_of
+from sim_reference.refraction import window_of
 
 Array = NDArray[np.float64]
 DESIGN_SAMPLING = Sampling(region_diameter_mm=30.0, size_px=128)
