@@ -11,6 +11,8 @@ The paper in its order; `optimizer` continues with sections 2.3 and 3.1:
 | equation 2: directional light | `imaging.directional_image` |
 | equation 3: spot lights near the gel | `imaging.led_irradiance`, summed by `imaging.ring_irradiance` |
 | 3.2.2: the camera | `camera.expose` |
+| beyond: light and view bent by the window, Fresnel losses | `refraction` |
+| beyond: the camera as a pinhole | `view` |
 | 2.3.1: photometric stereo | `photometric_stereo.solve_normals` |
 | equation 4: MAE | `metrics.mean_angular_error` |
 | equation 5: MAE_Top5, MAE_Top1 | `metrics.mean_of_largest` |

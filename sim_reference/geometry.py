@@ -12,6 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Box = tuple[slice, slice]
+"""rows and columns of a picture"""
+WHOLE: Box = (slice(None), slice(None))
+ACRYLIC_MM = 3.0
+"""thickness of the board that supports the gel (section 3.2.1)"""
 DEEPEST_SHARE = 0.6
 """of the gel's thickness: no model of the gel is pressed deeper"""
 POSITIVE = (
@@ -56,12 +61,20 @@ class SensorGeometry:
     """tilt of each LED's axis from the gel normal, inwards (phi)"""
     beam_angle_rad: float = radians(120.0)
     """full angle at half power; 120 degrees is the data sheet of the WS2812B, the paper simulates 160"""
+    perspective: bool = False
+    """the camera is a pinhole at its height (see `view`); else it looks along parallel rays"""
+    window: bool = False
+    """gel and acrylic bend light and take some (see `refraction`); else it goes straight, as in the paper's model"""
+    obliquity: float = 0.0
+    """what a ray at the angle a brings to a pinhole's picture goes with cos^obliquity a: 4 where the lens has it"""
 
     def __post_init__(self) -> None:
         """Refuse geometry that cannot be built."""
         for name in POSITIVE:
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} = {getattr(self, name)} must be greater than 0")
+        if not self.obliquity >= 0:
+            raise ValueError(f"obliquity = {self.obliquity} must not be negative")
         if not self.coating_smoothing_mm >= 0:
             raise ValueError(f"coating_smoothing_mm = {self.coating_smoothing_mm} must not be negative")
         if not 0 <= self.poisson_ratio < 0.5:
@@ -77,6 +90,11 @@ class SensorGeometry:
                 f"LEDs at mounting height {self.mounting_height_mm} mm would be in or below the gel, "
                 f"which is {self.camera_height_mm} mm from the camera: lower mounting_height_mm"
             )
+        if self.window and not self.camera_height_mm - self.mounting_height_mm > self.window_mm:
+            raise ValueError(
+                f"LEDs {self.camera_height_mm - self.mounting_height_mm:g} mm above the gel surface are inside the "
+                f"window of {self.window_mm:g} mm: lower mounting_height_mm or gel_thickness_mm"
+            )
         if set(self.led_colours) - set("RGB") or len(self.led_colours) < 3:
             raise ValueError(f"led_colours {self.led_colours!r}: give one of R, G, B for each of at least 3 LEDs")
         if not 0 <= self.incident_angle_rad < pi / 2:
@@ -88,6 +106,11 @@ class SensorGeometry:
     def image_shape(self) -> tuple[int, int]:
         """(H, W)"""
         return self.image_height_px, self.image_width_px
+
+    @property
+    def window_mm(self) -> float:
+        """Thickness of gel and acrylic."""
+        return ACRYLIC_MM + self.gel_thickness_mm
 
     @property
     def deepest_press_mm(self) -> float:

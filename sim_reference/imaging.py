@@ -6,7 +6,7 @@ spot light near the gel, is the sensor itself. An LED at distance d gives a surf
     E = max(0, cos a)^m  max(0, n . l)  (h / d)^2
 
 where l points to the LED, a is the angle between -l and the LED's axis, m follows from the beam angle, and h is the
-LEDs' height above the gel: the unit is what an LED straight above, shining straight down, would give.
+LEDs' height above the gel: the unit is what an LED straight above, shining straight down, would give without a window.
 """
 
 from math import isclose
@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from sim_reference.geometry import SensorGeometry, led_axes, led_positions, pixel_grid
+from sim_reference import view
+from sim_reference.geometry import WHOLE, Box, SensorGeometry, led_axes, led_positions, pixel_grid
+from sim_reference.refraction import VACUUM, Medium, medium_of, trace
 from sim_reference.surface import Surface
 
 Array = NDArray[np.float64]
-Box = tuple[slice, slice]
-WHOLE: Box = (slice(None), slice(None))
 SHADOW_PITCH_PX = 2.0
 """of the polar grid on which cast shadows are found; their edges are sharp to this much"""
 SHADOW_TOLERANCE_MM = 1e-3
@@ -58,29 +58,55 @@ def ring_irradiance(surface: Surface, geometry: SensorGeometry, light: Array, bo
 
 
 def led_irradiance(surface: Surface, geometry: SensorGeometry, led: int, box: Box = WHOLE) -> Array:
-    """Equation 3 for one LED: (h, w) irradiance on the pixels of `box`, shadows included."""
+    """Equation 3 for one LED: (h, w) irradiance on the pixels of `box`, shadows and what the view takes included."""
     depth, slope = surface.depth_mm[box], surface.gradient_map[box]
-    x, y = (axis.astype(depth.dtype) for axis in pixel_grid(geometry))
-    position = led_positions(geometry)[led]
+    x, y = view.places(surface.depth_mm, geometry, box)
+    position, medium = led_positions(geometry)[led], medium_of(geometry)
     led_x, led_y, led_z = position.tolist()
-    axis_x, axis_y, axis_z = led_axes(geometry)[led].tolist()
-    to_x, to_y, to_z = led_x - x[:, box[1]], led_y - y[box[0]], led_z - depth
-    squared = to_x**2 + to_y**2 + to_z**2
+    to_x, to_y = led_x - x, led_y - y
+    arriving, to_z = arriving_light(geometry, led, to_x, to_y, depth, medium)
     facing = to_z - slope[..., 0] * to_x - slope[..., 1] * to_y
-    leaving = np.maximum(-(to_x * axis_x + to_y * axis_y + to_z * axis_z), 0)
     irradiance = led_z**2 * surface.upright[box] * np.maximum(facing, 0)
-    if isclose(geometry.emission_exponent, 1):
-        irradiance *= leaving / squared**2
-    else:
-        irradiance *= (leaving / np.sqrt(squared)) ** geometry.emission_exponent / squared**1.5
+    irradiance *= arriving
     # A smooth surface casts a shadow only if somewhere it turns away from the light, and not far from there.
-    relief = depth.max() - depth.min()
-    if facing.min() < 0 < relief:
-        reach = relief * np.sqrt(squared.max()) / led_z
-        rows, columns = around(facing < 0, int(np.ceil(reach / geometry.pixel_size_mm)))
-        axes = x[0, box[1]][columns], y[box[0], 0][rows]
-        irradiance[rows, columns] *= visibility(depth[rows, columns], axes, position)
+    span = depth.max() - depth.min()
+    if facing.min() < 0 < span:
+        reach = span * (np.sqrt((to_x**2 + to_y**2 + to_z**2).max()) / led_z + view.most_oblique(geometry))
+        shaded = around(facing < 0, int(np.ceil(reach / geometry.pixel_size_mm)))
+        axis_x, axis_y = (axis.ravel().astype(depth.dtype) for axis in pixel_grid(geometry))
+        axes = axis_x[box[1]][shaded[1]], axis_y[box[0]][shaded[0]]
+        if surface.relief_mm is None:
+            irradiance[shaded] *= visibility(depth[shaded], axes, position, medium)
+        else:
+            seen = x[shaded], y[shaded]
+            irradiance[shaded] *= visibility(surface.relief_mm[box][shaded], axes, position, medium, seen)
+    if geometry.perspective:
+        irradiance *= view.falloff(geometry)[box]
     return np.asarray(irradiance)
+
+
+def arriving_light(
+    geometry: SensorGeometry, led: int, to_x: Array, to_y: Array, depth_mm: Array | float, medium: Medium
+) -> tuple[Array, Array]:
+    """Return g and to_z at points of the gel, so that an LED h above it brings h^2 g (to_x, to_y, to_z) . n to them.
+
+    `to_x` and `to_y` lead from the points to the LED, `to_z` to where it seems to stand above them: where it stands, if
+    the medium is none. There g = max(0, cos a)^m / d^3. Else the flux F on a horizontal mm^2 per intensity makes
+    g = max(0, cos a)^m F / to_z, with the angle a between the LED's axis and the ray that leaves it.
+    """
+    led_z = geometry.camera_height_mm - geometry.mounting_height_mm
+    axis_x, axis_y, axis_z = led_axes(geometry)[led].tolist()
+    if medium.refractive_index == 1:
+        to_z = led_z - depth_mm
+        squared = to_x**2 + to_y**2 + to_z**2
+        leaving = np.maximum(-(to_x * axis_x + to_y * axis_y + to_z * axis_z), 0)
+        if isclose(geometry.emission_exponent, 1):
+            return leaving / squared**2, np.asarray(to_z)
+        return (leaving / np.sqrt(squared)) ** geometry.emission_exponent / squared**1.5, np.asarray(to_z)
+    rays = trace(np.hypot(to_x, to_y), led_z, medium, depth_mm)
+    leaving = -(to_x * axis_x + to_y * axis_y) / rays.below_mm - axis_z
+    emitted = np.maximum(leaving * rays.leaving_cos, 0) ** geometry.emission_exponent
+    return emitted * rays.flux / rays.above_mm, rays.above_mm
 
 
 def around(marked: NDArray[np.bool_], margin: int) -> Box:
@@ -90,12 +116,22 @@ def around(marked: NDArray[np.bool_], margin: int) -> Box:
     return rows, columns
 
 
-def visibility(depth_mm: Array, axes: tuple[Array, Array], led_mm: Array) -> Array:
+def visibility(
+    depth_mm: Array,
+    axes: tuple[Array, Array],
+    led_mm: Array,
+    medium: Medium = VACUUM,
+    seen_mm: tuple[Array, Array] | None = None,
+) -> Array:
     """Cast shadows: (h, w) share of each pixel that sees the point light at `led_mm`, 0 or 1 but for edge pixels.
 
     Seen from the point below the light, a surface point at distance r and height z is hidden when a nearer point rises
-    above the line from the light to it. With the slope s(r) = (z_led - z) / r of that line this says: hidden when s(r)
-    exceeds the smallest slope at a smaller r. One running minimum along the rays of a polar grid finds every shadow.
+    above the ray from the light to it. With the slope s(r) = (z_led - z) / r at which that ray leaves the light, the
+    steeper the lower it goes, this says: hidden when s(r) exceeds the smallest slope at a smaller r. One running
+    minimum along the rays of a polar grid finds every shadow. Behind a window z is where the point seems to lie, seen
+    from the light.
+
+    The surface is given on `axes`; `seen_mm` are the places x, y of its points that the pixels see, by default those.
     """
     x, y = (axis.astype(np.float64) for axis in axes)
     spacing = (x[-1] - x[0]) / (len(x) - 1)
@@ -103,14 +139,15 @@ def visibility(depth_mm: Array, axes: tuple[Array, Array], led_mm: Array) -> Arr
     columns = (led_mm[0] + radius[None, :] * np.cos(angle)[:, None] - x[0]) / spacing
     rows = (led_mm[1] + radius[None, :] * np.sin(angle)[:, None] - y[0]) / spacing
     height = map_coordinates(depth_mm, [rows, columns], order=1, mode="nearest")
-    slope = (led_mm[2] - height) / radius
+    slope = trace(radius[None, :], led_mm[2], medium, height).below_mm / radius
     nearest = np.minimum.accumulate(slope, axis=1)
-    seen = ((slope - nearest) * radius <= SHADOW_TOLERANCE_MM).astype(np.float32)
-    away_x, away_y = x[None, :] - led_mm[0], y[:, None] - led_mm[1]
+    lit = ((slope - nearest) * radius <= SHADOW_TOLERANCE_MM).astype(np.float32)
+    seen_x, seen_y = seen_mm or (x[None, :], y[:, None])
+    away_x, away_y = seen_x - led_mm[0], seen_y - led_mm[1]
     at_radius = (np.hypot(away_x, away_y) - radius[0]) / (radius[1] - radius[0])
     turned = (np.arctan2(away_y, away_x) - angle[0]) % (2 * np.pi)
     at_angle = turned / (angle[1] - angle[0])
-    return np.asarray(map_coordinates(seen, [at_angle, at_radius], order=1, mode="nearest"))
+    return np.asarray(map_coordinates(lit, [at_angle, at_radius], order=1, mode="nearest"))
 
 
 def polar_grid(x: Array, y: Array, led_mm: Array, pitch: float) -> tuple[Array, Array]:

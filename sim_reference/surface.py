@@ -5,21 +5,25 @@ square grid centred on the object and sampled on the pixels by cubic splines, wh
 and gradient map belong to the same smooth surface.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_reference import gel
+from sim_reference import gel, view
 from sim_reference.deformation import Deformation, GelModel, grid
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.objects import ObjectParameters, object_height
 
 Array = NDArray[np.float64]
+Place = tuple[float, float, float]
+"""x, y mm of an object from the image centre, and its turn, rad"""
 GRID_SIZE = 512
 GRID_EXTENT_MM = 64.0
 """an object 35 mm across and three gel thicknesses around it; 0.125 mm between points"""
+LEAST_RISING = 0.3
+"""walls that are steeper along the ray stay where the ray met them between the pixels"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +36,8 @@ class Surface:
     """(H, W, 2) d(depth)/dx, d(depth)/dy"""
     contact: NDArray[np.bool_]
     """(H, W) where the object touches"""
+    relief_mm: Array | None = None
+    """(H, W) depth at the pixels' places on the gel at rest, which casts the shadows; None: it is `depth_mm`"""
 
     @cached_property
     def upright(self) -> Array:
@@ -40,7 +46,9 @@ class Surface:
 
     def single_precision(self) -> "Surface":
         """Return the surface in float32, which halves the time to light it; the rounding is far below a grey level."""
-        return Surface(self.depth_mm.astype(np.float32), self.gradient_map.astype(np.float32), self.contact)
+        return replace(
+            self, depth_mm=self.depth_mm.astype(np.float32), gradient_map=self.gradient_map.astype(np.float32)
+        )
 
 
 def untouched(geometry: SensorGeometry) -> Surface:
@@ -71,7 +79,7 @@ def press_object(
 def sample(
     deformation: Deformation, geometry: SensorGeometry, x_mm: float, y_mm: float, turn_rad: float = 0.0
 ) -> Surface:
-    """Return the gel surface on the camera's pixels, with the object's centre at (x_mm, y_mm) from the image centre.
+    """Return the gel surface that the camera's pixels see, with the object's centre at (x_mm, y_mm) from their centre.
 
     `turn_rad` is how far the object is turned, from x towards y. Beyond the object's grid depth and slopes are 0. The
     ball has left 1 um of depth there, the plates of the benchmark, which displace more, up to 0.13 mm (BALLCAVE, 0.9 mm
@@ -79,13 +87,20 @@ def sample(
     """
     if not (np.isfinite(x_mm) and np.isfinite(y_mm) and np.isfinite(turn_rad)):
         raise ValueError(f"an object cannot be placed at ({x_mm}, {y_mm}) mm, {turn_rad} rad: give finite numbers")
+    place = x_mm, y_mm, turn_rad
     x, y = pixel_grid(geometry)
-    if turn_rad:
-        return _turned(deformation, geometry, x, y, (x_mm, y_mm, turn_rad))
-    across, down = x.ravel() - x_mm, y.ravel() - y_mm
+    across, down = np.broadcast_arrays(x, y)
+    at_rest = _at(deformation, across, down, place) if turn_rad else _upright(deformation, x, y, place)
+    return _in_perspective(deformation, geometry, at_rest, place) if geometry.perspective else at_rest
+
+
+def _upright(deformation: Deformation, x: Array, y: Array, place: Place) -> Surface:
+    """Return what `_at` does on the grid of x (1, W) and y (H, 1), of an object that is not turned: faster."""
+    across, down = x.ravel() - place[0], y.ravel() - place[1]
     points = grid(len(deformation.depth_mm), deformation.spacing_mm)
     columns, rows = (np.flatnonzero((at >= points[0]) & (at <= points[-1])) for at in (across, down))
-    surface = untouched(geometry)
+    shape = len(down), len(across)
+    surface = Surface(np.zeros(shape), np.zeros((*shape, 2)), np.zeros(shape, bool))
     inside = np.ix_(rows, columns)
     at_rows, at_columns, spline = down[rows], across[columns], deformation.spline
     surface.depth_mm[inside] = spline(at_rows, at_columns)
@@ -95,6 +110,21 @@ def sample(
     nearest = [np.rint((at - points[0]) / deformation.spacing_mm).astype(int) for at in (at_rows, at_columns)]
     surface.contact[inside] = deformation.contact[np.ix_(*nearest)]
     return surface
+
+
+def _in_perspective(deformation: Deformation, geometry: SensorGeometry, at_rest: Surface, place: Place) -> Surface:
+    """Return what a pinhole sees of the gel, which has the surface `at_rest` at the pixels' places on the gel at rest.
+
+    The rays meet the surface as it lies between the pixels' places; one step of Newton's method takes them to the
+    spline. Of f(d) = depth(p - d T) - d for a ray with the tangents T the derivative is -(slopes . T) - 1.
+    """
+    met = view.first_met(at_rest.depth_mm, geometry)
+    near = view.places(met, geometry)
+    slopes = [view.between(at_rest.gradient_map[..., axis], *near, geometry) for axis in (0, 1)]
+    rising = 1 + (np.stack(slopes, axis=2) * view.tangents(geometry)).sum(axis=2)
+    left = depth_at(deformation, *near, *place) - met
+    met += np.where(rising > LEAST_RISING, left / np.maximum(rising, LEAST_RISING), 0)
+    return replace(_at(deformation, *view.places(met, geometry), place), relief_mm=at_rest.depth_mm)
 
 
 def depth_at(
@@ -118,10 +148,8 @@ def depth_at(
     return depth
 
 
-def _turned(
-    deformation: Deformation, geometry: SensorGeometry, x: Array, y: Array, place: tuple[float, float, float]
-) -> Surface:
-    x, y = np.broadcast_arrays(x, y)
+def _at(deformation: Deformation, x: Array, y: Array, place: Place) -> Surface:
+    """Return the surface at (H, W) points x, y of the gel."""
     depth, own_x, own_y = (depth_at(deformation, x, y, *place, dx=dx, dy=dy) for dx, dy in ((0, 0), (1, 0), (0, 1)))
     cos, sin = np.cos(place[2]), np.sin(place[2])
     slopes = np.stack([cos * own_x - sin * own_y, sin * own_x + cos * own_y], axis=2)

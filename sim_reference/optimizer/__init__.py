@@ -8,6 +8,5 @@
 | 2.3.2, 3.1.2: mounting height, equations 6 and 7 | `fine.illumination` |
 | the same heights judged by what is reconstructed | `near_field.normal_error` |
 | equation 8: the calibration ball | `ball.elevation_table` |
-| beyond: light bent by the window, Fresnel losses | `refraction` |
 | beyond: angle, height, number and exposure at once | `design.optimise` |
 """

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sim_reference.geometry import SensorGeometry
 from sim_reference.metrics import maximum_elevation
-from sim_reference.optimizer.refraction import Medium, trace, window_of
+from sim_reference.refraction import Medium, trace, window_of
 
 Array = NDArray[np.float64]
 WANTED_ELEVATION_RAD = radians(60)

@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer.exposing import WHITE, LightGroups
 from sim_reference.optimizer.near_field import Ring, Scene, mixing, normal_error, restoring_gain, ring_light_vectors
-from sim_reference.optimizer.refraction import window_of
+from sim_reference.refraction import window_of
 
 Array = NDArray[np.float64]
 FIRST_GREY = 200.0

@@ -10,7 +10,7 @@ from sim_reference.geometry import SensorGeometry, led_positions, pixel_grid
 from sim_reference.imaging import ring_irradiance, ring_light
 from sim_reference.metrics import normalised_deviation, saturation
 from sim_reference.optimizer.near_field import Ring, ring_light_vectors
-from sim_reference.optimizer.refraction import VACUUM, Medium
+from sim_reference.refraction import VACUUM, Medium
 from sim_reference.surface import untouched
 
 Array = NDArray[np.float64]

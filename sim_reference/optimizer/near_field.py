@@ -6,18 +6,19 @@ Attached shadows are exact; cast shadows come from horizons at 24 azimuths.
 """
 
 from dataclasses import dataclass
-from math import cos, pi, sin
+from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_reference.geometry import SensorGeometry, led_azimuths, led_positions
+from sim_reference.geometry import SensorGeometry, led_positions
+from sim_reference.imaging import arriving_light
 from sim_reference.metrics import angular_error, error_figures
 from sim_reference.optimizer.benchmark import PressedObject
 from sim_reference.optimizer.exposing import LightGroups, expose
-from sim_reference.optimizer.refraction import VACUUM, Medium, trace
 from sim_reference.optimizer.shadows import horizon
 from sim_reference.photometric_stereo import solve_normals
+from sim_reference.refraction import VACUUM, Medium
 
 Array = NDArray[np.float64]
 HORIZONS = 24
@@ -62,17 +63,9 @@ def ring_light_vectors(geometry: SensorGeometry, x: Array, y: Array, medium: Med
 def _one_led(geometry: SensorGeometry, led: int, x: Array, y: Array, medium: Medium) -> tuple[Array, Array, Array]:
     led_x, led_y, height = led_positions(geometry)[led].tolist()
     to_x, to_y = led_x - x, led_y - y
-    distance = np.maximum(np.hypot(to_x, to_y), 1e-9)
-    unit_x, unit_y = to_x / distance, to_y / distance
-    rays = trace(distance, height, medium)
-    azimuth, tilt = float(led_azimuths(geometry)[led]), geometry.incident_angle_rad
-    outward = unit_x * cos(azimuth) - unit_y * sin(azimuth)
-    emission = np.sin(rays.leaving_rad) * outward * sin(tilt) + np.cos(rays.leaving_rad) * cos(tilt)
-    intensity = np.maximum(emission, 0) ** geometry.emission_exponent
-    facing = height**2 * intensity * rays.flux / np.cos(rays.arriving_rad)
-    sideways, upright = facing * np.sin(rays.arriving_rad), facing * np.cos(rays.arriving_rad)
-    vector = np.stack([sideways * unit_x, sideways * unit_y, upright], axis=1)
-    return vector, np.arctan2(-to_y, to_x) % (2 * pi), 1 / np.tan(np.maximum(rays.arriving_rad, 1e-9))
+    arriving, to_z = arriving_light(geometry, led, to_x, to_y, np.zeros_like(x), medium)
+    vector = (height**2 * arriving)[:, None] * np.stack([to_x, to_y, to_z], axis=1)
+    return vector, np.arctan2(-to_y, to_x) % (2 * pi), to_z / np.maximum(np.hypot(to_x, to_y), 1e-9)
 
 
 def scene(pressed: PressedObject, points: NDArray[np.bool_]) -> Scene:

@@ -6,10 +6,10 @@ from math import degrees, radians
 
 import numpy as np
 
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import ACRYLIC_MM, SensorGeometry
 from sim_reference.metrics import maximum_elevation
 from sim_reference.optimizer import fine
-from sim_reference.optimizer.refraction import ACRYLIC_MM, Medium, refracted
+from sim_reference.refraction import Medium, refracted
 from tests.paper.heights import EQUAL_LIGHT, FineResult
 
 ENCODED = replace(fine.IDEAL_CAMERA, gamma=2.2)

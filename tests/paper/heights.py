@@ -12,7 +12,7 @@ from sim_reference.geometry import SensorGeometry
 from sim_reference.metrics import error_figures
 from sim_reference.optimizer import design, fine, near_field
 from sim_reference.optimizer.exposing import LightGroups
-from sim_reference.optimizer.refraction import VACUUM, Medium, window_of
+from sim_reference.refraction import VACUUM, Medium, window_of
 
 Array = NDArray[np.float64]
 FINE_DIAMETER_MM = 30.0

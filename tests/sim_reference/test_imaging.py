@@ -208,6 +208,8 @@ def test_a_beam_of_120_degrees_is_lambertian_and_a_wider_one_flatter() -> None:
         {"coating_smoothing_mm": float("nan")},
         {"incident_angle_rad": np.pi / 2},
         {"beam_angle_rad": np.pi},
+        {"obliquity": -1.0},
+        {"window": True, "mounting_height_mm": 33.0},
     ],
 )
 def test_geometry_that_cannot_be_built_is_refused(wrong: dict) -> None:

@@ -8,8 +8,8 @@ import tomli_w
 from gellight.base.errors import ConfigError
 from gellight.base.settings import read_settings
 from gellight.lab.simulator.simulated_camera import built
-from sim_reference.geometry import SensorGeometry
-from sim_reference.optimizer.refraction import ACRYLIC_MM, window_of
+from sim_reference.geometry import ACRYLIC_MM, SensorGeometry
+from sim_reference.refraction import window_of
 
 STRIP_WIDTH_MM = 6.5
 """of the flexible circuit that carries the LEDs"""

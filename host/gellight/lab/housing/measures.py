@@ -13,8 +13,7 @@ from gellight.base.errors import InputError
 from gellight.lab.boards.catalogue import find_lamp
 from gellight.lab.design.geometry import STRIP_WIDTH_MM, check
 from gellight.lab.design.parts import Point
-from sim_reference.geometry import SensorGeometry
-from sim_reference.optimizer.refraction import ACRYLIC_MM
+from sim_reference.geometry import ACRYLIC_MM, SensorGeometry
 
 WALL_MM = 3.0
 SPIGOT_MM = 3.0

@@ -1,0 +1,126 @@
+"""Light through a flat window: bent by Snell's law, weakened by Fresnel's.
+
+Acrylic and silicone have nearly the same index, so they are one medium here. The paper leaves this out.
+
+A ray that leaves a point with the tangent u = tan a in air, a above the window, reaches in it the sine sin a / n, so
+the tangent u / s with s = sqrt(n^2 + (n^2 - 1) u^2), and after t in it the distance
+
+    x = u (a + t / s).
+
+x grows with u and is concave in it: Newton's method climbs to u from the paraxial x / (a + t / n). The same ray, walked
+back, is that of a camera: `trace` tells where an LED's light arrives and where a pinhole looks.
+"""
+
+from dataclasses import dataclass
+from math import asin, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_reference.geometry import SensorGeometry
+
+Array = NDArray[np.float64]
+STEPS = 4
+"""of Newton's method: they reach rounding where a ray leaves at 80 degrees"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Medium:
+    """What lies between the LEDs and the coating. Index 1 is the paper's model: nothing."""
+
+    refractive_index: float = 1.41
+    thickness_mm: float
+
+    def __post_init__(self) -> None:
+        """Refuse what no window is."""
+        if not (self.refractive_index >= 1 and self.thickness_mm >= 0):
+            raise ValueError(
+                f"index {self.refractive_index}, thickness {self.thickness_mm} mm: give an index of 1 or more and a "
+                "thickness that is not negative"
+            )
+
+
+VACUUM = Medium(refractive_index=1.0, thickness_mm=0.0)
+
+
+def window_of(geometry: SensorGeometry) -> Medium:
+    """Return the gel of a sensor and the acrylic that supports it."""
+    return Medium(thickness_mm=geometry.window_mm)
+
+
+def medium_of(geometry: SensorGeometry) -> Medium:
+    """Return what a simulated sensor is lit and seen through: its window, or nothing."""
+    return window_of(geometry) if geometry.window else VACUUM
+
+
+def refracted(angle_rad: float, medium: Medium) -> float:
+    """Return the incident angle in the gel of light that has `angle_rad` in air (Snell)."""
+    return asin(sin(angle_rad) / medium.refractive_index)
+
+
+def transmittance(angle_rad: Array, inside_rad: Array, medium: Medium) -> Array:
+    """Return the share of unpolarised light that enters, for angles in air and inside (Fresnel).
+
+    It is that of light which leaves on the same way.
+    """
+    return _passing(np.cos(angle_rad), np.cos(inside_rad), medium.refractive_index)
+
+
+def _passing(outer: Array, inner: Array, index: float) -> Array:
+    """Return the share that passes for cosines of the angles in air and inside."""
+    across = ((outer - index * inner) / (outer + index * inner)) ** 2
+    along = ((inner - index * outer) / (inner + index * outer)) ** 2
+    return np.asarray(1 - (across + along) / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """The rays from a point source at a height to points on the gel."""
+
+    leaving_tan: Array
+    """of the angle from the vertical, in air"""
+    arriving_tan: Array
+    """of the angle from the normal, in the gel"""
+    below_mm: Array
+    """how far below the source the point seems to lie, seen from the source: distance / tan of the angle in air"""
+    above_mm: Array
+    """how high above the point the source seems to stand, seen from the gel: distance / tan of the angle in the gel"""
+    flux: Array
+    """light on a horizontal mm^2 per intensity of the source; cos / d^2 in vacuum"""
+    passing: Array
+    """share of the light that passes the window's face"""
+
+    @property
+    def leaving_cos(self) -> Array:
+        """Cosine of the angle from the vertical, in air."""
+        return np.asarray(1 / np.sqrt(1 + self.leaving_tan**2))
+
+    @property
+    def arriving_rad(self) -> Array:
+        """Angle from the normal in the gel."""
+        return np.arctan(self.arriving_tan)
+
+
+def trace(distance_mm: Array, height_mm: float, medium: Medium, depth_mm: Array | float = 0.0) -> Rays:
+    """Return the rays over the horizontal `distance_mm` from a source `height_mm` above the coating at rest.
+
+    The points are pressed `depth_mm` towards it. The flux follows from the solid angle that is spread over a ring of
+    the surface: sin a da / (x dx), times the transmittance. Raises ValueError for a source inside the window.
+    """
+    air = height_mm - medium.thickness_mm
+    if air <= 0:
+        raise ValueError(
+            f"LEDs {height_mm} mm above the gel surface are inside the window of {medium.thickness_mm} mm: "
+            "mount them higher above the gel or make the window thinner"
+        )
+    inside, index = medium.thickness_mm - depth_mm, medium.refractive_index
+    tangent, bent = distance_mm / (air + inside / index), np.asarray(index)
+    for _ in range(STEPS if index > 1 else 0):
+        bent = np.sqrt(index**2 + (index**2 - 1) * tangent**2)
+        slope = air + inside * index**2 / bent**3
+        tangent = tangent + (distance_mm - tangent * (air + inside / bent)) / slope
+    below = air + inside / bent + np.zeros_like(tangent)
+    outer = 1 / np.sqrt(1 + tangent**2)
+    passing = _passing(outer, outer * bent / index, index)
+    flux = passing * outer**3 / (below * (air + inside * index**2 / bent**3))
+    return Rays(tangent, tangent / bent, below, below * bent, flux, passing)
