@@ -6,8 +6,8 @@ TORCH  ?= torch==2.13.0
 VENV   := .venv
 BIN    := $(VENV)/bin
 ARGS   ?=
-# processes that share the tests; at night one more has the virtual machine
-JOBS   ?= 2
+# processes that share the tests: more than two cores, as tests of running sensors wait
+JOBS   ?= 3
 
 # the emulator of the firmware that others wrote
 SECOND := tests/firmware/second_emulator
@@ -47,7 +47,7 @@ pytest: $(VENV)/.test | browser
 	$(BIN)/pytest --numprocesses $(JOBS) --durations 20 $(ARGS)
 
 nightly: $(VENV)/.dev | browser tools
-	$(BIN)/pytest -m nightly --numprocesses $(if $(filter 0,$(JOBS)),0,3) --durations 20 $(ARGS)
+	$(BIN)/pytest -m nightly --numprocesses $(JOBS) --durations 20 $(ARGS)
 
 bench: $(VENV)/.test
 	$(BIN)/python -m tests.benchmarks.frame_times --press $(REAL)/press.png --untouched $(REAL)/untouched.png $(ARGS)
