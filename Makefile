@@ -9,6 +9,9 @@ ARGS   ?=
 # processes that share the tests: more than two cores, as tests of running sensors wait
 JOBS   ?= 3
 
+# distributions beside the package
+BESIDE := --editable host/gellight_scan --editable host/gellight_touch
+
 # the emulator of the firmware that others wrote
 SECOND := tests/firmware/second_emulator
 # a real press, beside the simulated ones
@@ -38,7 +41,7 @@ types: $(VENV)/.test
 	$(BIN)/mypy
 
 imports: $(VENV)/.test
-	PYTHONPATH=host:host/gellight_touch:models:. $(BIN)/lint-imports --no-cache --no-logo
+	PYTHONPATH=host:host/gellight_scan:host/gellight_touch:models:. $(BIN)/lint-imports --no-cache --no-logo
 
 style: $(VENV)/.test
 	$(BIN)/pytest -m style tests/style tests/host/cli/test_help.py
@@ -89,9 +92,9 @@ endef
 
 # A stamp says what is installed: `host` is what a user runs, `parts` adds the CAD kernel, `docs` what makes the site,
 # `test` what `make test` runs, `dev` PyTorch and the rest of the test tools.
-$(VENV)/.host: pyproject.toml | $(BIN)/python
-	@echo "Installing GelLight and 41 packages that it needs into $(VENV): 600 MB, one to three minutes, once"
-	$(call install,--editable .,44)
+$(VENV)/.host: pyproject.toml host/gellight_scan/pyproject.toml | $(BIN)/python
+	@echo "Installing GelLight and 43 packages that it needs into $(VENV): 600 MB, one to three minutes, once"
+	$(call install,--editable . --editable host/gellight_scan,46)
 	@touch $@
 
 $(VENV)/.parts: pyproject.toml | $(VENV)/.host
@@ -102,15 +105,15 @@ $(VENV)/.docs: pyproject.toml | $(VENV)/.host
 	$(call install,--editable ".[docs]",80)
 	@touch $@
 
-$(VENV)/.test: pyproject.toml host/gellight_touch/pyproject.toml | $(BIN)/python
+$(VENV)/.test: pyproject.toml $(wildcard host/*/pyproject.toml) | $(BIN)/python
 	@echo "Installing GelLight and what its tests need into $(VENV): 1 GB, one to three minutes, once"
-	$(call install,--editable ".[test]" --editable host/gellight_touch,85)
+	$(call install,--editable ".[test]" $(BESIDE),85)
 	@touch $@ $(VENV)/.host
 
 $(VENV)/.dev: pyproject.toml | $(BIN)/python
 	@echo "Installing PyTorch and what the tests need into $(VENV): some GB come, which takes minutes, once"
 	$(call install,"$(TORCH)",80)
-	$(call install,--editable ".[dev]" --editable host/gellight_touch,150)
+	$(call install,--editable ".[dev]" $(BESIDE),150)
 	@touch $@ $(VENV)/.test $(VENV)/.host
 
 $(BIN)/python:

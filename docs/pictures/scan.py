@@ -15,10 +15,10 @@ import numpy as np
 import gellight
 from gellight.frames.frames import CameraFrame
 from gellight.lab.report.pictures import Picture
-from gellight.lab.scanning.contact_view import ContactView
-from gellight.lab.scanning.fusion import Fused
-from gellight.lab.scanning.scan import Scan, map_picture
 from gellight.lab.simulator.scene import Scene, under_light
+from gellight_scan.contact_view import ContactView
+from gellight_scan.fusion import Fused
+from gellight_scan.scan import Scan, map_picture
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.deformation import NO_OBJECT, grid

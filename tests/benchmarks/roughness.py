@@ -18,15 +18,15 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
-from gellight.lab.scanning.height_map import HeightMap, map_of_press
-from gellight.lab.scanning.roughness import (
+from gellight.lab.simulator.scene import Scene
+from gellight_scan.height_map import HeightMap, map_of_press
+from gellight_scan.roughness import (
     AreaRoughness,
     Evaluation,
     ProfileRoughness,
     area_roughness,
     profile_roughness,
 )
-from gellight.lab.simulator.scene import Scene
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.deformation import grid

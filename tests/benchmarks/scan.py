@@ -25,12 +25,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gellight.lab.scanning.contact_view import ContactView
-from gellight.lab.scanning.fusion import Fused, fuse
-from gellight.lab.scanning.pairs import Joint
-from gellight.lab.scanning.pose_graph import LEFT_OUT, solve
-from gellight.lab.scanning.scan import Scan
 from gellight.tracking.rigid import inverse, twist_of
+from gellight_scan.contact_view import ContactView
+from gellight_scan.fusion import Fused, fuse
+from gellight_scan.pairs import Joint
+from gellight_scan.pose_graph import LEFT_OUT, solve
+from gellight_scan.scan import Scan
 from sim_reference.surface import Surface
 from tests.helpers.reliefs import Plate, felt, places, press
 

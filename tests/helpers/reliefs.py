@@ -19,9 +19,9 @@ from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, CaptureStamp
 from gellight.frames.image_files import read_image
-from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.simulator.scene import Scene, under_light
 from gellight.recording.recording_file import RecordingWriter
+from gellight_scan.contact_view import ContactView
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.deformation import NO_OBJECT, grid

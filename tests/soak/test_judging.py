@@ -8,8 +8,8 @@ import pytest
 
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.frames.pixel_grid import block_means
-from gellight.lab.scanning.contact_view import ContactView
 from gellight.lab.simulator.scene import Press
+from gellight_scan.contact_view import ContactView
 from tests.soak.hardware import Exposure
 from tests.soak.judging import Invariant, Judge
 from tests.soak.marks import ROWS, marked, read_number

@@ -17,12 +17,12 @@ from gellight.daemon.session import SensorSession
 from gellight.lab.calibration.choices import RoutineOptions
 from gellight.lab.calibration.routine import Install, Routine
 from gellight.lab.calibration.state import discard, state_in
-from gellight.lab.scanning.beside import ScanBeside
-from gellight.lab.scanning.contact_view import ContactView
-from gellight.lab.scanning.scan_files import read_presses
 from gellight.lab.simulator.scene import Press
 from gellight.lab.simulator.virtual_hand import CYLINDER_DEPTH_MM, CYLINDER_PLACES_MM, spread
 from gellight.lab.training.training import TrainingOptions
+from gellight_scan.beside import ScanBeside
+from gellight_scan.contact_view import ContactView
+from gellight_scan.scan_files import read_presses
 from tests.soak.hardware import SERIAL
 from tests.soak.judging import Invariant, Judge
 from tests.soak.pressed_gel import PIXEL_MM, SHAPE, PressedGel, place_px

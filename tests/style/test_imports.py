@@ -50,8 +50,6 @@ DOORS = {
     "typer": ("cli/",),
     "rich": ("cli/",),
     "shapely": ("lab/boards/pour.py",),
-    "mcubes": ("lab/scanning/body.py",),
-    "x3pio": ("lab/scanning/map_files.py",),
     "OCP": ("lab/housing/solids.py",),
     "rp2040py": ("lab/emulator/",),
 }  # fmt: skip

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from importlib import import_module
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -47,14 +48,14 @@ class LazyVerb(TyperCommand):
     """Stands in a group for a verb, or for a group of verbs, that is not imported yet."""
 
     def __init__(self, name: str, home: str, text: str) -> None:
-        """Remember what is imported: `home` is "module:attribute" in this package; text: the first line of its help."""
+        """Remember what is imported: `home` is "module:attribute"; text: the first line of its help."""
         super().__init__(name, help=text, rich_markup_mode=MARKUP)
         self.home = home
 
     def load(self) -> Any:
         """Import the function or the `typer.Typer` and return its command."""
         module, _, attribute = self.home.partition(":")
-        verb = getattr(import_module(f"gellight.cli.{module}"), attribute)
+        verb = getattr(import_module(module), attribute)
         holder = typer.Typer(rich_markup_mode=MARKUP)
         if isinstance(verb, typer.Typer):
             holder.add_typer(verb, name=self.name)
@@ -121,13 +122,33 @@ def _check_number(name: str, typed: Any) -> None:
 
 
 def lazy_group(table: Mapping[str, tuple[str, str]]) -> type[TyperGroup]:
-    """Return a group for `typer.Typer(cls=...)`; table: by name, what `LazyVerb` takes."""
+    """Return a group for `typer.Typer(cls=...)`; table: by name, a place in `gellight.cli` and what the help says."""
+    return _group({name: (f"gellight.cli.{home}", text) for name, (home, text) in table.items()}, {})
 
+
+def open_group(table: Mapping[str, tuple[str, str]], elsewhere: Mapping[str, str]) -> type[TyperGroup]:
+    """Return such a group with the verbs of installed distributions too, by the entry points `gellight.verbs`.
+
+    Each names a table as this one, with whole names of modules. elsewhere: what has a verb that may be missing.
+    """
+    ours = {name: (f"gellight.cli.{home}", text) for name, (home, text) in table.items()}
+    theirs = [one.load() for one in entry_points(group="gellight.verbs")]
+    return _group({name: known for one in (ours, *theirs) for name, known in one.items()}, elsewhere)
+
+
+def _group(table: Mapping[str, tuple[str, str]], elsewhere: Mapping[str, str]) -> type[TyperGroup]:
     class Group(TyperGroup):
         def __init__(self, **attributes: Any) -> None:
             super().__init__(**attributes)
             for name, (home, text) in table.items():
                 self.add_command(LazyVerb(name, home, text))
+
+        def get_command(self, ctx: Any, cmd_name: str) -> Any:
+            """Return a verb; InputError, with the remedy, for one of a distribution that is not installed."""
+            if cmd_name in elsewhere and cmd_name not in self.commands:
+                raise InputError(f"`gellight {cmd_name}` comes with {elsewhere[cmd_name]}, which is not installed: "
+                                 f"pip install ./host/{elsewhere[cmd_name]} from a clone of GelLight")  # fmt: skip
+            return super().get_command(ctx, cmd_name)
 
     return Group
 

@@ -9,9 +9,11 @@ from typing import Annotated
 import typer
 
 from gellight.cli.ending import MEANINGS, end
-from gellight.cli.lazy import MARKUP, lazy_group
+from gellight.cli.lazy import MARKUP, open_group
 
-VERBS = lazy_group(
+ELSEWHERE = {"scan": "gellight_scan", "surface": "gellight_scan"}
+"""verbs of distributions beside this one"""
+VERBS = open_group(
     {
         "demo": ("demo:command", "Press objects into a simulated sensor and see what it feels."),
         "run": ("run:command", "Stream depth from a sensor, also after it was unplugged for a while."),
@@ -20,15 +22,10 @@ VERBS = lazy_group(
         "record": ("record:command", "Record what a sensor gives in a file that ROS 2 tools open too."),
         "replay": ("replay:command", "Play a recording as if it were a sensor."),
         "export": ("export:command", "Turn a recording into arrays, pictures, surfaces or a video."),
-        "scan": (
-            "scan:command",
-            "Scan a surface that is larger than the view: press, lift, press beside, over half of a press that was.",
-        ),
         "find": ("find:command", "List the sensors, cameras and light rings that are plugged in."),
         "doctor": ("doctor:command", "Check computer, USB, camera, light ring, frames and training."),
         "install-udev": ("install_udev:command", "Let users who are not root use the sensor; needs root."),
         "reconstruct": ("reconstruct:command", "Reconstruct depth, normals and contact from images of the gel."),
-        "surface": ("surface:command", "Measure the roughness of a surface, or write it for other programs."),
         "selfcheck": ("selfcheck:command", "Compare the simulated sensor with the reference simulator."),
         "calibrate": ("calibrate.verbs:app", "Calibrate a sensor, and keep its bundles."),
         "config": ("config:app", "Show the settings, their schema, and the files they are read from."),
@@ -38,7 +35,8 @@ VERBS = lazy_group(
         "firmware": ("firmware:app", "The firmware of the light ring: what it is, build it, flash it."),
         "sim": ("simulated_board:command", "Run the firmware in a simulated board behind a pseudo-terminal."),
         "virtual-sensor": ("virtual_sensor:command", "Plug a simulated sensor into this Linux as a USB device."),
-    }
+    },
+    ELSEWHERE,
 )
 
 app = typer.Typer(

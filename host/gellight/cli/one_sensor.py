@@ -5,10 +5,12 @@ import logging
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from functools import partial
+from importlib.metadata import entry_points
 from math import inf
 from pathlib import Path
+from typing import Any
 
 from gellight.base import logs
 from gellight.base.errors import CameraError
@@ -24,7 +26,6 @@ from gellight.daemon.session import SensorSession
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
 from gellight.frames.status import SensorStatus
-from gellight.lab.scanning.beside import ScanBeside
 from gellight.opening import REAL
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.stream.foxglove import FoxgloveServer
@@ -128,11 +129,22 @@ def served(daemon: SensorSession, settings: Settings, wanted: bool = True) -> It
         return
     with (
         CalibrationService(daemon, geometry=settings.geometry.overrides()) as service,
-        ScanBeside(daemon, busy=lambda: service.calibrating) as scan,
+        panel("scan", daemon, lambda: service.calibrating) as scan,
         DashboardServer(daemon, calibration=service, scan=scan, **settings.dashboard.model_dump()) as server,
     ):
         logs.say(f"dashboard: {server.url}   (Ctrl-C stops)")
         yield server.url
+
+
+def panel(name: str, daemon: SensorSession, busy: Callable[[], bool]) -> AbstractContextManager[Any]:
+    """Return what an installed distribution has for the page by this name (entry point `gellight.panels`), or None.
+
+    It is a context manager, made with the sensor and what says that the sensor is busy; see `dashboard.scanning`.
+    """
+    for found in entry_points(group="gellight.panels", name=name):
+        made: AbstractContextManager[Any] = found.load()(daemon, busy=busy)
+        return made
+    return nullcontext()
 
 
 class Summary(SensorStatus):

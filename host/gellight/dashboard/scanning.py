@@ -17,7 +17,7 @@ NO_SCAN = "this dashboard cannot scan: start it with `gellight run` or `gellight
 
 
 class ScanDesk(Protocol):
-    """What scans; see `gellight.lab.scanning.beside`."""
+    """What scans; what an entry point `gellight.panels` names "scan"."""
 
     def state(self) -> dict[str, object] | None:
         """Return all that the page shows, None before the first scan."""

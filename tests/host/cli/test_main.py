@@ -10,6 +10,7 @@ from typing import Any
 from unittest.mock import Mock
 
 import pytest
+import typer
 from typer.main import get_command
 
 import gellight
@@ -17,6 +18,7 @@ from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import load_bundle
 from gellight.cli import main
+from gellight.cli.lazy import open_group
 from gellight.cli.main import app
 from gellight.cli.one_sensor import warn_of_foreign_bundle
 from gellight.cli.options import between
@@ -154,3 +156,11 @@ def test_the_help_prints_the_groups() -> None:
     assert "--ball-radius-mm" in first
     assert "--resume" not in first
     assert "--resume" in rest
+
+
+def test_a_verb_of_a_distribution_that_is_not_installed_is_named_with_its_remedy() -> None:
+    known = typer.Typer(cls=open_group({}, {"weigh": "gellight_weigh", "scan": "gellight_scan"}))
+    known.callback()(lambda: None)
+    with pytest.raises(InputError, match=r"`gellight weigh` comes with .*pip install ./host/gellight_weigh"):
+        get_command(known).main(["weigh", "--help"], standalone_mode=False)
+    assert "scan" in get_command(known).commands, "by the entry point of gellight_scan"

@@ -11,8 +11,8 @@ from gellight.base.errors import InputError
 from gellight.daemon.assembly import open_session
 from gellight.dashboard.server import DashboardServer
 from gellight.lab.report.pictures import encode_png
-from gellight.lab.scanning.beside import ScanBeside
-from gellight.lab.scanning.scan import Scan
+from gellight_scan.beside import ScanBeside
+from gellight_scan.scan import Scan
 from tests.helpers.browsing import opening
 from tests.helpers.dashboard_source import FormulaSource, two_bumps
 from tests.helpers.settings import loaded
