@@ -129,7 +129,7 @@ def browses(*ports: str) -> list[str]:
     """Send what a web page may send, to doors that speak no HTTP."""
     pages = [f"http://127.0.0.1:{port}/" for port in ports]
     asked = [urllib.request.Request(page, b"{}", {"Origin": "http://evil.example"}) for page in pages]
-    return [_tried(lambda one=one: urllib.request.urlopen(one, timeout=5).status) for one in asked]  # type: ignore[misc]
+    return [_tried(lambda one=one: urllib.request.urlopen(one, timeout=1).status) for one in asked]  # type: ignore[misc]
 
 
 def page(base: str) -> list[str]:
