@@ -213,6 +213,9 @@ class _Contest:
         runs: dict[str, Callable[[], object]] = {"": lambda: self._by_wall.reconstruct(frame)}
         runs |= {name: lambda form=form: form.reconstruct(frame) for name, form in self._forms.items()}  # type: ignore[misc]
         runs |= {name: lambda alone=alone: alone(result.difference) for name, alone in self._alone.items()}  # type: ignore[misc]
+        if (measures := result.measures) is not None:
+            runs["confidence, beside"] = lambda: measures.confidence(image, result.gradient_map)
+            runs["force, beside"] = lambda: measures.force(result.depth_mm)
         found = _in_turn(runs, rounds)
         whole = found.pop("")
         stages = self._stages(frame, rounds)

@@ -4,9 +4,13 @@ It gives up root where the tests run as root, else it is the same user without t
 reached, as JSON.
 """
 
+import asyncio
+import concurrent.futures.thread  # noqa: F401  (as the next one)
 import encodings.idna  # noqa: F401  (root's files cannot be read later)
+import http.client
 import json
 import os
+import socket
 import sys
 import time
 import traceback
@@ -16,9 +20,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import aiohttp
+
 from gellight.stream.network import close, key, subscribing_session
 from gellight.stream.subscription import subscribe
 from tests.helpers import children
+from tests.helpers.usb_client import import_device
 
 NOBODY = 65534
 FALSE = b"a false frame"
@@ -85,8 +92,44 @@ def flood(endpoint: str) -> list[str]:
 
 
 def files(*paths: str) -> list[str]:
-    """Try to read files."""
-    return [_tried(lambda path=path: Path(path).read_bytes()[:1] and "read") for path in paths]  # type: ignore[misc]
+    """Try to read files, and to write them."""
+    return [_tried(lambda path=path, how=how: Path(path).open(how).close()) for path in paths for how in ("rb", "r+b")]  # type: ignore[misc]
+
+
+def views(url: str) -> list[str]:
+    """Open Foxglove's door as a program: what the server offers, and what it says to a message of a client's own."""
+
+    async def look() -> list[str]:
+        async with aiohttp.ClientSession() as client, client.ws_connect(url, protocols=["foxglove.sdk.v1"]) as wire:
+            offered = (await wire.receive_json())["capabilities"]
+            topic = {"id": 1, "topic": "/gellight/contact", "encoding": "json", "schemaName": ""}
+            for sent in (
+                {"op": "advertise", "channels": [topic]},
+                {"op": "setParameters", "parameters": [{"name": "zero", "value": 1}]},
+            ):
+                await wire.send_json(sent)
+            await wire.send_bytes(b"\x01\1\0\0\0" + FALSE)
+            told = dict[str, Any]()
+            while told.get("op") != "advertise" and told.get("op") != "status":
+                told = await wire.receive_json()
+            return [*offered, told["op"]]
+
+    return asyncio.run(asyncio.wait_for(look(), 30))
+
+
+def imports(port: str) -> list[str]:
+    """Take the virtual sensor of a port of USB/IP, twice."""
+    with socket.create_connection(("127.0.0.1", int(port))) as first:
+        taken = import_device(first, "1-1")
+        with socket.create_connection(("127.0.0.1", int(port))) as second:
+            return [str(taken[1]), _tried(lambda: import_device(second, "1-1"))]
+
+
+def browses(*ports: str) -> list[str]:
+    """Send what a web page may send, to doors that speak no HTTP."""
+    pages = [f"http://127.0.0.1:{port}/" for port in ports]
+    asked = [urllib.request.Request(page, b"{}", {"Origin": "http://evil.example"}) for page in pages]
+    return [_tried(lambda one=one: urllib.request.urlopen(one, timeout=1).status) for one in asked]  # type: ignore[misc]
 
 
 def page(base: str) -> list[str]:
@@ -99,6 +142,8 @@ def page(base: str) -> list[str]:
 def _tried(work: Callable[[], object]) -> str:
     try:
         return str(work())
+    except http.client.HTTPException:
+        return "no HTTP"
     except urllib.error.HTTPError as error:
         return str(error.code)
     except OSError as error:

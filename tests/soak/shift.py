@@ -55,7 +55,7 @@ class Reader:
             if word == "frames":
                 self.frames = int(rest)
                 self._judge.looked_at(Invariant.READER)
-            elif word == "bad":
+            elif word in ("bad", "ended"):  # it ends after the daemon alone, and is closed before that
                 self._judge.broken(Invariant.READER, rest)
 
     def wait_for_frames(self) -> bool:

@@ -18,6 +18,7 @@ together with p that takes the depth there onto G p.
 from dataclasses import dataclass
 from functools import lru_cache
 
+import cv2
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
@@ -128,27 +129,31 @@ def _zero(depth: Array, pressure: Array, size_mm: tuple[float, float], layer: La
     if free.mean() < _LEAST_FREE:
         return np.zeros_like(depth)
     left = (depth - _sunk(pressure, size_mm, layer)).ravel()
-    rows, columns = np.indices(depth.shape)
-    terms = np.stack([np.ones(depth.size), rows.ravel() / depth.shape[0], columns.ravel() / depth.shape[1]], axis=1)
+    terms = np.stack([np.ones(depth.shape), *np.indices(depth.shape) / np.array(depth.shape)[:, None, None]])
+    terms = terms.reshape(3, -1)
     weights, plane = free.astype(float), np.zeros(3)
     for _ in range(5):
-        plane = np.linalg.lstsq(terms * weights[:, None], left * weights, rcond=None)[0]
-        off = np.abs(left - terms @ plane)
+        weighted = terms * weights**2
+        plane = np.linalg.lstsq(weighted @ terms.T, weighted @ left, rcond=None)[0]
+        off = np.abs(left - plane @ terms)
         weights = free / np.maximum(1, off / (_OUTLIER * np.median(off[free]) + 1e-9))
-    return np.asarray((terms @ plane).reshape(depth.shape))
+    return np.asarray((plane @ terms).reshape(depth.shape))
 
 
 def _sunk(pressure: Array, size_mm: tuple[float, float], layer: Layer) -> Array:
     """Return the depth that a pressure makes in the cells of the view."""
     shape = _padded(pressure.shape, size_mm, layer)
-    under = scipy.fft.irfft2(scipy.fft.rfft2(pressure, s=shape) * _influence(shape, size_mm, layer), s=shape)
-    return np.asarray(under[: pressure.shape[0], : pressure.shape[1]])
+    rows, columns = pressure.shape
+    padded = np.zeros(shape)
+    padded[:rows, :columns] = pressure
+    under = cv2.mulSpectrums(cv2.dft(padded, nonzeroRows=rows), _influence(shape, size_mm, layer), 0)
+    return np.asarray(cv2.idft(under, flags=cv2.DFT_SCALE, nonzeroRows=rows)[:rows, :columns])
 
 
 def _padded(cells: tuple[int, ...], size_mm: tuple[float, float], layer: Layer) -> tuple[int, int]:
     """Return the shape of the transform that holds the distance of any two cells once, as far as one is felt."""
     rows, columns = (
-        scipy.fft.next_fast_len(count + min(count - 1, _reach(size, layer)), real=True)
+        cv2.getOptimalDFTSize(count + min(count - 1, _reach(size, layer)))
         for count, size in zip(cells, size_mm[::-1], strict=True)
     )
     return rows, columns
@@ -168,8 +173,8 @@ def _pressure(depth: Array, pressed: NDArray[np.bool_], size_mm: tuple[float, fl
     """Return p >= 0 in `pressed` that makes `depth` there, for a modulus of 1."""
     pressure = np.where(pressed, depth, 0.0) / layer.thickness_mm
     along, before, follow = np.zeros_like(depth), 1.0, 0.0
+    gap = _sunk(pressure, size_mm, layer) - depth
     for _ in range(_MOST_STEPS):
-        gap = _sunk(pressure, size_mm, layer) - depth
         active = pressure > 0
         square = float((gap[active] ** 2).sum())
         if square == 0:
@@ -177,19 +182,25 @@ def _pressure(depth: Array, pressed: NDArray[np.bool_], size_mm: tuple[float, fl
         along = np.where(active, gap + follow * square / before * along, 0.0)
         before, change = square, _sunk(along, size_mm, layer)
         step = float((gap * along)[active].sum() / (change * along)[active].sum())
-        stepped = np.maximum(pressure - step * along, 0.0)
+        linear = pressure - step * along
+        stepped = np.maximum(linear, 0.0)
         joining = (stepped == 0) & (gap < 0) & pressed & ~active
         stepped[joining] = -step * gap[joining]
         follow = 0.0 if joining.any() else 1.0
         moved, pressure = float(np.abs(stepped - pressure).sum()), stepped
+        whole = follow and np.array_equal(stepped, linear)
+        gap = gap - step * change if whole else _sunk(pressure, size_mm, layer) - depth
         if moved < _SETTLED * pressure.sum():
             break
     return pressure
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def _influence(shape: tuple[int, int], size_mm: tuple[float, float], layer: Layer) -> Array:
-    """Return the transform of how deep a cell of pressure sinks those of a (h, w) window of a gel without end."""
+    """Return how deep a cell of pressure sinks those of a (h, w) window of a gel without end, transformed.
+
+    As OpenCV packs it.
+    """
     rows, columns = (
         scipy.fft.next_fast_len(count // 2 + _reach(size, layer) + 1, real=True)
         for count, size in zip(shape, size_mm[::-1], strict=True)
@@ -197,7 +208,7 @@ def _influence(shape: tuple[int, int], size_mm: tuple[float, float], layer: Laye
     rows, columns = max(rows, shape[0]), max(columns, shape[1])
     deep = scipy.fft.irfft2(compliance((rows, columns), size_mm, layer), s=(rows, columns))
     down, along = (np.rint(np.fft.fftfreq(count, 1 / count)).astype(np.intp) for count in shape)
-    influence = np.asarray(scipy.fft.rfft2(deep[down[:, None], along]).real)
+    influence = np.asarray(cv2.dft(deep[down[:, None], along]))
     influence.flags.writeable = False
     return influence
 

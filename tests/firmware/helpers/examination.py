@@ -256,6 +256,8 @@ def _fault(board: BenchBoard, ring: LightRing) -> Iterator[str]:
 
 
 def _start_fault(board: BenchBoard, ring: LightRing) -> Iterator[str]:
+    if board.resets or ring.hello.reset_reason != ResetReason.POWER:
+        yield "a start by power is told as another, or the watchdog bites while the crystal settles"
     board.power_off()
     board.power_on()
     resets = board.resets

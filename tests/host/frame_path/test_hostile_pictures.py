@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from gellight.bundle.bundle import load_bundle
+from gellight.bundle.contents import npz
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.dot_following import DotFollower
 from gellight.frames.dots import Dots, find_dots
@@ -63,7 +64,11 @@ PICTURES: dict[str, Callable[[], np.ndarray]] = {
     "the dots turned": lambda: with_spots(turned(0.3)),
     "the dots after a jump": lambda: with_spots(jumped()),
 }
-BUNDLE = load_bundle("synthetic")
+RANDOM, PRESSED = np.random.default_rng(2), 9999
+PRESSES = [RANDOM.normal(0, 40, (PRESSED, 3)), RANDOM.uniform((99, 99), (540, 380), (PRESSED, 2)),
+           RANDOM.normal(0, 0.3, (PRESSED, 2))]  # fmt: skip
+BUNDLE = load_bundle("synthetic").with_files({"presses.npz": npz({"rows": np.hstack(PRESSES)})})
+"""its confidence asks, too, what the presses of a calibration were like"""
 VIEW = View.of_corners([(20, 10), (600, 40), (620, 470), (5, 460)], (HEIGHT, WIDTH), (HEIGHT, WIDTH))
 
 

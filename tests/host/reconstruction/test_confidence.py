@@ -61,6 +61,29 @@ def test_nothing_is_steep_where_nobody_knows_what_was_learnt() -> None:
     assert not confidence_of(REFERENCE.astype(np.uint8), REFERENCE, FLAT + 50, None).quality_flags.any()
 
 
+def test_each_pixel_is_judged_as_if_it_were_alone() -> None:
+    """To the last bit: the planes of channels, tables and limits that make it fast change nothing."""
+    random = np.random.default_rng(3)
+    image, reference = random.integers(0, 256, (*WIDE, 3), np.uint8), np.float32(random.uniform(0, 255, (*WIDE, 3)))
+    reference[::9] = image[::9] + 8 * random.integers(-3, 4, (7, 80, 3))  # at the borders of cubes
+    slopes = np.float32(random.normal(0, 0.6, (*WIDE, 2)))
+    slopes[::5, ::5] = (0.6, 0.8)
+    learnt = Learnt(1.0, random.random(WIDE) < 0.5, random.random((64, 64, 64)) < 0.5)
+    found = confidence_of(image, reference, slopes, learnt)
+    assert learnt.strange(np.zeros((0, 3), np.float32)).shape == (0,)
+    for row, column in np.ndindex(WIDE):
+        colour, rest = image[row, column].astype(np.float32), reference[row, column]
+        lit = min(np.float32(1.0) if r < 16 else c / r for c, r in zip(colour, rest, strict=True))
+        slope = np.hypot(*slopes[row, column])
+        cube = np.clip((colour - rest) // 8 + 32, 0, 63).astype(int)
+        flags = (lit < 0.1) * DARK | (max(colour) >= 254) * CLIPPED | (slope > 1) * STEEP
+        flags |= (not learnt.near[row, column]) * ELSEWHERE | (not learnt.colours[tuple(cube)]) * STRANGE
+        halved = np.float32(0.5 ** (flags & (CLIPPED | ELSEWHERE | STRANGE)).bit_count())
+        value = min(lit / np.float32(0.1), np.float32(1)) * halved * np.square(1 / max(slope, np.float32(1)))
+        assert found.quality_flags[row, column] == flags
+        assert found.value[row, column] == max(value, np.float32(0.05))
+
+
 def test_the_steepest_slope_leaves_single_pixels_out() -> None:
     slopes = np.zeros((10_000, 2))
     slopes[:, 0] = np.linspace(0, 1, 10_000)

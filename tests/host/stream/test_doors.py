@@ -5,6 +5,7 @@ test_foxglove.py.
 """
 
 import os
+import socket
 import threading
 import time
 from pathlib import Path
@@ -15,13 +16,20 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.base.runtime_folder import folder
 from gellight.dashboard.server import DashboardServer
+from gellight.lab.simulator.usb import usbip_server
+from gellight.lab.simulator.usb.device import VirtualSensor
+from gellight.lab.simulator.usb.usbip_server import UsbipServer
+from gellight.stream.foxglove import FoxgloveServer
 from gellight.stream.publisher import MOST_WAITING, Publisher
+from gellight.stream.ros2 import Ros2Publisher
 from gellight.stream.running import running
 from gellight.stream.subscription import subscribe
 from tests.helpers.dashboard_source import FormulaSource
 from tests.helpers.places import CHECKOUT
 from tests.helpers.stranger import as_stranger
-from tests.helpers.streamed import bump_daemon
+from tests.helpers.streamed import bump_daemon, free_port
+from tests.helpers.usb_client import CardCamera
+from tests.helpers.waiting import eventually
 
 
 @pytest.mark.parametrize("config", [None, CHECKOUT / "docs/examples/local.json5"])
@@ -95,8 +103,92 @@ def test_the_files_of_the_stream_are_their_owners_alone() -> None:
         assert server.token == (folder() / "page.token").read_text()
         tried = [folder() / "finger.json", folder() / "page.token", running()[0].memory]
         if os.getuid() == 0:
-            assert set(as_stranger("files", *map(str, tried))) == {"PermissionError"}
+            assert set(as_stranger("files", *map(str, tried), f"/proc/{os.getpid()}/mem")) == {"PermissionError"}
         assert {Path(one).stat().st_mode & 0o077 for one in tried} == {0}
+
+
+def test_foxglove_shows_and_lets_nobody_publish() -> None:
+    daemon, made = bump_daemon()
+    with daemon, FoxgloveServer(daemon, name="finger", port=0) as server:
+        told = as_stranger("views", server.url)
+        assert told in (["advertise"], ["status"]), "nothing that a client could do is offered"
+        seen = len(made.given)
+        eventually(lambda: len(made.given) > seen + 10)
+
+
+def test_who_speaks_at_the_router_of_ros_2_neither_hears_nor_changes_what_goes_through_the_stream(
+    tmp_path: Path,
+) -> None:
+    """Where this program is the router, too: questions with the token go through the stream's own session alone."""
+    daemon, _ = bump_daemon(period_s=0.05)
+    router, asked = f"tcp/127.0.0.1:{free_port()}", list[object]()
+    with TemporaryDirectory() as shared, daemon, Publisher(daemon, name="finger") as publisher, \
+            Ros2Publisher(daemon, router, name="finger") as topics:  # fmt: skip
+        assert topics.is_router
+        Path(shared).chmod(0o777)
+        ready, ended = Path(shared) / "ready", Path(shared) / "ended"
+        attack = threading.Thread(target=lambda: asked.append(as_stranger("speaks", router, str(ready), str(ended))))
+        attack.start()
+        try:
+            eventually(lambda: ready.exists() or not attack.is_alive(), 30)
+            with subscribe("finger", every=True, token=publisher.token) as frames:
+                told = {frames.next_frame().contact.indentation_mm for _ in range(20)}
+                assert len(told) > 15, "only the daemon's own frames, each deeper than the one before"
+                with pytest.raises(InputError, match=r"simulated gel only"):
+                    frames.press("BALL", 1.0)
+        finally:
+            ended.touch()
+            attack.join()
+    assert asked == [[]]
+
+
+def test_a_virtual_sensor_is_taken_by_who_comes_first_and_no_silent_importer_stays(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(usbip_server, "GREETING_S", 0.2)
+    with VirtualSensor(CardCamera(), serial_number="a1") as sensor, UsbipServer({"1-1": sensor}) as server:
+        with socket.create_connection(("127.0.0.1", server.port)) as silent:
+            silent.settimeout(10)
+            assert silent.recv(1) == b"", "whoever says nothing is turned away"
+        assert as_stranger("imports", str(server.port)) == ["3", "ConnectionRefusedError"]
+        assert sensor.unplugged.wait(10), "the importer hung up"
+
+
+def test_without_lan_every_door_is_this_computers_own_and_no_page_gets_an_answer_from_those_without_http() -> None:
+    """No port for other computers, and no unix socket with a name."""
+    before = listening()
+    daemon, _ = bump_daemon()
+    with daemon, Publisher(daemon, name="finger"), DashboardServer(FormulaSource(), port=0), \
+            FoxgloveServer(daemon, name="finger", port=0), \
+            Ros2Publisher(daemon, f"tcp/127.0.0.1:{free_port()}", name="finger"), \
+            VirtualSensor(CardCamera(), serial_number="a1") as virtual, \
+            UsbipServer({"1-1": virtual}) as server:  # fmt: skip
+        opened = {family: [one for one in there if one not in before[family]] for family, there in listening().items()}
+        assert len(opened["tcp"]) >= 5, opened
+        assert all(one.startswith("127.") for one in opened["tcp"]), opened
+        assert (opened["tcp6"], opened["udp"], opened["udp6"], opened["unix"]) == ([], [], [], [])
+        without = [running()[0].endpoint.rpartition(":")[2], str(server.port)]
+        assert not set(as_stranger("browses", *without)) & {"200", "400", "403"}
+
+
+def listening() -> dict[str, list[str]]:
+    """Return what this process listens at: addresses of each family, and the names of unix sockets."""
+    own = {one.readlink().name for one in Path("/proc/self/fd").iterdir() if one.is_symlink()}
+    found = dict[str, list[str]]()
+    for family in ("tcp", "tcp6", "udp", "udp6"):
+        rows = [line.split() for line in Path(f"/proc/net/{family}").read_text().splitlines()[1:]]
+        mine = [row[1] for row in rows if f"socket:[{row[9]}]" in own and row[3] in ("0A", "07")]  # listens, or is UDP
+        found[family] = [_readable(one) for one in mine]
+    rows = [line.split() for line in Path("/proc/net/unix").read_text().splitlines()[1:]]
+    found["unix"] = [row[7] for row in rows if f"socket:[{row[6]}]" in own and len(row) > 7]
+    return found
+
+
+def _readable(address: str) -> str:
+    host, port = address.split(":")
+    if len(host) > 8:
+        return address
+    return f"{socket.inet_ntoa(bytes.fromhex(host)[::-1])}:{int(port, 16)}"
 
 
 def test_the_page_answers_nobody_without_the_token() -> None:

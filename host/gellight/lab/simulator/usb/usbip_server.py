@@ -14,6 +14,8 @@ from gellight.lab.simulator.usb.usbip import REQUEST_LIST, pack_import, pack_lis
 logger = logging.getLogger(__name__)
 PORT = 3240
 """of USB/IP"""
+GREETING_S = 10.0
+"""in which an importer says what it wants: whoever says nothing would be held for ever"""
 
 
 class UsbipServer:
@@ -53,7 +55,9 @@ class UsbipServer:
 
     def _greet(self, connection: socket.socket) -> None:
         try:
+            connection.settimeout(GREETING_S)
             code, bus_id = read_operation(connection)
+            connection.settimeout(None)
             if code == REQUEST_LIST:
                 free = [bus for bus, s in self._sensors.items() if s.unplugged.is_set()]
                 connection.sendall(pack_list(free))
