@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.cli.calibrate import detect as command
 from gellight.frames.image_files import read_image
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.label_file import read_presses
+from gellight.lab.training.labelling import Detection
 from gellight.lab.training.presses import Ball
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise
@@ -236,3 +238,9 @@ def test_a_prism_and_a_ball_at_once_or_nothing_named_is_refused(folder: Path, tm
         (["--prism-angle-deg", "80"], "1 to 75"),
     ):
         assert reason in str(invoke("calibrate", *common, *more).exception)
+
+
+def test_a_long_name_keeps_its_distance_from_what_is_said_of_it() -> None:
+    refused = Detection(image=Path("a_name_of_twenty-six.letters.png"), contact=None, refused="no press")
+    table = command._table([refused], Path("p.csv"), None, "circle")
+    assert "letters.png refused: no press" in table
