@@ -1,7 +1,7 @@
 """`gellight calibrate fit`, `evaluate`, `crossvalidate` and `synthetic`: train GelNet, and measure what it is worth."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +14,7 @@ from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
 from gellight.cli.showing import progress, show
 from gellight.frames.dots import Dots
 from gellight.frames.picture import steps_of
-from gellight.frames.view import read_view
+from gellight.frames.view import View, read_view
 from gellight.lab.calibration.ball_radius import is_another, likely_radius_mm
 from gellight.lab.optics.lights.adding import lights_of_simulated_sensor
 from gellight.lab.training import validation
@@ -33,6 +33,8 @@ from gellight.photometric.lights_file import has_lights
 
 LARGEST_ERROR_DEG = 14.0
 """mean of the normals: real sensors say 2.6 to 9.7 from five presses on and 13 of two, wrong circles 15.9 and more"""
+SMALLER = "smaller_view"
+"""in the metrics: of the labelled pictures, where they were too large"""
 LIGHT_FRAMES = 64
 """averaged under each LED of the simulated sensor"""
 Given = tuple[list[Press], Reference, Ball]
@@ -73,9 +75,11 @@ class Recorded:
     def read(self) -> Given:
         """Return what a network is trained on; raises InputError for what cannot be used."""
         ball = Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
-        untouched = read_reference(self.reference)
-        presses = read_presses(self.presses, ball=ball, image_shape=untouched.image_shape, dots=untouched.dots)
-        return presses, untouched, ball
+        untouched = read_reference(self.reference, bounded=self.prisms is None)
+        shape, dots, view = untouched.image_shape, untouched.dots, untouched.view
+        if view:
+            ball = replace(ball, pixel_size_mm=ball.pixel_size_mm / view.scale)
+        return read_presses(self.presses, ball=ball, image_shape=shape, dots=dots, view=view), untouched, ball
 
 
 @with_options
@@ -103,6 +107,8 @@ def fit(
     learning = recorded.learning(given[1], how)
     extra = which_ball(*given, previous)
     crossed = _cross_validated(given, folds, learning) if folds else None
+    if given[1].view:
+        extra[SMALLER] = given[1].view.model_dump()
     if crossed:
         extra["cross_validation"] = crossed.as_json()
     with progress("training") as report:
@@ -111,7 +117,7 @@ def fit(
             bundle.out,
             sensor=sensor,
             how=learning,
-            view=None if view is None else read_view(view),
+            view=_whole_view(given[1].view, None if view is None else read_view(view)),
             extra_metrics=extra,
             overwrite=bundle.overwrite,
             progress=report,
@@ -121,6 +127,11 @@ def fit(
     _print_written(written, bundle.out, as_json, lines)
     if bad:
         raise typer.Exit(Ending.JUDGED_BAD)
+
+
+def _whole_view(smaller: View | None, view: View | None) -> View | None:
+    """Return how pictures as taken become those that were learnt from."""
+    return smaller.after(view) if smaller and view else smaller or view
 
 
 def evaluate(
@@ -140,10 +151,12 @@ def evaluate(
     bundle = load_bundle(calibration)
     ball = _ball_of(bundle, ball_radius_mm)
     steps = steps_of(bundle)
-    labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape, dots=steps.dots if steps else None)
+    smaller = View(**bundle.metrics[SMALLER]) if SMALLER in bundle.metrics else None
+    dots = steps.dots if steps else None
+    labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape, dots=dots, view=smaller)
     errors = validation.evaluate(bundle, labelled, ball)
     felt_mm = felt_radius_mm(bundle, labelled)
-    angles = prism_errors(bundle, _prisms(prisms, bundle.image_shape, steps.dots if steps else None))
+    angles = prism_errors(bundle, _prisms(prisms, bundle.image_shape, dots))
     balls = {"ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}
     felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.3g} mm"
     text = "\n".join([*_error_lines(errors), *_bounds_lines(errors), felt, *map(_prism_line, angles)])
