@@ -30,8 +30,8 @@ def read_csv(path: Path, what: str) -> tuple[list[str], list[tuple[int, Row]]]:
             raise csv.Error("it has a zero byte")
         # Names of files need not be UTF-8, and are written as they are.
         reader = csv.DictReader(io.StringIO(content.decode("utf-8-sig", "surrogateescape"), newline=""))
+        reader.fieldnames = names = [name.strip() for name in reader.fieldnames or []]
         rows = [(reader.line_num, dict(row)) for row in reader]
-        names = list(reader.fieldnames or [])
     except OSError as error:
         raise InputError(f"{what} {path} cannot be opened ({error.strerror}): check the name") from error
     except csv.Error as error:

@@ -33,6 +33,8 @@ KINDS = (
     "sensor://NAME or v4l2:///dev/video0"
 )
 
+_LFS = b"version https://git-lfs."
+
 
 class ImageCamera(Camera):
     """Deliver image files, each once and in the given order, as the frames of a camera.
@@ -108,6 +110,10 @@ def read_levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
         raise InputError(f"{path} is not an image by its name: convert it to one of {' '.join(IMAGE_SUFFIXES)}")
     try:
         content = path.read_bytes()
+        if content.startswith(_LFS):
+            raise InputError(
+                f"{path} is the pointer of a file that lies in Git LFS: run `git lfs pull` where it is from"
+            )
         if (decoded := decode_jpeg_file(content)) is not None:
             return decoded
         readable, flags = content and not cut_off(content), cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Pixels = Annotated[int, Field(ge=2, le=16384)]
 _MOST_FINER = 4
+MOST_PX = 1280
+"""of a view that is chosen for its size alone: pixels of 20 mm of gel are then an eighth of what its coating blurs"""
 Row = tuple[Number, Number, Number]
 
 
@@ -84,6 +86,40 @@ class View(BaseModel):
             )
         ends = [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
         return cls.of_corners([(across - 0.5, down - 0.5) for across, down in ends], taken_shape, (height, width))
+
+    @classmethod
+    def bounded(cls, taken_shape: tuple[int, int]) -> "View | None":
+        """Return the view of whole pictures (H, W), made smaller to `MOST_PX`; None where they are no larger.
+
+        By a whole factor, so that each pixel is the mean of whole ones.
+        """
+        factor = -(-max(taken_shape) // MOST_PX)
+        if factor == 1:
+            return None
+        (height, width), shift = taken_shape, (1 / factor - 1) / 2
+        return View(
+            taken_width_px=width,
+            taken_height_px=height,
+            width_px=width // factor,
+            height_px=height // factor,
+            homography=((1 / factor, 0, shift), (0, 1 / factor, shift), (0, 0, 1)),
+        )
+
+    def after(self, first: "View") -> "View":
+        """Return this view of the pictures of another one; InputError where that makes them of another size."""
+        if first.image_shape != self.taken_shape:
+            raise InputError(
+                f"the view makes pictures of {first.width_px} x {first.height_px} px, these are of "
+                f"{self.taken_width_px} x {self.taken_height_px} px: give the view.json that was written with them"
+            )
+        both = (np.array(self.homography) @ np.array(first.homography)).tolist()
+        taken = {"taken_width_px": first.taken_width_px, "taken_height_px": first.taken_height_px}
+        return self.model_copy(update={**taken, "homography": tuple(map(tuple, both))})
+
+    @property
+    def scale(self) -> float:
+        """How many of its pixels a pixel as taken is wide; of a view that is smaller and nothing else."""
+        return self.homography[0][0]
 
     @property
     def image_shape(self) -> tuple[int, int]:

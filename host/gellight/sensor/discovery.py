@@ -5,6 +5,7 @@ own. What hangs at the root hub of the computer shares it with everything else t
 that alone makes no pair. Nothing is opened here, so nothing can be busy and no permission is needed.
 """
 
+import os
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -153,6 +154,11 @@ class Discovery:
         for sensor in self.with_cameras():
             if node == str(Path(sensor.camera.path).resolve()):
                 return sensor
+        if os.path.exists(node):  # noqa: PTH110  (a name may be too long for a file)
+            cameras = " or ".join(sensor.camera.path for sensor in self.with_cameras()) or "none is there"
+            raise UnpluggedError(
+                f"{path} takes no pictures: cameras have a second node for data about them; take {cameras}; {_LIST}"
+            )
         raise UnpluggedError(f"no camera at {path}: plug it in; {_LIST}")
 
     def has_own_serial(self, sensor: Sensor) -> bool:

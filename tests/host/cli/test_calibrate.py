@@ -15,7 +15,10 @@ from gellight.bundle.bundle import Bundle, load_bundle, save_bundle
 from gellight.cli.calibrate import training
 from gellight.cli.calibrate.training import Recorded, ball_warning, depth_line, which_ball
 from gellight.frame_path.pipeline import Reconstructor
+from gellight.frames import view
 from gellight.frames.frames import CameraFrame
+from gellight.frames.image_files import ImageCamera
+from gellight.frames.picture import prepared
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training import child, cross_validation, folds
 from gellight.lab.training.cross_validation import cross_validate
@@ -77,6 +80,43 @@ def test_fit_tells_that_pixels_are_not_square(bundle: Path) -> None:
     (line,) = training._pixel_warning({"ratio": 1.08, "error": 0.002}, written.image_shape)
     assert "1.080 +- 0.002 times as high as wide" in line
     assert "--size 160x130" in line
+
+
+@pytest.fixture
+def too_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures of 160 x 120 px are taken for large."""
+    monkeypatch.setattr(view, "MOST_PX", 100)
+
+
+@pytest.mark.usefixtures("too_large")
+def test_large_pictures_are_learnt_from_at_half_their_size(pressed: Path) -> None:
+    recorded = Recorded(pressed / "presses.csv", str(pressed / "untouched"), 4.0, 0.2352)
+    presses, untouched, ball = recorded.read()
+    as_taken = read_presses(
+        pressed / "presses.csv", ball=Ball(radius_mm=4.0, pixel_size_mm=0.2352), image_shape=(120, 160)
+    )
+    assert untouched.image.shape == (60, 80, 3)
+    assert ball.pixel_size_mm == pytest.approx(0.4704)
+    for one, taken in zip(presses, as_taken, strict=True):
+        assert one.center_x_px == pytest.approx((taken.center_x_px + 0.5) / 2 - 0.5)
+        assert one.contact_radius_px == pytest.approx(taken.contact_radius_px / 2)
+        means = taken.picture().reshape(60, 2, 80, 2, 3).mean(axis=(1, 3))
+        np.testing.assert_allclose(one.picture(), means, atol=0.51)
+
+
+@pytest.mark.nightly
+@pytest.mark.usefixtures("too_large")
+def test_a_bundle_of_large_pictures_takes_them_as_they_are(pressed: Path, tmp_path: Path) -> None:
+    done = run("fit", *sources(pressed), "--out", tmp_path / "b", "--recipe", "fast", "--width", "16")
+    assert done.exit_code == 0, done.output
+    small = load_bundle(tmp_path / "b")
+    assert (small.image_shape, small.pixel_size_mm) == ((60, 80), (0.4704, 0.4704))
+    judged = run("evaluate", "--calibration", tmp_path / "b", "--presses", pressed / "others.csv", "--json")
+    assert json.loads(judged.stdout)["normal_error_deg"]["mean"] < 4
+    with prepared(ImageCamera([pressed / "12.png"]), small) as camera:
+        frame = Reconstructor(small).reconstruct(camera.read())
+    assert frame.depth_mm.shape == (60, 80)
+    assert frame.contact.indentation_mm == pytest.approx(1.5, rel=0.15)
 
 
 def test_the_warning_names_a_small_ball_by_its_size() -> None:

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.cli.calibrate import detect as command
 from gellight.frames.image_files import read_image
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.label_file import read_presses
+from gellight.lab.training.labelling import Detection
 from gellight.lab.training.presses import Ball
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
@@ -188,3 +190,9 @@ def test_without_an_untouched_picture_several_balls_are_needed(folder: Path, tmp
 def test_a_ball_that_nobody_named_is_refused(folder: Path, tmp_path: Path) -> None:
     common = ["detect", folder / "a.png", "--reference", folder / "untouched.png", "--out", tmp_path / "x"]
     assert "what was pressed" in str(invoke("calibrate", *common).exception)
+
+
+def test_a_long_name_keeps_its_distance_from_what_is_said_of_it() -> None:
+    refused = Detection(image=Path("a_name_of_twenty-six.letters.png"), contact=None, refused="no press")
+    table = command._table([refused], Path("p.csv"), None)
+    assert "letters.png refused: no press" in table

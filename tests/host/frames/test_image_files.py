@@ -188,6 +188,11 @@ def test_a_video_is_read_picture_by_picture_in_order(tmp_path: Path) -> None:
         ("x.mp4", b"no video", r"x\.mp4 is no video that can be decoded: convert it"),
         ("x.csv", b"1,2", r"x\.csv is not an image by its name"),
         ("x.png", b"not an image", r"x\.png is not an image or is cut off"),
+        (
+            "z.png",
+            b"version https://git-lfs.github.com/spec/v1\noid sha256:0",
+            r"z\.png .* Git LFS: run `git lfs pull`",
+        ),
         ("y.png", b"", r"y\.png is not an image or is cut off"),
     ],
 )

@@ -160,3 +160,25 @@ def test_a_view_that_is_coarser_shows_no_pattern_however_its_homography_is_scale
     assert slanted.of(noise, "it")[-10:].std() < 0.4 * noise.std()
     stripes = np.broadcast_to(255 * (np.arange(320) // 2 % 2)[:, None], (240, 320, 3)).astype(np.uint8)
     assert slanted.of(stripes, "it")[-10:, 5:-5].std() < 25
+
+
+def test_a_large_picture_is_made_smaller_by_a_whole_factor_and_others_are_left() -> None:
+    image = np.random.default_rng(0).integers(0, 256, (1850, 2600, 3), np.uint8)
+    smaller = View.bounded((1850, 2600))
+    assert smaller is not None
+    assert smaller.image_shape == (616, 866)
+    blocks = image[:1848, :2598].reshape(616, 3, 866, 3, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(smaller.of(image, "image"), blocks, atol=0.51)
+    assert View.bounded((960, 1280)) is None
+    assert View.bounded((960, 1281)) is not None
+
+
+def test_a_view_of_the_pictures_of_another_is_one_view() -> None:
+    cut = View.of_box((100, 40, 2600, 1800), (1850, 2750))
+    smaller = View.bounded(cut.image_shape)
+    assert smaller is not None
+    both, points = smaller.after(cut), np.array([[120.0, 60.0], [2000.0, 1500.0]])
+    assert (both.taken_shape, both.image_shape) == ((1850, 2750), smaller.image_shape)
+    np.testing.assert_allclose(both.places(points), smaller.places(cut.places(points)))
+    with pytest.raises(InputError, match="makes pictures of 100 x 90 px, these are of 2600 x 1800 px"):
+        smaller.after(View.of_box((0, 0, 100, 90), (1850, 2600)))

@@ -141,6 +141,9 @@ def test_a_camera_without_a_ring_is_found_by_its_node_and_by_its_link(usb: UsbTr
     assert seen(usb).of_camera(camera).ring is None
     with pytest.raises(UnpluggedError, match="no camera at"):
         seen(usb).of_camera("/dev/video99")
+    metadata = next(str(node) for node in usb.dev.glob("video*") if str(node) != camera)
+    with pytest.raises(UnpluggedError, match=rf"{metadata} takes no pictures: .* take {camera};"):
+        seen(usb).of_camera(metadata)
 
 
 @pytest.mark.parametrize(("maker", "product", "rings"), [("Acme", "GelLight ring", 1), ("GelLight fans", "Serial", 0)])

@@ -163,13 +163,14 @@ def _images(texts: list[str]) -> list[Path]:
 def _table(found: list[Detection], out: Path, scale: PlateScale | None) -> str:
     seen = [detection.contact for detection in found if detection.contact is not None]
     names = list(seen[0].record()) if seen else []
-    lines = [f"{'image':<24}" + "".join(f"{_HEADS.get(name, name):>9}" for name in names)]
+    width = max(24, *(len(detection.image.name) + 1 for detection in found))
+    lines = [f"{'image':<{width}}" + "".join(f"{_HEADS.get(name, name):>9}" for name in names)]
     for detection in found:
         if detection.contact is None:
-            lines.append(f"{detection.image.name:<24}refused: {detection.refused}")
+            lines.append(f"{detection.image.name:<{width}}refused: {detection.refused}")
         else:
             values = detection.contact.record().values()
-            lines.append(f"{detection.image.name:<24}" + "".join(f"{value:>9.2f}" for value in values))
+            lines.append(f"{detection.image.name:<{width}}" + "".join(f"{value:>9.2f}" for value in values))
     if scale is not None:
         lines.append(
             f"{scale.balls} balls of the plate: {scale.pixel_size_mm:g} mm per pixel (across "

@@ -1,7 +1,7 @@
 """`gellight calibrate fit`, `evaluate`, `crossvalidate` and `synthetic`: train GelNet, and measure what it is worth."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +13,7 @@ from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
 from gellight.cli.showing import progress, show
 from gellight.frames.picture import steps_of
-from gellight.frames.view import read_view
+from gellight.frames.view import View, read_view
 from gellight.lab.calibration.ball_radius import is_another, likely_radius_mm
 from gellight.lab.optics.lights.adding import lights_of_simulated_sensor
 from gellight.lab.training import validation
@@ -31,6 +31,8 @@ from gellight.photometric.lights_file import has_lights
 
 LARGEST_ERROR_DEG = 14.0
 """mean of the normals: real sensors say 2.6 to 9.7 from five presses on and 13 of two, wrong circles 15.9 and more"""
+SMALLER = "smaller_view"
+"""in the metrics: of the labelled pictures, where they were too large"""
 LIGHT_FRAMES = 64
 """averaged under each LED of the simulated sensor"""
 Given = tuple[list[Press], Reference, Ball]
@@ -65,9 +67,11 @@ class Recorded:
     def read(self) -> Given:
         """Return what a network is trained on; raises InputError for what cannot be used."""
         ball = Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
-        untouched = read_reference(self.reference)
-        presses = read_presses(self.presses, ball=ball, image_shape=untouched.image_shape, dots=untouched.dots)
-        return presses, untouched, ball
+        untouched = read_reference(self.reference, bounded=self.prisms is None)
+        shape, dots, view = untouched.image_shape, untouched.dots, untouched.view
+        if view:
+            ball = replace(ball, pixel_size_mm=ball.pixel_size_mm / view.scale)
+        return read_presses(self.presses, ball=ball, image_shape=shape, dots=dots, view=view), untouched, ball
 
 
 @with_options
@@ -95,6 +99,8 @@ def fit(
     learning = recorded.learning(given[1], how)
     extra = which_ball(*given, previous)
     crossed = _cross_validated(given, folds, learning) if folds else None
+    if given[1].view:
+        extra[SMALLER] = given[1].view.model_dump()
     if crossed:
         extra["cross_validation"] = crossed.as_json()
     with progress("training") as report:
@@ -103,7 +109,7 @@ def fit(
             bundle.out,
             sensor=sensor,
             how=learning,
-            view=None if view is None else read_view(view),
+            view=_whole_view(given[1].view, None if view is None else read_view(view)),
             extra_metrics=extra,
             overwrite=bundle.overwrite,
             progress=report,
@@ -113,6 +119,11 @@ def fit(
     _print_written(written, bundle.out, as_json, lines)
     if bad:
         raise typer.Exit(Ending.JUDGED_BAD)
+
+
+def _whole_view(smaller: View | None, view: View | None) -> View | None:
+    """Return how pictures as taken become those that were learnt from."""
+    return smaller.after(view) if smaller and view else smaller or view
 
 
 def evaluate(
@@ -131,7 +142,9 @@ def evaluate(
     bundle = load_bundle(calibration)
     ball = _ball_of(bundle, ball_radius_mm)
     steps = steps_of(bundle)
-    labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape, dots=steps.dots if steps else None)
+    smaller = View(**bundle.metrics[SMALLER]) if SMALLER in bundle.metrics else None
+    dots = steps.dots if steps else None
+    labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape, dots=dots, view=smaller)
     errors = validation.evaluate(bundle, labelled, ball)
     felt_mm = felt_radius_mm(bundle, labelled)
     balls = {"ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}

@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from gellight.base.csv_file import number_in, read_rows
 from gellight.base.errors import InputError
 from gellight.frames.dots import Dots
 from gellight.frames.image_files import read_image
+from gellight.frames.view import View
 from gellight.lab.training.presses import Ball, Press
 
 COLUMNS = ("image", "center_x_px", "center_y_px", "contact_radius_px")
@@ -17,13 +19,18 @@ REFUSED = "refused"
 """optional column: why an image is not used; such a row has no circle"""
 
 
-def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int], dots: Dots | None = None) -> list[Press]:
+def read_presses(
+    path: Path, *, ball: Ball, image_shape: tuple[int, int], dots: Dots | None = None, view: View | None = None
+) -> list[Press]:
     """Read and check a csv with the columns of `COLUMNS`; the images are beside it, image_shape is (H, W).
 
-    dots: the marker dots of the gel.
+    dots: the marker dots of the gel. view: the smaller one of the images that ball, shape, dots and what is returned
+    are of.
     Raises InputError naming file, row and value unless every row is a circle that this ball can make in this image,
     and every image is readable and of that size. A row with a text in the column `REFUSED` is passed over.
     """
+    if view:
+        ball, image_shape = replace(ball, pixel_size_mm=ball.pixel_size_mm * view.scale), view.taken_shape
     presses: list[Press] = []
     seen: dict[Press, int] = {}
     for line, row in read_rows(path, "presses", COLUMNS):
@@ -35,8 +42,8 @@ def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int], dots: 
             raise InputError(f"{where}: column image is empty: give the name of the image beside the csv")
         x, y, radius = (number_in(row, column, where) for column in COLUMNS[1:])
         found = bool((row.get(QUALITY) or "").strip())
-        circle = {"center_x_px": x, "center_y_px": y, "contact_radius_px": radius}
-        press = Press(image=path.parent / name, **circle, found=found, dots=dots)
+        place = path.parent / name
+        press = Press(image=place, center_x_px=x, center_y_px=y, contact_radius_px=radius, found=found, dots=dots)
         _check_circle(press, ball, image_shape, where)
         _check_apart(press, seen, where)
         seen[press] = line
@@ -44,7 +51,7 @@ def read_presses(path: Path, *, ball: Ball, image_shape: tuple[int, int], dots: 
         presses.append(press)
     if not presses:
         raise InputError(f"{path} has no presses: add a line for each image with the columns {', '.join(COLUMNS)}")
-    return presses
+    return [press.within(view) for press in presses] if view else presses
 
 
 def _check_circle(press: Press, ball: Ball, image_shape: tuple[int, int], where: str) -> None:

@@ -5,7 +5,8 @@ shape of the ball (section 3.2.3 of the paper).
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.frames.dots import Dots
 from gellight.frames.image_files import read_image
+from gellight.frames.view import View
 
 Floats = NDArray[np.float32]
 SUNKEN = 0.45
@@ -54,15 +56,35 @@ class Press:
     """the marker dots of the gel, where it has some"""
     found: bool = False
     """whether `detect` found the circle; else a hand may have drawn it"""
+    view: View | None = None
+    """a smaller one of the image, which the circle lies in"""
 
     def picture(self) -> NDArray[np.uint8]:
         """Read its image, (H, W, 3) RGB with the dots filled; InputError where it cannot be read."""
-        image = read_image(self.image)
+        image = self._seen()
         return self.dots.filled(image) if self.dots else image
 
     def hidden(self) -> NDArray[np.bool_] | None:
         """Mark the (H, W) pixels that dots hide, None where there are none."""
-        return self.dots.mask(read_image(self.image)) if self.dots else None
+        return self.dots.mask(self._seen()) if self.dots else None
+
+    def within(self, view: View) -> "Press":
+        """Return it in a smaller view of its image."""
+        x, y = view.places(np.array([[self.center_x_px, self.center_y_px]]))[0].tolist()
+        radius = self.contact_radius_px * view.scale
+        return replace(self, center_x_px=x, center_y_px=y, contact_radius_px=radius, view=view)
+
+    def _seen(self) -> NDArray[np.uint8]:
+        if self.view is None:
+            return read_image(self.image)
+        changed_ns = self.image.stat().st_mtime_ns if self.image.is_file() else 0
+        return _smaller(self.image, changed_ns, self.view).copy()
+
+
+@lru_cache(maxsize=64)
+def _smaller(path: Path, changed_ns: int, view: View) -> NDArray[np.uint8]:
+    """Return a smaller view; kept, because to read the large picture takes long, and each is read some ten times."""
+    return view.of(read_image(path), str(path))
 
 
 def distance_px(press: Press, image_shape: tuple[int, int]) -> Floats:

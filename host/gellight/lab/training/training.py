@@ -18,7 +18,7 @@ from gellight.base.errors import TrainingError, first_line
 from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frames.camera import EndOfStream
 from gellight.frames.dots import Dots, find_dots
-from gellight.frames.picture import PictureSteps
+from gellight.frames.picture import PictureSteps, PreparedCamera
 from gellight.frames.view import View
 from gellight.lab.training.child import Check, Progress, go_on, run_module, silent
 from gellight.lab.training.gel_at_rest import rest_of_presses
@@ -85,6 +85,8 @@ class Reference:
     """of one frame, as `image_noise` measures it, grey levels"""
     dots: Dots | None = None
     """the marker dots of the gel, which are filled in `image`; None where it has none"""
+    view: View | None = None
+    """a smaller one of the pictures, which `image` is in"""
 
     @property
     def image_shape(self) -> tuple[int, int]:
@@ -92,14 +94,16 @@ class Reference:
         return self.image.shape[0], self.image.shape[1]
 
 
-def read_reference(source: str | Path) -> Reference:
+def read_reference(source: str | Path, *, bounded: bool = False) -> Reference:
     """Read the untouched gel from one image, or the mean of a folder or pattern of images.
 
     The noise is the spread between frames (`image_noise.measure_noise`), of a single frame `image_noise.noise_of_one`.
-    Marker dots are found and filled.
+    Marker dots are found and filled. bounded: large pictures are made smaller first (`View.bounded`).
     """
     frames: list[NDArray[np.uint8]] = []
-    with open_camera(source) as camera:
+    with open_camera(source) as taken:
+        view = View.bounded(taken.image_shape) if bounded else None
+        camera = PreparedCamera(taken, PictureSteps.with_view(view)) if view else taken
         while True:
             try:
                 frames.append(camera.read().image)
@@ -109,7 +113,7 @@ def read_reference(source: str | Path) -> Reference:
     dots = find_dots(mean)
     filled = dots.filled_grey(mean, dots.mask(mean)) if dots else mean
     noise = measure_noise(frames, mean).white_grey if len(frames) > 1 else noise_of_one(filled)
-    return Reference(image=filled, frames=len(frames), noise_grey=noise, dots=dots)
+    return Reference(image=filled, frames=len(frames), noise_grey=noise, dots=dots, view=view)
 
 
 def train(

@@ -101,6 +101,12 @@ def test_a_wrong_label_is_named_with_its_line_and_value(lines: str, message: str
         read_presses(write_csv(tmp_path, lines), ball=BALL, image_shape=SHAPE)
 
 
+def test_blanks_around_names_of_columns_do_not_matter(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.png")
+    path = write_csv(tmp_path, "a.png, 80, 50, 20", header="image, center_x_px,center_y_px , contact_radius_px\n")
+    assert read_presses(path, ball=BALL, image_shape=SHAPE)[0].center_y_px == 50
+
+
 def test_a_file_without_the_columns_is_refused(tmp_path: Path) -> None:
     path = write_csv(tmp_path, "a.png,1,2", header="image,center_x_px,radius\n")
     with pytest.raises(InputError, match="has no column center_y_px, contact_radius_px"):

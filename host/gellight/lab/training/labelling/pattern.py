@@ -159,8 +159,9 @@ class PixelSample:
 def difference_image(image: NDArray[np.uint8], reference: NDArray[np.number]) -> Array:
     """Return the (H, W, 3) difference image, slightly blurred, without the drift of the light; raises InputError."""
     if image.shape != reference.shape or image.ndim != 3 or image.shape[2] != 3:
+        sizes = [f"{shape[1]} x {shape[0]} px" for shape in (image.shape, reference.shape)]
         raise InputError(
-            f"the image is {image.shape}, the reference {reference.shape}: give (H, W, 3) images of one camera setting"
+            f"the image is {sizes[0]}, the reference {sizes[1]}: give (H, W, 3) images of one camera setting"
         )
     if image.mean() < DARK_GREY:
         raise InputError(f"the image is dark (mean {image.mean():.1f} grey levels): light the gel, open the camera")

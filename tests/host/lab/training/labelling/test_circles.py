@@ -165,6 +165,26 @@ def test_what_is_no_usable_press_is_refused_with_the_reason(image: np.ndarray, r
         find_circle(image, reference(), ball=BALL)
 
 
+@pytest.mark.parametrize(
+    ("light", "places", "told"),
+    [(1 / 1.11, [(130, 100, 24)], "11 % brighter"), (1.12, [], "11 % darker"), (1.01, [], "^no press")],
+)
+def test_where_the_light_has_changed_a_refusal_says_so(light: float, places: list, told: str) -> None:
+    """A shaded gel under another light shows a pattern of its own, beside which a faint press is none."""
+    with pytest.raises(InputError, match=told.replace(" %", "%")):
+        find_circle(photograph(*places, strength=0.1), light * reference(), ball=BALL)
+
+
+def test_a_refusal_says_all_that_may_be_wrong() -> None:
+    image = reference()
+    image[60:140, 120:124] += 60
+    image[60:64, 120:200] -= 60
+    with pytest.raises(InputError, match="check its radius and the size of a pixel"):
+        find_circle(image.astype(np.uint8), reference(), ball=BALL)
+    with pytest.raises(InputError, match="the image is 100 x 90 px, the reference 260 x 200 px"):
+        find_circle(np.zeros((90, 100, 3), np.uint8), reference(), ball=BALL)
+
+
 def test_several_balls_in_one_picture_are_each_found() -> None:
     places = [(60.0, 55.0, 24.0), (190.0, 60.0, 22.0), (70.0, 150.0, 20.0), (200.0, 145.0, 26.0)]
     found = list(find_circles(photograph(*places), reference(), ball=BALL))
