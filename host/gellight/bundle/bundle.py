@@ -216,6 +216,7 @@ class Description(TypedDict, total=False):
     level_plane: bool
     light_by_depth: bool
     gel_thickness_mm: float
+    camera_height_mm: float
     bulge: float
     led: tuple[LedSetting, ...]
     camera: Mapping[str, Control]

@@ -85,6 +85,9 @@ class Manifest(BaseModel):
     light of the LEDs (`lights.json`) is taken off before it is asked"""
     gel_thickness_mm: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
     """of the soft gel, no depth can be beyond it; 0 where nobody told"""
+    camera_height_mm: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    """how high above the gel at rest the camera seems to stand from within the gel; 0 where nobody told: labels and
+    depth are those of parallel rays"""
     bulge: Length = BULGE
     """of this gel and view, see `BULGE`"""
     network: FileName = "network.onnx"

@@ -15,6 +15,7 @@ from gellight.reconstruction.integration import integrate, rest_level
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.linearised import CellNetwork
+from gellight.reconstruction.perspective import Perspective
 from gellight.reconstruction.rest_plane import RestPlane, tilt
 from gellight.reconstruction.smoothing import Smoother
 from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages, tactile_frame
@@ -43,6 +44,7 @@ class NumpyPath:
         self._undistortion, self._shadows = undistortion, shadows
         self._smoother = Smoother(smoothing_px)
         self._masked = masked
+        self._perspective = Perspective.of_bundle(bundle)
         self._plane = RestPlane() if bundle.manifest.level_plane else None
         self._clock = clock
         self.network_rows = NetworkRows()
@@ -68,10 +70,14 @@ class NumpyPath:
         if self._undistortion is not None:
             slopes, touched = self._undistortion.apply(slopes, touched)
             stages.end("lens")
+        if self._perspective:
+            slopes = self._perspective.seen(slopes)
         depth_mm = self._depth(slopes, touched, camera_frame.time_s)
         stages.end("depth")
         where = touched if self._masked else None
         gradient_map = self._smoother.of_surface(depth_mm, self._bundle.pixel_size_mm, slopes, noise, where=where)
+        if self._perspective:
+            depth_mm, gradient_map = self._perspective.depth_mm(depth_mm), self._perspective.slopes(gradient_map)
         if self._undistortion is not None:
             depth_mm[~self._undistortion.seen], gradient_map[~self._undistortion.seen] = 0, 0
         pixels = self._bundle.pixel_size_mm

@@ -11,6 +11,7 @@ image_noise.py   the noise of a camera, as means over pixels show it
 fine_pattern.py  what tells one unit from another
 smoothing.py     how wide the gradient map may be smoothed
 integration.py   gradient map to depth map and normal map
+perspective.py   the same under a camera whose height above the gel is known
 errors.py        errors against a true surface
 contact.py       where, how large and how deep the gel is touched
 following.py     which contact is which from frame to frame, and how it moves

@@ -148,6 +148,12 @@ def test_light_that_drifts_is_followed(name: str, tmp_path: Path) -> None:
 
 
 @needs_a_library
+def test_a_camera_above_the_gel(name: str) -> None:
+    bundle = replace(SYNTHETIC, manifest=SYNTHETIC.manifest.model_copy(update={"camera_height_mm": 53.1}))
+    same(bundle, judge.made_up_image(bundle))
+
+
+@needs_a_library
 def test_a_view_that_is_touched_all_over(name: str, tmp_path: Path) -> None:
     """Then nothing is at rest, and the height comes from the bulge."""
     shape = (120, 160)

@@ -18,6 +18,7 @@ from gellight.frames.image_files import read_image
 from gellight.frames.view import View
 
 Floats = NDArray[np.float32]
+Array = NDArray[np.float64]
 SUNKEN = 0.45
 """How deep the rim of a contact lies under the gel at rest, as a share of the height of what is inside it. A picture
 does not tell. Of balls of 2 to 6 mm, 0.3 to 1.5 mm deep, it is 0.26 to 0.71 in the simulated gel, of 4 mm 0.28 to 0.62
@@ -30,6 +31,8 @@ class Ball:
 
     radius_mm: float
     pixel_size_mm: float
+    camera_height_mm: float = math.inf
+    """above the gel at rest, as high as it seems from within the gel; infinite: it looks along parallel rays"""
 
     def __post_init__(self) -> None:
         """Refuse what is no length."""
@@ -37,6 +40,10 @@ class Ball:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise InputError(f"{name} = {value}: give a length greater than 0")
+        if not self.camera_height_mm > self.radius_mm:
+            raise InputError(
+                f"camera_height_mm = {self.camera_height_mm}: give a length greater than the ball's radius"
+            )
 
     @property
     def radius_px(self) -> float:
@@ -94,25 +101,65 @@ def distance_px(press: Press, image_shape: tuple[int, int]) -> Floats:
     return distance
 
 
+@dataclass(frozen=True, eq=False)
+class OnBall:
+    """Points of the ball's surface, from its centre, px."""
+
+    across: Array
+    down: Array
+    up: Array
+    """towards the camera; NaN where the ray of the pixel passes the ball"""
+    rim: float
+    """`up` of the contact circle"""
+    sunken: float
+    """how deep the contact circle lies under the gel at rest, by `SUNKEN`"""
+
+
+def on_ball(press: Press, ball: Ball, image_shape: tuple[int, int], columns: Array, rows: Array) -> OnBall:
+    """Return the points of the ball that pixels see.
+
+    A camera at the height H sees the gel that is d deep at x in the pixel p with x = p (1 - d / H), both from the
+    middle of the picture. The contact circle lies `SUNKEN` of its cap deep, so it and its centre c are drawn together
+    by that. With the height h of the ball's surface above its centre, which is z deep, x - x_0 = A - B h for
+    A = p (1 - z / H) - x_0 and B = p / H, and |A - B h|^2 + h^2 = R^2 is solved by
+
+        (1 + B^2) h = A . B + sqrt((A . B)^2 + (1 + B^2) (R^2 - A^2)).
+    """
+    height, radius = ball.camera_height_mm / ball.pixel_size_mm, ball.radius_px
+    sunken = SUNKEN * (radius - _rim_px(press.contact_radius_px, radius))
+    rim = _rim_px(press.contact_radius_px * (1 - sunken / height), radius)
+    centre = sunken - rim
+    (x, cx), (y, cy) = (
+        (at - (side - 1) / 2, of - (side - 1) / 2)
+        for at, of, side in ((columns, press.center_x_px, image_shape[1]), (rows, press.center_y_px, image_shape[0]))
+    )
+    ax = columns - press.center_x_px - (x * centre - cx * sunken) / height
+    ay = rows - press.center_y_px - (y * centre - cy * sunken) / height
+    along, square = (ax * x + ay * y) / height, 1 + (x**2 + y**2) / height**2
+    under = along**2 + square * (radius**2 - ax**2 - ay**2)
+    up = (along + np.sqrt(np.where(under > 0, under, np.nan))) / square
+    return OnBall(ax - x * up / height, ay - y * up / height, up, rim, sunken)
+
+
+def _rim_px(contact_radius_px: float, radius_px: float) -> float:
+    return math.sqrt(max(radius_px**2 - contact_radius_px**2, 0.0))
+
+
 def sphere_gradient(press: Press, ball: Ball, image_shape: tuple[int, int]) -> Floats:
-    """Return the (H, W, 2) gradient of a gel that has the shape of the ball; NaN beyond the ball's equator.
+    """Return the (H, W, 2) gradient of a gel that has the shape of the ball; NaN beyond what is seen of the ball.
 
     The ball is deepest in its centre: depth = sqrt(R^2 - r^2) + constant, so d(depth)/dx = -(x - cx) / sqrt(R^2 - r^2).
     """
     rows, columns = np.indices(image_shape, dtype=np.float64)
-    dx, dy = columns - press.center_x_px, rows - press.center_y_px
-    below = ball.radius_px**2 - dx**2 - dy**2
-    height = np.sqrt(np.where(below > 0, below, np.nan))
-    return np.stack([-dx / height, -dy / height], axis=2).astype(np.float32)
+    seen = on_ball(press, ball, image_shape, columns, rows)
+    return np.stack([-seen.across / seen.up, -seen.down / seen.up], axis=2).astype(np.float32)
 
 
 def cap_depth_mm(press: Press, ball: Ball, image_shape: tuple[int, int]) -> Floats:
     """Return the (H, W) depth of the ball's cap below its contact circle, mm, negative outside, NaN beyond the ball."""
-    r = distance_px(press, image_shape).astype(np.float64)
-    below = ball.radius_px**2 - r**2
-    rim = math.sqrt(ball.radius_px**2 - press.contact_radius_px**2)
-    depth = np.sqrt(np.where(below > 0, below, np.nan)) - rim
-    return (depth * ball.pixel_size_mm).astype(np.float32)
+    rows, columns = np.indices(image_shape, dtype=np.float64)
+    seen = on_ball(press, ball, image_shape, columns, rows)
+    return ((seen.up - seen.rim) * ball.pixel_size_mm).astype(np.float32)
 
 
 def contact_circle(press: Press, image_shape: tuple[int, int]) -> NDArray[np.bool_]:

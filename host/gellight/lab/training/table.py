@@ -1,6 +1,5 @@
 """The table that GelNet is trained on: labelled pixels of presses, their colours and the slopes that the ball gives."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle
-from gellight.lab.training.presses import SUNKEN, Ball, Floats, Press, distance_px, sphere_gradient
+from gellight.lab.training.presses import Ball, Floats, Press, distance_px, on_ball, sphere_gradient
 from gellight.reconstruction.light_drift import difference_of, light_drift
 
 COLOURS = 3
@@ -98,8 +97,9 @@ def build_table(
         difference = difference_of(press.picture(), reference, follow_light=follow_light)
         together = [other for other in presses if other.image == press.image]
         parts.append(labelled_rows(press, together, difference, ball, options, random))
-    table = PressTable.joined(parts, images_of(presses), (reference.shape[0], reference.shape[1]))
-    depths = [_depth_mm(press, ball, part) for press, part in zip(presses, parts, strict=True)]
+    shape = (reference.shape[0], reference.shape[1])
+    table = PressTable.joined(parts, images_of(presses), shape)
+    depths = [_depth_mm(press, ball, shape, part) for press, part in zip(presses, parts, strict=True)]
     return replace(table, depth_mm=np.concatenate(depths))
 
 
@@ -135,13 +135,11 @@ def labelled_rows(
     return np.concatenate([change.reshape(-1, change.shape[2])[chosen], places, slopes], axis=1, dtype=np.float32)
 
 
-def _depth_mm(press: Press, ball: Ball, rows: Floats) -> Floats:
+def _depth_mm(press: Press, ball: Ball, image_shape: tuple[int, int], rows: Floats) -> Floats:
     """(n,) how deep the gel lies at the rows of a press: the cap of the ball, its rim by `SUNKEN`; 0 beside it."""
     x, y = rows[:, -4:-2].T.astype(np.float64)
-    below = ball.radius_px**2 - (x - press.center_x_px) ** 2 - (y - press.center_y_px) ** 2
-    rim = math.sqrt(ball.radius_px**2 - press.contact_radius_px**2)
-    cap = np.sqrt(np.maximum(below, 0)) - rim
-    depth_px = np.where(cap > 0, cap + SUNKEN * (ball.radius_px - rim), 0)
+    seen = on_ball(press, ball, image_shape, x, y)
+    depth_px = np.where(seen.up > seen.rim, seen.up - seen.rim + seen.sunken, 0)
     return (depth_px * ball.pixel_size_mm).astype(np.float32)
 
 

@@ -4,6 +4,7 @@ An unusual network stays in ONNX Runtime, rows of an unusual length in SciPy. Th
 """
 
 import time
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -40,6 +41,7 @@ from gellight.reconstruction.native.library import Library, NativePathError
 from gellight.reconstruction.native.native_shadows import NativeShadows
 from gellight.reconstruction.native.network import fastest
 from gellight.reconstruction.native.work import WorkMemory
+from gellight.reconstruction.perspective import Perspective
 from gellight.reconstruction.rest_plane import RestPlane, tilt
 from gellight.reconstruction.smoothing import FilterTaps
 from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages
@@ -90,6 +92,7 @@ class NativePath:
         self._reference = np.ascontiguousarray(bundle.reference, np.float32)
         self._limits = np.array(self._network.limits_grey, np.float32)
         self._doubt_limits = np.array([NEAREST_GREY, LIMIT_BEND, LIMIT_MISFIT], np.float32)
+        self._perspective = Perspective.of_bundle(bundle)
         self._plane = RestPlane() if bundle.manifest.level_plane else None
         self._clock = clock
         self.network_rows = NetworkRows()
@@ -114,9 +117,14 @@ class NativePath:
         touched_pixels = self._without_lens()
         if touched_pixels is not None:
             stages.end("lens")
+        if self._perspective:
+            _replace(self._m.measured, self._perspective.seen)
         depth_mm = self._depth(touched_pixels, far, camera_frame.time_s)
         stages.end("depth")
         self._smooth_adaptively(self._m.touched if touched_pixels is None else touched_pixels)
+        if self._perspective:
+            depth_mm[:] = self._perspective.depth_mm(depth_mm)
+            _replace(self._m.surface, self._perspective.slopes)
         gradient_map = self._gradient_map(depth_mm)
         stages.end("normals")
         contact, contacts = self._felt(self._contact(depth_mm), depth_mm, gradient_map, touched_pixels)
@@ -300,3 +308,8 @@ class NativePath:
     def _run(self, function: str, *arguments: NDArray[Any] | float) -> int:
         """Call a function of the library with arrays and numbers, then width and height."""
         return self._c.call(function, *arguments, self._width, self._height)
+
+
+def _replace(planes: Floats, by: Callable[[Floats], Floats]) -> None:
+    """Put into (2, H, W) slopes what is made of them as (H, W, 2)."""
+    planes[:] = np.moveaxis(by(np.moveaxis(planes, 0, 2)), 2, 0)

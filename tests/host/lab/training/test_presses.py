@@ -1,5 +1,6 @@
 """Labelled presses: the slopes of a ball, and everything that can be wrong with a label."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,7 +10,7 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle, write_bundle
 from gellight.lab.training.label_file import read_presses
-from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
+from gellight.lab.training.presses import SUNKEN, Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 from gellight.lab.training.table import PressTable, TableOptions, build_table, images_of, under_light_of
 
 SHAPE = (120, 160)
@@ -60,6 +61,25 @@ def test_left_of_the_middle_the_depth_grows_to_the_right() -> None:
 
 def test_the_contact_circle_has_the_area_of_a_circle() -> None:
     assert contact_circle(press(80.3, 50.6), SHAPE).sum() == pytest.approx(np.pi * 400, rel=0.02)
+
+
+def test_a_camera_above_the_gel_sees_the_ball_where_its_rays_meet_it() -> None:
+    height, radius, rim = 53.1, 4.0, 2.0
+    place, cap = np.array([4.0, -3.0]), radius - np.sqrt(radius**2 - rim**2)
+    sunken = SUNKEN * cap
+    nearer, middle = height / (height - sunken), (np.array(SHAPE[::-1]) - 1) / 2
+    seen = press(*(place * nearer / 0.1 + middle).tolist(), rim * nearer / 0.1)
+    ball = replace(BALL, camera_height_mm=height)
+    inside = contact_circle(seen, SHAPE)
+    slopes = sphere_gradient(seen, ball, SHAPE)[inside].astype(np.float64)
+    normal = np.concatenate([-slopes, np.ones((len(slopes), 1))], axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    depth = sunken - np.sqrt(radius**2 - rim**2) + radius * normal[:, 2]
+    pixels = (np.argwhere(inside)[:, ::-1] - middle) * 0.1
+    assert np.abs(place + radius * normal[:, :2] - pixels * (1 - depth / height)[:, None]).max() < 1e-3
+    assert cap_depth_mm(seen, ball, SHAPE)[inside] == pytest.approx(depth - sunken, abs=3e-3)
+    # Along parallel rays the same picture would be labelled by up to a degree off.
+    assert 0.005 < np.abs(slopes - sphere_gradient(seen, BALL, SHAPE)[inside]).mean() < 0.02
 
 
 def test_good_presses_are_read(tmp_path: Path) -> None:

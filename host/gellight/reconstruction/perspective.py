@@ -1,0 +1,50 @@
+"""Slopes and depth as a camera above the gel sees them, and back.
+
+A camera at the height H above the gel at rest sees the gel that is d deep at x in the pixel p, x = p (1 - d / H), both
+from its axis. With the distance Z = H - d to the camera, the slopes g = d(depth)/dx of the gel give the gradient of
+ln Z over the picture (Queau, Durou, Aujol: Normal integration: a survey, J. Math. Imaging and Vision 60, 2018):
+
+    q = -H grad_p ln Z = g / (1 + p . g / H),    so with L = integral of q:   d = H (1 - exp(-L / H)).
+
+So the same integrator runs on the slopes q. The other way g = q / (1 - p . q / H).
+"""
+
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.bundle.bundle import Bundle
+from gellight.frames.pixel_grid import gel_points_mm
+
+Floats = NDArray[np.float32]
+
+
+class Perspective:
+    """The view of one camera above the gel."""
+
+    def __init__(self, image_shape: tuple[int, int], pixel_size_mm: tuple[float, float], height_mm: float) -> None:
+        """Keep p / H of its pixels. height_mm: H, as it seems from within the gel."""
+        self._over_height: Floats = (gel_points_mm(image_shape, pixel_size_mm) / height_mm).astype(np.float32)
+        self._height_mm = np.float32(height_mm)
+
+    @classmethod
+    def of_bundle(cls, bundle: Bundle) -> Self | None:
+        """Return that of a bundle; None where nobody told how high the camera is: it looks along parallel rays."""
+        height_mm = bundle.manifest.camera_height_mm
+        return cls(bundle.image_shape, bundle.pixel_size_mm, height_mm) if height_mm else None
+
+    def seen(self, slopes: Floats) -> Floats:
+        """Return the slopes q of L over the picture, (H, W, 2), for the slopes of the gel."""
+        return np.asarray(slopes / (1 + self._along(slopes)), np.float32)
+
+    def slopes(self, seen: Floats) -> Floats:
+        """Return the slopes of the gel for the slopes q over the picture, (H, W, 2)."""
+        return np.asarray(seen / (1 - self._along(seen)), np.float32)
+
+    def depth_mm(self, logarithmic: Floats) -> Floats:
+        """Return the depth of the gel for L, mm."""
+        return np.asarray(-self._height_mm * np.expm1(-logarithmic / self._height_mm), np.float32)
+
+    def _along(self, slopes: Floats) -> Floats:
+        return np.asarray((self._over_height * slopes).sum(axis=2, keepdims=True), np.float32)

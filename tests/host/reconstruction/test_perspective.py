@@ -1,0 +1,50 @@
+"""A sphere and a plane seen from above the gel: slopes in, their depth out, and the slopes back."""
+
+import numpy as np
+import pytest
+
+from gellight.reconstruction.integration import integrate, surface_gradient
+from gellight.reconstruction.perspective import Perspective
+
+SHAPE, PIXEL_MM, HEIGHT_MM = (121, 161), 0.1, 53.1
+SEEN = Perspective(SHAPE, (PIXEL_MM, PIXEL_MM), HEIGHT_MM)
+Y, X = ((np.indices(SHAPE)[axis] - (SHAPE[axis] - 1) / 2) * PIXEL_MM for axis in (0, 1))
+
+
+def test_a_plane_keeps_its_heights() -> None:
+    # d = 0.3 + 0.05 x with x = p (1 - d / H) gives d (1 + 0.05 p / H) = 0.3 + 0.05 p
+    depth = (0.3 + 0.05 * X) / (1 + 0.05 * X / HEIGHT_MM)
+    slopes = np.stack([np.full(SHAPE, 0.05), np.zeros(SHAPE)], axis=2).astype(np.float32)
+    found = SEEN.depth_mm(integrate(SEEN.seen(slopes), PIXEL_MM) - np.float32(HEIGHT_MM * np.log(1 - 0.3 / HEIGHT_MM)))
+    assert found == pytest.approx(depth, abs=2e-5)
+
+
+def bump() -> tuple[np.ndarray, np.ndarray]:
+    """Depth and slopes, in each pixel, of a Gaussian bump that lies far from the axis, solved by Newton's method."""
+    depth = np.zeros(SHAPE)
+    for _ in range(60):
+        x, y = X * (1 - depth / HEIGHT_MM) - 4, Y * (1 - depth / HEIGHT_MM) + 3
+        depth = np.exp(-(x**2 + y**2) / 2)
+    return depth, np.stack([-x * depth, -y * depth], axis=2)
+
+
+def test_a_bump_beside_the_axis_keeps_its_form() -> None:
+    depth, slopes = bump()
+    found = SEEN.depth_mm(integrate(SEEN.seen(slopes.astype(np.float32)), PIXEL_MM, at_rest=depth < 1e-6))
+    assert np.abs(found - depth).max() < 2e-4
+    # Taken for parallel rays the same slopes close to no surface: they are off by twenty times that.
+    assert np.abs(integrate(slopes.astype(np.float32), PIXEL_MM, at_rest=depth < 1e-6) - depth).max() > 4e-3
+
+
+def test_the_slopes_of_the_depth_are_those_of_the_gel() -> None:
+    depth, slopes = bump()
+    logarithmic = (-HEIGHT_MM * np.log(1 - depth / HEIGHT_MM)).astype(np.float32)
+    assert np.abs(SEEN.slopes(surface_gradient(logarithmic, PIXEL_MM)) - slopes).max() < 1e-3
+    there_and_back = SEEN.slopes(SEEN.seen(slopes.astype(np.float32)))
+    assert np.abs(there_and_back - slopes).max() < 1e-6
+
+
+def test_a_camera_far_away_changes_nothing() -> None:
+    far, slopes = Perspective(SHAPE, (PIXEL_MM, PIXEL_MM), 1e9), bump()[1].astype(np.float32)
+    assert np.array_equal(far.seen(slopes), slopes)
+    assert np.array_equal(far.slopes(slopes), slopes)
