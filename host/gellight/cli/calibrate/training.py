@@ -67,7 +67,7 @@ class Recorded:
     def read(self) -> Given:
         """Return what a network is trained on; raises InputError for what cannot be used."""
         ball = Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
-        untouched = read_reference(self.reference, bounded=self.prisms is None)
+        untouched = read_reference(self.reference, bounded=True)
         shape, dots, view = untouched.image_shape, untouched.dots, untouched.view
         if view:
             ball = replace(ball, pixel_size_mm=ball.pixel_size_mm / view.scale)
