@@ -4,9 +4,11 @@ A file, a folder or a pattern: images. `sim://`: the simulated sensor. `auto`: t
 `replay://FILE`: a recording.
 `sensor://NAME`: the sensor with this serial number or at this USB port. `v4l2:///dev/...`: that camera, its ring only
 where `?ring=` names one; `/dev/video0` and `/dev/v4l/...` mean the same. docs/capture.md lists the parameters.
+Other distributions add schemes by the entry points `gellight.cameras` (docs/extending.md).
 """
 
 from collections.abc import Mapping
+from importlib.metadata import entry_points
 from pathlib import Path
 
 from gellight.base.errors import CameraError
@@ -66,6 +68,8 @@ def _opened(
         from gellight.sensor.opencv_camera import open_opencv
 
         return _adopted(open_opencv(text), bundle)
+    for theirs in entry_points(group="gellight.cameras", name=scheme) if "://" in text else ():
+        return _adopted(theirs.load()(text), bundle)
     if "://" in text:
         raise CameraError(f"no camera speaks {text.split('://')[0]}:// (in {text!r}): {KINDS}")
     return _adopted(ImageCamera(image_files(text), url=text, live=True), bundle)

@@ -208,6 +208,12 @@ class StreamSettings(StrictModel):
     ros2_domain: int = Field(default=0, ge=0, le=232, description="ROS_DOMAIN_ID of those topics")
     foxglove: bool = Field(default=False, description="serve a live view for Foxglove; needs gellight[foxglove]")
     foxglove_port: int = Field(default=8765, ge=0, le=65535, description="port of that; 0: any free one")
+    sinks: str = Field(
+        default="",
+        pattern=r"^([\w.-]+(,[\w.-]+)*)?$",
+        json_schema_extra={"allowed": "names separated by commas"},
+        description="where else frames go, by other distributions; empty: nowhere",
+    )
 
 
 class Settings(StrictModel):

@@ -21,7 +21,7 @@ MARKUP: Literal["markdown"] = "markdown"
 """of the help; typer's other mode takes "[default: ...]" for markup and leaves it out"""
 PANELS = {
     "Page": "port host tls-cert tls-key browser dashboard",
-    "Other programs": "publish lan zenoh-config ros2 foxglove",
+    "Other programs": "publish lan zenoh-config ros2 foxglove sinks",
     "Light": "mode sequence light-mode",
     "Process": "realtime log threads dense workers seed",
     "What is recorded": "depth map",

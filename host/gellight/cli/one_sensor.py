@@ -32,6 +32,7 @@ from gellight.stream.foxglove import FoxgloveServer
 from gellight.stream.publisher import Publisher, name_of_sensor
 from gellight.stream.ros2 import Ros2Publisher
 from gellight.stream.running import starting
+from gellight.stream.sinks import sent_to
 
 STATUS_S = 1.0
 WAIT_S = 0.5
@@ -117,6 +118,8 @@ def published(daemon: SensorSession, settings: Settings) -> Iterator[None]:
         if chosen.foxglove:
             view = stack.enter_context(FoxgloveServer(daemon, name=name, port=chosen.foxglove_port, lan=chosen.lan))
             logs.say(f"Foxglove: open {view.url}")
+        for sink in filter(None, chosen.sinks.split(",")):
+            stack.enter_context(sent_to(sink, daemon, name))
         yield
 
 

@@ -45,6 +45,9 @@ class RunOptions:
     zenoh_config: Annotated[str | None, typer.Option(help="Zenoh's own settings, for TLS and access control.")] = None
     ros2: Annotated[str | None, typer.Option(help="Publish ROS 2 topics by this router of rmw_zenoh.")] = None
     foxglove: Annotated[bool | None, typer.Option("--foxglove", help="Serve a live view for Foxglove.")] = None
+    sinks: Annotated[
+        str | None, typer.Option(metavar="NAME,...", help="Send frames to these sinks of other distributions.")
+    ] = None
     realtime: Annotated[
         bool | None, typer.Option("--realtime", help="Let camera and reconstruction run before all other programs.")
     ] = None
@@ -72,6 +75,7 @@ class RunOptions:
             "stream.zenoh_config": self.zenoh_config,
             "stream.ros2": self.ros2,
             "stream.foxglove": self.foxglove,
+            "stream.sinks": self.sinks,
             "service.log": self.log,
             "service.realtime": self.realtime,
         }
