@@ -17,7 +17,7 @@ from tests.helpers.doc_examples import examples
 from tests.helpers.places import CHECKOUT
 
 PYTHON = (sys.executable, "-c")
-IMPORTS = "import cv2, foxglove, gymnasium, h5py, mcap, mcubes, mujoco, pyarrow, serial, usb.core, x3pio, zarr, zenoh"
+IMPORTS = "import cv2, foxglove, gymnasium, h5py, mcap, mcubes, mujoco, pyarrow, serial, usb.core, x3pio, zenoh"
 PROGRAMS = {
     "readme": (*PYTHON, examples("README.md")[0]),
     "run": (*GELLIGHT, *["run", "--sensor", "sim://", "--frames", "3", "--name", "quiet", "--port", "0"]),

@@ -64,7 +64,7 @@ def test_every_act_is_drawn_with_every_fault(tmp_path: Path) -> None:
     assert {blow for _, blow in drawn.tallies} == set(Blow)
 
 
-@pytest.mark.parametrize("kind", ["hdf5", "zarr", "video", "lerobot", "npz"])
+@pytest.mark.parametrize("kind", ["hdf5", "video", "lerobot", "npz"])
 def test_an_export_without_room_is_refused_in_words_and_leaves_nothing(kind: str, tmp_path: Path) -> None:
     (tmp_path / "home").mkdir()
     prepare(tmp_path)

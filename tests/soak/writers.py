@@ -85,7 +85,7 @@ def writers(sources: Path) -> tuple[Writer, ...]:
         return lambda home: export.command(sources / "sound.mcap", home / "out", kind)
 
     exports = {
-        "npz": _npz_whole, "hdf5": _hdf5_whole, "zarr": _zarr_whole, "video": _video_whole, "lerobot": _lerobot_whole,
+        "npz": _npz_whole, "hdf5": _hdf5_whole, "video": _video_whole, "lerobot": _lerobot_whole,
     }  # fmt: skip
     return (
         Writer("installing", lambda home: _put(old, home), installing, installed, 4),
@@ -187,15 +187,6 @@ def _hdf5_whole(home: Path) -> None:
         with h5py.File(home / "out/frames.h5") as file:
             assert file["figures/sequence"].shape == (FRAMES,)
             assert file["depth_mm"][-1].shape == SHAPE
-
-
-def _zarr_whole(home: Path) -> None:
-    import zarr
-
-    if (home / "out/frames.zarr").exists():
-        group = zarr.open_group(home / "out/frames.zarr", mode="r")
-        assert group["figures/sequence"].shape == (FRAMES,)
-        assert group["depth_mm"].shape == (FRAMES, *SHAPE)
 
 
 def _video_whole(home: Path) -> None:

@@ -1,7 +1,6 @@
 """An episode of simulated touches, written by the writers of recordings and read by other people's libraries."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,7 +11,6 @@ from gellight.base.errors import InputError
 from gellight.lab.report.pictures import encode_png
 from gellight.recording.array_files import write_arrays
 from gellight.recording.lerobot_files import write_lerobot
-from gellight.recording.shard_files import LEAST_MM, STEP_MM, write_shards
 from gellight_touch import Felt, TouchSensor
 from gellight_touch.environments import SlideToEdge
 from gellight_touch.episode import tactile_frames
@@ -38,12 +36,12 @@ def sensor() -> TouchSensor:
     return TouchSensor(SMALL, size=72, extent_mm=72.0, seed=3)
 
 
-def test_an_episode_is_read_from_zarr(touches: list[Felt], tmp_path: Path) -> None:
-    zarr = pytest.importorskip("zarr")
+def test_an_episode_is_read_from_hdf5(touches: list[Felt], tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
     assert (
-        write_arrays(tactile_frames(sensor(), touches, fps=10), tmp_path / "a.zarr", actions=ACTIONS, task="slide") == 5
+        write_arrays(tactile_frames(sensor(), touches, fps=10), tmp_path / "a.h5", actions=ACTIONS, task="slide") == 5
     )
-    file, same = zarr.open_group(tmp_path / "a.zarr", mode="r"), sensor()
+    file, same = h5py.File(tmp_path / "a.h5"), sensor()
     assert file.attrs["task"] == "slide"
     assert file["figures/action"][:].tolist() == ACTIONS
     assert file["figures/force_n"][:] == pytest.approx([felt.force_n for felt in touches])
@@ -74,32 +72,6 @@ def test_an_episode_is_read_from_lerobot(touches: list[Felt], tmp_path: Path) ->
         assert np.array(row["observation.gel_depth"])[..., 0] == pytest.approx(same.depth_map_mm(felt) / 1e3, abs=5e-8)
 
 
-@pytest.mark.nightly
-def test_an_episode_is_read_from_shards_by_webdataset_itself(touches: list[Felt], tmp_path: Path) -> None:
-    webdataset = pytest.importorskip("webdataset")
-    frames = tactile_frames(sensor(), touches, fps=10)
-    kept = {"task": "slide", "png": encode_png, "per_shard": 3, "actions": ACTIONS, "calibration": "none"}
-    assert write_shards(frames, tmp_path / "a", **kept) == 5
-    assert "calibration: none." in (tmp_path / "a/README.md").read_text()
-    shards = [str(path) for path in sorted((tmp_path / "a").glob("*.tar"))]
-    samples, same = list(webdataset.WebDataset(shards, shardshuffle=False)), sensor()
-    assert len(shards) == 2
-    for sample, felt, action in zip(samples, touches, ACTIONS, strict=True):
-        image, depth = (
-            cv2.imdecode(np.frombuffer(sample[name], np.uint8), flags)
-            for name, flags in (("image.png", cv2.IMREAD_COLOR_RGB), ("depth.png", cv2.IMREAD_UNCHANGED))
-        )
-        assert np.array_equal(image, same.picture(felt))
-        assert depth * STEP_MM + LEAST_MM == pytest.approx(same.depth_map_mm(felt), abs=STEP_MM)
-        figures = json.loads(sample["figures.json"])
-        assert figures["action"] == action
-        assert figures["force_n"] == pytest.approx(felt.force_n)
-        assert figures["torque_nmm"] is None
-    again = tactile_frames(sensor(), touches, fps=10)
-    write_shards(again, tmp_path / "b", **kept)
-    assert (tmp_path / "b/000001.tar").read_bytes() == (tmp_path / "a/000001.tar").read_bytes()
-
-
 @pytest.mark.parametrize(
     ("actions", "says"),
     [(ACTIONS[:4], "4 actions, and more frames"), ([*ACTIONS, ACTIONS[0]], "6 actions for 5 frames"),
@@ -110,15 +82,8 @@ def test_actions_that_do_not_fit_leave_nothing(
 ) -> None:
     frames = tactile_frames(sensor(), touches, fps=10)
     with pytest.raises(InputError, match=says):
-        write_shards(frames, tmp_path / "a", task="slide", png=encode_png, actions=actions)
+        write_arrays(frames, tmp_path / "a.h5", actions=actions)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_depth_that_shards_cannot_hold_is_said(touches: list[Felt], tmp_path: Path) -> None:
-    (frame,) = tactile_frames(sensor(), touches[:1], fps=10)
-    deep = replace(frame, depth_mm=frame.depth_mm + np.float32(7))
-    with pytest.raises(InputError, match=r"shards hold -1\.5 to 5 mm; export to HDF5 or Zarr"):
-        write_shards([deep], tmp_path / "a", task="slide", png=encode_png)
 
 
 def test_the_pressure_on_the_pixels_carries_the_force(touches: list[Felt]) -> None:

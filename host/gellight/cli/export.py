@@ -17,9 +17,7 @@ def command(
     calibration: Annotated[str | None, typer.Option(help="Bundle.", show_default="the recording's own")] = None,
     every: Annotated[int, typer.Option(min=1, help="Take every n-th frame.")] = 1,
     depth_scale_um: Annotated[float, typer.Option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
-    track: Annotated[
-        bool, typer.Option("--track", help="Follow the object: hdf5, zarr, lerobot and webdataset get its pose.")
-    ] = False,
+    track: Annotated[bool, typer.Option("--track", help="Follow the object: hdf5 and lerobot get its pose.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Turn a recording into arrays, pictures, surfaces or a video.

@@ -3,8 +3,7 @@
 ros_messages.py    the messages of ROS 2 that are written, in CDR
 frame_record.py    what is recorded of one camera frame
 recording_file.py  writing and reading the file
-array_files.py     tactile frames in one file of arrays, HDF5 or Zarr
+array_files.py     tactile frames in one file of arrays, HDF5
 lerobot_files.py   tactile frames as an episode of LeRobot
-shard_files.py     tactile frames as WebDataset shards
 replay_camera.py   the camera of `replay://FILE`
 """

@@ -1,4 +1,4 @@
-"""Tactile frames in one file of arrays, HDF5 or Zarr, written by their libraries.
+"""Tactile frames in one HDF5 file of arrays, written by its library.
 
 A picture or a map is a chunk, so that a program reads one frame without the others. Depth and slopes are rounded to
 `STEP`, which lets them be packed; nothing else is lost. All figures are arrays of one number, or two, a frame.
@@ -20,7 +20,7 @@ from gellight.frames.frames import TactileFrame
 
 STEP = 2.0**-14
 """mm of depth, and slope: off by 0.03 um and 0.002 degrees at most"""
-REMEDY = 'this needs packages: pip install "gellight[arrays]"'
+REMEDY = 'this needs a package: pip install "gellight[arrays]"'
 Array = NDArray[Any]
 Actions = Sequence[Sequence[float]] | NDArray[Any]
 """(frames, k)"""
@@ -31,7 +31,7 @@ Append = Callable[[str, Array], None]
 def write_arrays(
     frames: Iterable[TactileFrame], path: Path, *, actions: Actions | None = None, **attributes: object
 ) -> int:
-    """Write frames to `path`, a .h5 file or a .zarr folder, all or nothing, and return their number.
+    """Write frames to `path`, an HDF5 file, all or nothing, and return their number.
 
     actions: a row of numbers for each frame, what was done in it. attributes: of the file. Raises InputError where it
     exists, where the library is missing or actions do not fit, OSError where it cannot be written.
@@ -40,8 +40,7 @@ def write_arrays(
         raise InputError(f"{path} exists: choose another folder, or remove it")
     figures: list[dict[str, Any]] = []
     done: list[Sequence[float]] = []
-    kind = _hdf5 if path.suffix == ".h5" else _zarr
-    with whole(path) as partial, kind(partial, {"depth_step_mm": STEP, **attributes}) as append:
+    with whole(path) as partial, _hdf5(partial, {"depth_step_mm": STEP, **attributes}) as append:
         for frame, action in with_actions(frames, actions):
             append("image", frame.camera_frame.image)
             append("depth_mm", on_grid(frame.depth_mm))
@@ -174,23 +173,3 @@ class _Patient(io.RawIOBase):
         self._file.close()
         self.close()
         self.check()
-
-
-@contextmanager
-def _zarr(path: Path, attributes: dict[str, object]) -> Iterator[Append]:
-    with needed(REMEDY):
-        import zarr
-        from zarr.codecs import BloscCodec
-    group = zarr.create_group(path, attributes=attributes)
-
-    def append(name: str, values: Array) -> None:
-        if name.startswith("figures/"):
-            group.create_array(name, data=values)
-            return
-        if name not in group:
-            packed = BloscCodec(cname="zstd", clevel=3, shuffle="shuffle")
-            group.create_array(name, shape=(0, *values.shape), chunks=(1, *values.shape), dtype=values.dtype,
-                               compressors=packed)  # fmt: skip
-        group[name].append(values[None])
-
-    yield append

@@ -11,11 +11,7 @@ class Kind(StrEnum):
     PLY = "ply"
     VIDEO = "video"
     HDF5 = "hdf5"
-    ZARR = "zarr"
     LEROBOT = "lerobot"
-    WEBDATASET = "webdataset"
 
 
-ONE_FILE = {
-    Kind.HDF5: "frames.h5", Kind.ZARR: "frames.zarr", Kind.LEROBOT: "lerobot", Kind.WEBDATASET: "webdataset",
-}  # fmt: skip
+ONE_FILE = {Kind.HDF5: "frames.h5", Kind.LEROBOT: "lerobot"}

@@ -178,9 +178,9 @@ def test_what_a_library_writes_gets_its_name_when_it_is_whole(tmp_path: Path) ->
     with whole(tmp_path / "a.h5") as partial:
         partial.write_bytes(b"a")
         assert not (tmp_path / "a.h5").exists()
-    with whole(tmp_path / "b.zarr") as partial:
+    with whole(tmp_path / "b") as partial:
         partial.mkdir()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "b.zarr"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "b"]
     assert (tmp_path / "a.h5").read_bytes() == b"a"
 
 

@@ -79,7 +79,7 @@ def test_the_episode_has_the_motion_as_features_that_are_no_observation(recordin
 
 def test_a_kind_without_a_place_for_the_pose_is_refused(recording: Path, tmp_path: Path) -> None:
     said = refused(invoke("export", recording, "--out", tmp_path / "out", "--as", "ply", "--track"))
-    assert "--as ply has no place for a pose: take one of hdf5, zarr, lerobot, webdataset" in said
+    assert "--as ply has no place for a pose: take one of hdf5, lerobot" in said
     assert not (tmp_path / "out").exists()
 
 

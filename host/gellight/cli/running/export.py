@@ -20,7 +20,6 @@ from gellight.recording.array_files import write_arrays
 from gellight.recording.export_kind import ONE_FILE, Kind
 from gellight.recording.lerobot_files import write_lerobot
 from gellight.recording.recording_file import Recording
-from gellight.recording.shard_files import write_shards
 from gellight.tracking.following import ObjectFollower
 
 VIDEO = "video.mp4"
@@ -50,9 +49,7 @@ def export(
         match kind:
             case Kind.VIDEO:
                 count = _video(frames, out, scale_um, fps_of(recording) / every)
-            case Kind.WEBDATASET:
-                count = write_shards(frames, out / ONE_FILE[kind], task=file.stem, png=encode_png, **known)
-            case Kind.HDF5 | Kind.ZARR:
+            case Kind.HDF5:
                 count = write_arrays(frames, out / ONE_FILE[kind], **known)
             case Kind.LEROBOT:
                 count = write_lerobot(frames, out / ONE_FILE[kind], fps=fps_of(recording) / every, task=file.stem,
