@@ -50,7 +50,6 @@ DOORS = {
     "mcap": ("recording/recording_file.py",),
     "typer": ("cli/",),
     "rich": ("cli/",),
-    "shapely": ("lab/boards/pour.py",),
     "OCP": ("lab/housing/solids.py",),
     "rp2040py": ("lab/emulator/",),
 }  # fmt: skip

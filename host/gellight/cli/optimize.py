@@ -11,8 +11,7 @@ import typer
 from gellight.cli.options import AsJson, GeometryFile, check_out, with_options
 from gellight.cli.showing import show
 from gellight.cli.sweeping import Workers, many
-from gellight.lab.boards.catalogue import LAMPS
-from gellight.lab.boards.modules import MODULES
+from gellight.lab.boards.catalogue import CARRIERS, LAMPS
 from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
 
 if TYPE_CHECKING:
@@ -164,7 +163,7 @@ def ball(
 def boards(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the boards here.")],
     geometry: GeometryFile = None,
-    board: Annotated[str, typer.Option("--board", help=f"Controller on the carrier: {', '.join(MODULES)}.")] = "pico",
+    board: Annotated[str, typer.Option("--board", help=f"Controller on the carrier: {', '.join(CARRIERS)}.")] = "pico",
     package: Package = "5050",
 ) -> None:
     """Circuit boards to order: the flexible strip, and a carrier for the controller."""

@@ -1,7 +1,7 @@
 """What is ordered for the boards, by maker and the maker's part number.
 
 Number, value and package of each part on the boards agree with distributors' pages and with bills of materials that
-others published; pins of the TPS22918 and order of the LEDs' pads with KiCad libraries of others. Of `OTHERS` only the
+others published; the order of the LEDs' pads with KiCad libraries of others. Of `OTHERS` only the
 camera's number was found elsewhere, the rest is not verified.
 """
 
@@ -12,23 +12,11 @@ from gellight.lab.boards.footprints import LED_2020, LED_5050
 from gellight.lab.boards.model import Footprint, Item
 from gellight.ring.boards import LEDS
 
+CARRIERS = ("pico", "pico2", "xiao", "rp2040-zero")
+"""controllers that have a carrier, by the name of their preset in the firmware"""
 CAPACITOR_100N = Item("100 nF 50 V X7R", "Samsung", "CL10B104KB8NNNC")
-CAPACITOR_1U = Item("1 uF 25 V X7R", "Samsung", "CL10B105KA8NNNC")
-CAPACITOR_2N2 = Item("2.2 nF 50 V X7R", "Samsung", "CL10B222KB8NNNC")
-CAPACITOR_470U = Item("470 uF 10 V", "Panasonic", "EEE-FK1A471P")
-RESISTOR_330 = Item("330", "Yageo", "RC0603FR-07330RL")
-RESISTOR_1K = Item("1 k", "Yageo", "RC0603FR-071KL")
-RESISTOR_2K2 = Item("2.2 k", "Yageo", "RC0603FR-072K2L")
-RESISTOR_10K = Item("10 k", "Yageo", "RC0603FR-0710KL")
 THERMISTOR = Item("NTC 10 k, B 3380 K", "Murata", "NCP18XH103F03RB")
-LEVEL_SHIFTER = Item("74AHCT125", "Nexperia", "74AHCT125D,118")
-LOAD_SWITCH = Item("TPS22918", "Texas Instruments", "TPS22918DBVR")
-POLYFUSE_500MA = Item("polyfuse 500 mA", "Bourns", "MF-MSMF050-2")
-CLAMP = Item("BAT54S", "Nexperia", "BAT54S,215")
-STATUS_LED = Item("green LED", "Wuerth Elektronik", "150060VS75000")
-SOCKET_FFC = Item("FFC socket, 6 x 1.0 mm", "Molex", "200528-0060")
-PLUG_XH = Item("trigger connector, 4 pins", "JST", "B4B-XH-A", mounted=False)
-TAIL = Item("tail of the strip", "", "", mounted=False)
+TAIL = Item("tail of the strip", "", "")
 
 
 OTHERS = (

@@ -1,20 +1,22 @@
-"""All files of both boards, as `gellight optimize boards` writes them, and the tables that an assembly house needs."""
+"""All files of both boards, as `gellight optimize boards` writes them, and the tables that an assembly house needs.
+
+The strip follows the sensor. The carrier of a controller does not: its KiCad project lies in `carriers/` with what
+KiCad plots of it, and `python -m tests.helpers.kicad` makes those archives anew after a change.
+"""
 
 import csv
 import io
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
+from importlib.resources import files as resources
 from math import ceil, degrees
 
-from gellight.lab.boards.carrier import carrier_board
-from gellight.lab.boards.catalogue import OTHERS, find_lamp
+from gellight.base.errors import InputError
+from gellight.lab.boards.catalogue import CARRIERS, OTHERS, find_lamp
 from gellight.lab.boards.currents import drop_v, full_ma
 from gellight.lab.boards.gerbers import gerber_archive
 from gellight.lab.boards.kicad import board_file, project_file
-from gellight.lab.boards.model import Board, Part
-from gellight.lab.boards.modules import carrier_pins
-from gellight.lab.boards.picture import wiring_svg
-from gellight.lab.boards.schematic import schematic_file
+from gellight.lab.boards.model import Board, Item, Part
 from gellight.lab.boards.strip import strip_board
 from gellight.lab.design.parts import led_table
 from gellight.ring.boards import find_board
@@ -25,6 +27,30 @@ BOM_COLUMNS = ("Comment", "Designator", "Footprint", "Quantity", "Manufacturer",
 PLACEMENT_COLUMNS = ("Designator", "Val", "Package", "Mid X", "Mid Y", "Rotation", "Layer")
 
 
+def board_files(geometry: SensorGeometry, controller: str, package: str) -> Files:
+    """Return the files of the strip and of the carrier; raises as `strip_board` and `carrier_files` do."""
+    strip, carrier = strip_board(geometry, package), carrier_files(controller)
+    return {
+        f"{strip.name}.kicad_pro": project_file(strip),
+        f"{strip.name}.kicad_pcb": board_file(strip),
+        f"{strip.name}-gerbers.zip": gerber_archive(strip),
+        f"{strip.name}-bom.csv": bill_of_materials(strip),
+        f"{strip.name}-placement.csv": placement(strip),
+        **carrier,
+        "shopping.csv": shopping_list(strip, carrier[f"gellight-carrier-{controller}-bom.csv"].decode()),
+        "leds.csv": led_table(geometry),
+        "order.txt": _order(geometry, controller, package, strip),
+    }
+
+
+def carrier_files(controller: str) -> dict[str, bytes]:
+    """Return the files of a controller's carrier as they are kept; InputError for one without a carrier."""
+    if controller not in CARRIERS:
+        raise InputError(f"there is no carrier for a board {controller!r}: choose {', '.join(CARRIERS)}")
+    folder = resources("gellight.lab.boards") / "carriers" / controller
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir(), key=lambda path: path.name)}
+
+
 def bill_of_materials(board: Board) -> str:
     """Return a line for each thing that is bought, as CSV; `Mounted` says whether the house or you solder it."""
     bought: dict[tuple[str, ...], list[Part]] = {}
@@ -33,10 +59,9 @@ def bill_of_materials(board: Board) -> str:
             key = (part.item.value, part.footprint.name, part.item.maker, part.item.number)
             bought.setdefault(key, []).append(part)
     rows = [
-        (value, ",".join(part.reference for part in parts), package, len(parts), maker, number,
-         "house" if parts[0].item.mounted else "by hand")
+        (value, ",".join(part.reference for part in parts), package, len(parts), maker, number, "house")
         for (value, package, maker, number), parts in bought.items()
-    ]  # fmt: skip
+    ]
     return _csv(BOM_COLUMNS, rows)
 
 
@@ -45,14 +70,17 @@ def placement(board: Board) -> str:
     rows = [
         (part.reference, part.item.value, part.footprint.name, f"{part.at[0]:.4f}", f"{part.at[1]:.4f}",
          f"{degrees(part.turn_rad) % 360:.3f}", "top")
-        for part in board.parts if part.item.number and part.item.mounted
+        for part in board.parts if part.item.number
     ]  # fmt: skip
     return _csv(PLACEMENT_COLUMNS, rows)
 
 
-def shopping_list(boards: Sequence[Board]) -> str:
+def shopping_list(strip: Board, carrier_bom: str) -> str:
     """Return all that is bought for one sensor and for ten, as CSV: what the boards carry, then the rest."""
-    counted = Counter(part.item for board in boards for part in board.parts if part.item.number)
+    counted = Counter(part.item for part in strip.parts if part.item.number)
+    for row in csv.DictReader(io.StringIO(carrier_bom)):
+        item = Item(row["Comment"], row["Manufacturer"], row["Manufacturer Part Number"])
+        counted[item] += int(row["Quantity"])
     wanted = [(item, count, 10.0 * count) for item, count in counted.items()]
     wanted += [(item, count, max(count, 10 * each)) for item, count, each in OTHERS]
     rows = [(item.value, item.maker, item.number, one, ceil(ten)) for item, one, ten in wanted]
@@ -66,34 +94,11 @@ def _csv(columns: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
     return text.getvalue()
 
 
-def board_files(geometry: SensorGeometry, controller: str, package: str) -> Files:
-    """Return the files of the strip and of the carrier; raises as `strip_board` and `carrier_board` do."""
-    strip, carrier = strip_board(geometry, package), carrier_board(controller)
-    return {
-        **_files(strip),
-        **_files(carrier),
-        "shopping.csv": shopping_list([strip, carrier]),
-        "wiring.svg": wiring_svg(strip, carrier),
-        "leds.csv": led_table(geometry),
-        "order.txt": _order(geometry, controller, package, strip),
-    }
-
-
-def _files(board: Board) -> Files:
-    return {
-        f"{board.name}.kicad_pro": project_file(board),
-        f"{board.name}.kicad_sch": schematic_file(board),
-        f"{board.name}.kicad_pcb": board_file(board),
-        f"{board.name}-gerbers.zip": gerber_archive(board),
-        f"{board.name}-bom.csv": bill_of_materials(board),
-        f"{board.name}-placement.csv": placement(board),
-    }
-
-
 def _order(geometry: SensorGeometry, controller: str, package: str, strip: Board) -> str:
     """Return what the order forms ask, and how to tell the firmware."""
     lamp, count, drop = find_lamp(package), len(geometry.led_colours), drop_v(geometry, strip, package)
-    pins = carrier_pins(find_board(controller))
+    pins = find_board(controller).carrier
+    assert pins is not None, "a controller with a carrier has its pins in board.toml"
     lines = [
         "Nobody has ordered or built these boards yet.",
         "",

@@ -6,11 +6,11 @@ attribute FileFunction. Drill files: Excellon in the form of IPC-NC-349.
 
 import io
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import degrees
 
-from gellight.lab.boards.model import BACK, FRONT, Arc, Board, Layer, Line, Path, PlacedPad, Point, polygon, turned
+from gellight.lab.boards.model import BACK, FRONT, Arc, Board, Layer, Path, PlacedPad, Point
 
 LINE_MM = 0.1
 """of drawn outlines"""
@@ -30,35 +30,20 @@ def gerber_archive(board: Board) -> bytes:
 
 
 def gerber_files(board: Board) -> dict[str, str]:
-    """Return the files by their names: copper, mask, paste, print and outline, and the holes."""
+    """Return the files by their names: copper, mask, paste and outline, and the holes."""
     pads = list(board.pads())
-    through = [pad for pad in pads if pad.pad.drill_mm]
     paste = [pad for pad in pads if pad.pad.paste]
-    plated = [(pad.at, pad.pad.drill_mm) for pad in through] + [(via.at, via.drill_mm) for via in board.vias]
+    plated = [(via.at, via.drill_mm) for via in board.vias]
     files = {
         "F_Cu.gbr": _copper(board, FRONT, "Copper,L1,Top"),
         "B_Cu.gbr": _copper(board, BACK, "Copper,L2,Bot"),
-        "F_Mask.gbr": _flashes("Soldermask,Top", pads, MASK_MM, board.holes),
-        "B_Mask.gbr": _flashes("Soldermask,Bot", through, MASK_MM, board.holes),
+        "F_Mask.gbr": _flashes("Soldermask,Top", pads, MASK_MM),
+        "B_Mask.gbr": _flashes("Soldermask,Bot", [], MASK_MM),
         "F_Paste.gbr": _flashes("Paste,Top", paste, 0.0),
-        "F_Silkscreen.gbr": _drawing("Legend,Top", print_of(board)),
         "Edge_Cuts.gbr": _drawing("Profile,NP", board.outline),
         "PTH.drl": _drill(plated, "Plated,1,2,PTH"),
     }
-    if board.holes:
-        files["NPTH.drl"] = _drill(board.holes, "NonPlated,1,2,NPTH")
     return files | {f"{name.capitalize()}.gbr": _drawing(f"Other,{name}", way) for name, way in board.notes.items()}
-
-
-def print_of(board: Board) -> Iterator[Line]:
-    """Yield what is printed on a board that is not flexible: around each part, doubled at the side of pad 1."""
-    for part in board.parts if board.rules.thickness_mm > 1 else ():
-        (width, height), (x, y) = part.footprint.room, part.footprint.middle
-        corners = [(x + sx * (width / 2 - 0.07), y + sy * (height / 2 - 0.07)) for sx, sy in _AROUND]
-        yield from polygon(*(turned(corner, part.turn_rad, part.at) for corner in corners))
-
-
-_AROUND = ((-1, 1), (1, 1), (1, -1), (-1, -1))
 
 
 @dataclass
@@ -89,10 +74,6 @@ class _Gerber:
         self.select(shape)
         self.body.append(f"{_xy(at)}D03*")
 
-    def fill(self, outline: Sequence[Point]) -> None:
-        self.body += ["G36*", "G01*", f"{_xy(outline[0])}D02*"]
-        self.body += [f"{_xy(point)}D01*" for point in (*outline[1:], outline[0])] + ["G37*"]
-
     def draw(self, path: Path, width: float) -> None:
         self.select(f"C,{width:.4f}")
         self.body.append(f"{_xy(path.start)}D02*")
@@ -105,12 +86,8 @@ class _Gerber:
 
 def _copper(board: Board, layer: Layer, function: str) -> str:
     gerber = _Gerber(function)
-    for pour in board.pours:
-        for outline in pour.outlines if pour.layer == layer else ():
-            gerber.fill(outline)
-    for pad in board.pads():
-        if layer in pad.layers:
-            gerber.flash(_shape(pad, 0.0), pad.at)
+    for pad in board.pads() if layer == FRONT else ():
+        gerber.flash(_shape(pad, 0.0), pad.at)
     for via in board.vias:
         gerber.flash(f"C,{via.size_mm:.4f}", via.at)
     for track in board.tracks:
@@ -119,12 +96,10 @@ def _copper(board: Board, layer: Layer, function: str) -> str:
     return gerber.text()
 
 
-def _flashes(function: str, pads: Iterable[PlacedPad], larger: float, holes: Iterable[tuple[Point, float]] = ()) -> str:
+def _flashes(function: str, pads: Iterable[PlacedPad], larger: float) -> str:
     gerber = _Gerber(function)
     for pad in pads:
         gerber.flash(_shape(pad, larger), pad.at)
-    for at, diameter in holes:
-        gerber.flash(f"C,{diameter + 2 * larger:.4f}", at)
     return gerber.text()
 
 
@@ -136,13 +111,9 @@ def _drawing(function: str, paths: Iterable[Path]) -> str:
 
 
 def _shape(pad: PlacedPad, larger: float) -> str:
-    """Return the aperture of a pad, larger by a margin at each side; pads with a hole stand upright or lie."""
+    """Return the aperture of a pad, larger by a margin at each side."""
     width, height, turn = pad.pad.size[0] + 2 * larger, pad.pad.size[1] + 2 * larger, degrees(pad.turn_rad)
-    if not pad.pad.drill_mm:
-        return f"TURNED,{width:.4f}X{height:.4f}X{turn % 180:.5f}"
-    if round(turn / 90) % 2:
-        width, height = height, width
-    return f"O,{width:.4f}X{height:.4f}"
+    return f"TURNED,{width:.4f}X{height:.4f}X{turn % 180:.5f}"
 
 
 def _drill(holes: Iterable[tuple[Point, float]], function: str) -> str:

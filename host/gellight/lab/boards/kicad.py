@@ -8,8 +8,7 @@ import uuid
 from collections.abc import Iterator
 from math import degrees
 
-from gellight.lab.boards.model import FRONT, Arc, Board, Part, Path, Point, Pour, Track, Via
-from gellight.lab.boards.pour import GAP_MM, SPOKE_MM, THIN_MM
+from gellight.lab.boards.model import FRONT, Arc, Board, Part, Path, Point, Track, Via
 
 LAYERS = (
     '(0 "F.Cu" signal) (31 "B.Cu" signal) (34 "B.Paste" user) (35 "F.Paste" user) (36 "B.SilkS" user) '
@@ -41,13 +40,11 @@ def board_file(board: Board) -> str:
         '(net 0 "")',
         *(f"(net {number} {quoted(net)})" for net, number in numbers.items()),
         *(_footprint(board, part, numbers) for part in board.parts),
-        *(_hole(board, n, *hole) for n, hole in enumerate(board.holes)),
         *(_drawn(path, "Edge.Cuts", 0.1) for path in board.outline),
         *(_drawn(path, "Dwgs.User", 0.1) for paths in board.notes.values() for path in paths),
         *(_text(name, paths[0].start, "Dwgs.User") for name, paths in board.notes.items()),
         *(_track(track, numbers) for track in board.tracks),
         *(_via(via, numbers) for via in board.vias),
-        *(_zone(board, pour, numbers) for pour in board.pours),
         ")",
     ]
     return "\n".join(lines) + "\n"
@@ -84,11 +81,10 @@ def _at(point: Point) -> str:
 
 def _footprint(board: Board, part: Part, numbers: dict[str, int]) -> str:
     turn = degrees(part.turn_rad) % 360
-    kind = "smd" if not any(pad.drill_mm for pad in part.footprint.pads) else "through_hole"
     bought = "" if part.item.number else " exclude_from_pos_files exclude_from_bom"
     lines = [
         f"(footprint {quoted('gellight:' + part.footprint.name)} (layer {quoted(FRONT)})",
-        f"(tstamp {identifier(board.name, part.reference)}) (at {_at(part.at)} {turn:.6f}) (attr {kind}{bought})",
+        f"(tstamp {identifier(board.name, part.reference)}) (at {_at(part.at)} {turn:.6f}) (attr smd{bought})",
         f'(property "Manufacturer" {quoted(part.item.maker)}) (property "MPN" {quoted(part.item.number)})',
         _label("reference", part.reference, "F.Fab", turn),
         _label("value", part.item.value, "F.Fab", turn),
@@ -116,21 +112,9 @@ def _pads(part: Part, turn: float, numbers: dict[str, int]) -> Iterator[str]:
     for pad in part.footprint.pads:
         net = part.nets.get(pad.number, "")
         size = f"(size {pad.size[0]:.4f} {pad.size[1]:.4f})"
-        if pad.drill_mm:
-            shape, layers = "thru_hole oval", f'(drill {pad.drill_mm:.3f}) (layers "*.Cu" "*.Mask")'
-        else:
-            shape, layers = "smd rect", '(layers "F.Cu" "F.Mask"' + (' "F.Paste")' if pad.paste else ")")
+        layers = '(layers "F.Cu" "F.Mask"' + (' "F.Paste")' if pad.paste else ")")
         joined = f" (net {numbers[net]} {quoted(net)})" if net else ""
-        yield f"(pad {quoted(pad.number)} {shape} (at {_at(pad.at)} {turn:.6f}) {size} {layers}{joined})"
-
-
-def _hole(board: Board, number: int, at: Point, diameter: float) -> str:
-    return (
-        f'(footprint "gellight:screw" (layer "F.Cu") (tstamp {identifier(board.name, "H", number)}) (at {_at(at)})\n'
-        f"  (attr exclude_from_pos_files exclude_from_bom) {_label('reference', f'H{number + 1}', 'F.Fab', 0)}\n"
-        f'  (pad "" np_thru_hole circle (at 0 0) (size {diameter:g} {diameter:g}) (drill {diameter:g}) '
-        '(layers "*.Cu" "*.Mask")))'
-    )
+        yield f"(pad {quoted(pad.number)} smd rect (at {_at(pad.at)} {turn:.6f}) {size} {layers}{joined})"
 
 
 def _drawn(path: Path, layer: str, width: float) -> str:
@@ -163,21 +147,3 @@ def _via(via: Via, numbers: dict[str, int]) -> str:
         f'(via (at {_at(via.at)}) (size {via.size_mm:g}) (drill {via.drill_mm:g}) (layers "F.Cu" "B.Cu") '
         f"(net {numbers[via.net]}))"
     )
-
-
-def _zone(board: Board, pour: Pour, numbers: dict[str, int]) -> str:
-    border = " ".join(f"(xy {_at(path.start)})" for path in board.outline)
-    filled = (
-        f'(filled_polygon (layer "{pour.layer}") (pts {" ".join(f"(xy {_at(point)})" for point in outline)}))'
-        for outline in pour.outlines
-    )
-    lines = [
-        f'(zone (net {numbers[pour.net]}) (net_name {quoted(pour.net)}) (layer "{pour.layer}")',
-        f"(tstamp {identifier(board.name, 'zone', pour.layer)}) (hatch edge 0.5)",
-        f"(connect_pads (clearance {board.rules.clearance_mm:g})) (min_thickness {THIN_MM:g})",
-        f"(filled_areas_thickness no) (fill yes (thermal_gap {GAP_MM:g}) (thermal_bridge_width {SPOKE_MM:g}))",
-        f"(polygon (pts {border}))",
-        *filled,
-        ")",
-    ]
-    return "\n  ".join(lines)

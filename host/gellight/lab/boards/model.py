@@ -9,7 +9,6 @@ Point = tuple[float, float]
 Layer = Literal["F.Cu", "B.Cu"]
 FRONT: Layer = "F.Cu"
 BACK: Layer = "B.Cu"
-BOTH: tuple[Layer, Layer] = (FRONT, BACK)
 GROUND = "GND"
 
 
@@ -21,12 +20,11 @@ def turned(point: Point, turn_rad: float, origin: Point = (0.0, 0.0)) -> Point:
 
 @dataclass(frozen=True)
 class Pad:
-    """A pad of a footprint, in the coordinates of the footprint; with a drill it goes through both layers."""
+    """A pad of a footprint, in the coordinates of the footprint."""
 
     number: str
     at: Point
     size: Point
-    drill_mm: float = 0.0
     paste: bool = True
     """False: nothing is soldered by machine, as with the contacts of a tail"""
 
@@ -51,8 +49,6 @@ class Item:
     maker: str
     number: str
     """the maker's part number; empty: nothing is bought for it"""
-    mounted: bool = True
-    """by the board house; False: by hand"""
 
 
 @dataclass(frozen=True)
@@ -64,11 +60,6 @@ class PlacedPad:
     at: Point
     turn_rad: float
     net: str
-
-    @property
-    def layers(self) -> tuple[Layer, ...]:
-        """The layers that have copper of it."""
-        return BOTH if self.pad.drill_mm else (FRONT,)
 
 
 @dataclass(frozen=True)
@@ -155,16 +146,6 @@ class Via:
 
 
 @dataclass(frozen=True)
-class Pour:
-    """Copper that fills a layer around all else."""
-
-    net: str
-    layer: Layer
-    outlines: tuple[tuple[Point, ...], ...]
-    """its pieces; cuts without width lead to their holes"""
-
-
-@dataclass(frozen=True)
 class Rules:
     """What the board house has to keep, mm."""
 
@@ -187,11 +168,8 @@ class Board:
     parts: tuple[Part, ...]
     tracks: tuple[Track, ...]
     vias: tuple[Via, ...]
-    holes: tuple[tuple[Point, float], ...] = ()
-    """for screws: centre and diameter, without copper"""
     notes: Mapping[str, tuple[Path, ...]] = field(default_factory=dict)
     """outlines for the board house by what they mean, as of a stiffener"""
-    pours: tuple[Pour, ...] = ()
 
     def pads(self) -> Iterator[PlacedPad]:
         """Yield the pads of all parts."""
