@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.lab.boards.kicad import board_file, project_file
-from gellight.lab.boards.model import Board, turned
-from gellight.lab.design.parts import led_table
+from gellight_design.boards.kicad import board_file, project_file
+from gellight_design.boards.model import Board, turned
+from gellight_design.parts import led_table
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.places import CHECKOUT
 
@@ -88,7 +88,7 @@ def spot(x: float, y: float) -> str:
 
 
 Sexp = list[Any]
-CARRIERS = CHECKOUT / "host/gellight/lab/boards/carriers"
+CARRIERS = CHECKOUT / "host/gellight_design/gellight_design/boards/carriers"
 
 
 def sexp(text: str) -> Sexp:

@@ -105,7 +105,7 @@ def judge(folder: Path, name: str) -> Verdict:
     )  # fmt: skip
 
 
-CARRIERS = CHECKOUT / "host/gellight/lab/boards/carriers"
+CARRIERS = CHECKOUT / "host/gellight_design/gellight_design/boards/carriers"
 LONG_AGO = (1980, 1, 1, 0, 0, 0)
 """in an archive: the same board gives the same bytes"""
 
