@@ -10,7 +10,7 @@ ARGS   ?=
 JOBS   ?= 3
 
 # distributions beside the package
-BESIDE := --editable host/gellight_scan --editable host/gellight_touch
+BESIDE := --editable host/gellight_design --editable host/gellight_scan --editable host/gellight_touch
 
 # the emulator of the firmware that others wrote
 SECOND := tests/firmware/second_emulator
@@ -41,7 +41,7 @@ types: $(VENV)/.test
 	$(BIN)/mypy
 
 imports: $(VENV)/.test
-	PYTHONPATH=host:host/gellight_scan:host/gellight_touch:models:. $(BIN)/lint-imports --no-cache --no-logo
+	PYTHONPATH=host:host/gellight_design:host/gellight_scan:host/gellight_touch:models:. $(BIN)/lint-imports --no-cache --no-logo
 
 style: $(VENV)/.test
 	$(BIN)/pytest -m style tests/style tests/host/cli/test_help.py
@@ -90,15 +90,15 @@ define install
 	    $(BIN)/pip install --quiet $(1); ended=$$?; kill $$beat; exit $$ended; fi
 endef
 
-# A stamp says what is installed: `host` is what a user runs, `parts` adds the CAD kernel, `docs` what makes the site,
-# `test` what `make test` runs, `dev` PyTorch and the rest of the test tools.
+# A stamp says what is installed: `host` is what a user runs, `parts` adds boards, housing and the CAD kernel, `docs`
+# what makes the site, `test` what `make test` runs, `dev` PyTorch and the rest of the test tools.
 $(VENV)/.host: pyproject.toml host/gellight_scan/pyproject.toml | $(BIN)/python
 	@echo "Installing GelLight and 43 packages that it needs into $(VENV): 600 MB, one to three minutes, once"
 	$(call install,--editable . --editable host/gellight_scan,46)
 	@touch $@
 
-$(VENV)/.parts: pyproject.toml | $(VENV)/.host
-	$(call install,--editable ".[parts]",48)
+$(VENV)/.parts: pyproject.toml host/gellight_design/pyproject.toml | $(VENV)/.host
+	$(call install,--editable . --editable "host/gellight_design[housing]",48)
 	@touch $@
 
 $(VENV)/.docs: pyproject.toml | $(VENV)/.host
@@ -110,10 +110,10 @@ $(VENV)/.test: pyproject.toml $(wildcard host/*/pyproject.toml) | $(BIN)/python
 	$(call install,--editable ".[test]" $(BESIDE),85)
 	@touch $@ $(VENV)/.host
 
-$(VENV)/.dev: pyproject.toml | $(BIN)/python
+$(VENV)/.dev: pyproject.toml $(wildcard host/*/pyproject.toml) | $(BIN)/python
 	@echo "Installing PyTorch and what the tests need into $(VENV): some GB come, which takes minutes, once"
 	$(call install,"$(TORCH)",80)
-	$(call install,--editable ".[dev]" $(BESIDE),150)
+	$(call install,--editable ".[dev]" $(BESIDE) --editable "host/gellight_design[housing]",150)
 	@touch $@ $(VENV)/.test $(VENV)/.host
 
 $(BIN)/python:

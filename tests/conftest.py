@@ -30,7 +30,7 @@ LONGEST = (
     "host/lab/calibration/test_routine.py", "host/daemon/test_matrix.py",
     "host/cli/test_calibrate.py", "host/dashboard/test_page_scan.py", "host/cli/test_several_sensors.py",
     "host/cli/test_signals.py", "host/lab/training/labelling/test_circles.py", "touch/test_environments.py",
-    "host/lab/design/test_studies.py", "host/stream/test_record_and_export.py", "host/lab/calibration/test_like.py",
+    "design/test_studies.py", "host/stream/test_record_and_export.py", "host/lab/calibration/test_like.py",
     "host/daemon/test_running_states.py", "host/sensor/lighting/test_sequenced.py", "host/dashboard/test_page.py",
     "host/dashboard/test_page_in_use.py", "host/watch/test_monitor.py", "host/daemon/test_modes.py",
     "scan/test_scan.py", "touch/test_mujoco_carry.py", "benchmarks/test_integrators.py",

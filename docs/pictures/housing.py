@@ -15,8 +15,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from gellight.lab.housing.parts import assembly, stand_ins
-from gellight.lab.housing.solids import box, cut, stl_bytes
+from gellight_design.housing.parts import assembly, stand_ins
+from gellight_design.housing.solids import box, cut, stl_bytes
 from sim_reference.geometry import SensorGeometry
 
 LIFT = {

@@ -16,9 +16,9 @@ from gellight.base.errors import GellightError
 from gellight.bundle.bundle import METRICS, Bundle
 from gellight.bundle.contents import npz
 from gellight.dashboard.access import guard
+from gellight.frames.point_cloud import solid_stl
 from gellight.lab.calibration.force.record import ForceReadings
 from gellight.lab.calibration.state import STATE, state_in
-from gellight.lab.design.benchmark_files import solid_stl
 from gellight.lab.simulator.sequence import read_sequence
 from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.lab.training.label_file import read_presses

@@ -1,27 +1,26 @@
 """Rings of other numbers of LEDs, boards as files, and the flat strip rolled up again."""
 
 import csv
-import functools
 import io
+import re
 import warnings
 import zipfile
-from dataclasses import replace
-from math import cos, pi, sin
+from dataclasses import dataclass, replace
+from functools import cache
+from math import cos, pi, radians, sin
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.lab.boards.carrier import carrier_board
-from gellight.lab.boards.kicad import board_file, project_file
-from gellight.lab.boards.model import Board
-from gellight.lab.design.parts import led_table
+from gellight_design.boards.kicad import board_file, project_file
+from gellight_design.boards.model import Board, turned
+from gellight_design.parts import led_table
 from sim_reference.geometry import SensorGeometry
+from tests.helpers.places import CHECKOUT
 
 Array = NDArray[np.float64]
-carrier_of = functools.cache(carrier_board)
-"""routed once a session"""
 
 
 def ring_of(count: int, **changes: float) -> SensorGeometry:
@@ -86,3 +85,100 @@ def objects(path: Path) -> list[Any]:
 
 def spot(x: float, y: float) -> str:
     return f"{x + 0:.2f} {y + 0:.2f}".replace("-0.00", "0.00")
+
+
+Sexp = list[Any]
+CARRIERS = CHECKOUT / "host/gellight_design/gellight_design/boards/carriers"
+
+
+def sexp(text: str) -> Sexp:
+    """Return an S-expression, as KiCad writes its files, as nested lists of words."""
+    stack: list[Sexp] = [[]]
+    for word in re.findall(r'"(?:\\.|[^"\\])*"|[()]|[^\s()"]+', text):
+        if word == "(":
+            stack.append([])
+        elif word == ")":
+            done = stack.pop()
+            stack[-1].append(done)
+        else:
+            stack[-1].append(word.strip('"'))
+    return stack[0][0]
+
+
+def within(node: Sexp, name: str) -> list[Sexp]:
+    """Return the lists of a name in a list."""
+    return [one for one in node if isinstance(one, list) and one[0] == name]
+
+
+@dataclass(frozen=True)
+class CarrierPad:
+    """A pad of a carrier, mm, y up."""
+
+    part: str
+    number: str
+    at: tuple[float, float]
+    size: tuple[float, float]
+    net: str
+
+
+@dataclass(frozen=True)
+class Carrier:
+    """A carrier as its KiCad file has it."""
+
+    name: str
+    values: dict[str, str]
+    """by reference"""
+    places: dict[str, tuple[float, float, float]]
+    """x, y in mm and turn in degrees, by reference"""
+    printed: dict[str, list[str]]
+    """texts on the silkscreen, by reference"""
+    pads: list[CarrierPad]
+    holes: list[tuple[float, float]]
+    copper: list[tuple[Array, float]]
+    """tracks and vias: both ends (2, 2), half a width"""
+
+    def nets(self) -> dict[str, set[tuple[str, str]]]:
+        """Return the pads of each net: reference of the part and number of the pad."""
+        found: dict[str, set[tuple[str, str]]] = {}
+        for pad in self.pads:
+            if pad.net:
+                found.setdefault(pad.net, set()).add((pad.part, pad.number))
+        return found
+
+
+def _numbers(node: Sexp, name: str) -> tuple[float, ...]:
+    return tuple(map(float, within(node, name)[0][1:]))
+
+
+def _point(node: Sexp, name: str = "at") -> tuple[float, float]:
+    x, y = _numbers(node, name)[:2]
+    return x, -y
+
+
+@cache
+def read_carrier(name: str) -> Carrier:
+    """Return the carrier of a controller."""
+    board = sexp((CARRIERS / name / f"gellight-carrier-{name}.kicad_pcb").read_text())
+    carrier = Carrier(name, {}, {}, {}, [], [], [])
+    for part in within(board, "footprint"):
+        texts = {text[1]: text[2] for text in within(part, "fp_text")}
+        x, y, turn = (*_numbers(part, "at"), 0.0)[:3]
+        if texts["reference"].startswith("H"):
+            carrier.holes.append((x, -y))
+            continue
+        me = texts["reference"]
+        carrier.values[me], carrier.places[me] = texts["value"], (x, -y, turn)
+        words = within(part, "fp_text")
+        carrier.printed[me] = [word[2] for word in words if within(word, "layer")[0][1] == "F.SilkS"]
+        for pad in within(part, "pad"):
+            across = turned(_point(pad), radians(turn), (x, -y))
+            width, height = _numbers(pad, "size")
+            size = (height, width) if round(turn / 90) % 2 else (width, height)
+            net = within(pad, "net")
+            carrier.pads.append(CarrierPad(me, pad[1], across, size, net[0][2] if net else ""))
+    for track in within(board, "segment"):
+        ends = np.array([_point(track, "start"), _point(track, "end")])
+        carrier.copper.append((ends, _numbers(track, "width")[0] / 2))
+    for via in within(board, "via"):
+        carrier.copper.append((np.array([_point(via)] * 2), _numbers(via, "size")[0] / 2))
+    return carrier

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from gellight.lab.design import studies
+from gellight_design import studies
 from sim_reference.geometry import SensorGeometry
 
 FEW = ("TSTEP", "SCROWN", "SINWAVE", "BSWAVE")

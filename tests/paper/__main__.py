@@ -2,8 +2,8 @@
 
 import argparse
 
-from gellight.lab.design.studies import study_setup
-from gellight.lab.design.sweep import run_study
+from gellight_design.studies import study_setup
+from gellight_design.sweep import run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer import fine
 from sim_reference.optimizer.coarse import CoarseResult

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.lab.design.studies import StudySetup
-from gellight.lab.design.sweep import Study, Task
+from gellight_design.studies import StudySetup
+from gellight_design.sweep import Study, Task
 from sim_reference.geometry import SensorGeometry
 from sim_reference.metrics import error_figures
 from sim_reference.optimizer import design, fine, near_field

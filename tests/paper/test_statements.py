@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gellight.lab.design import output, studies
-from gellight.lab.design.sweep import run_study
+from gellight_design import output, studies
+from gellight_design.sweep import run_study
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import BENCHMARK_NAMES
 from sim_reference.optimizer import fine, near_field

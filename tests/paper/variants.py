@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from gellight.lab.design.studies import StudySetup, coarse_study
-from gellight.lab.design.sweep import Study, Task
+from gellight_design.studies import StudySetup, coarse_study
+from gellight_design.sweep import Study, Task
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import ObjectParameters
 from sim_reference.optimizer import coarse

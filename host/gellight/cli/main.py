@@ -11,7 +11,7 @@ import typer
 from gellight.cli.ending import MEANINGS, end
 from gellight.cli.lazy import MARKUP, open_group
 
-ELSEWHERE = {"scan": "gellight_scan", "surface": "gellight_scan"}
+ELSEWHERE = {"optimize": "gellight_design", "scan": "gellight_scan", "surface": "gellight_scan"}
 """verbs of distributions beside this one"""
 VERBS = open_group(
     {
@@ -29,7 +29,6 @@ VERBS = open_group(
         "selfcheck": ("selfcheck:command", "Compare the simulated sensor with the reference simulator."),
         "calibrate": ("calibrate.verbs:app", "Calibrate a sensor, and keep its bundles."),
         "config": ("config:app", "Show the settings, their schema, and the files they are read from."),
-        "optimize": ("optimize:app", "Find the best illumination and make its parts."),
         "simulate": ("simulate:app", "Press objects into the simulated gel, as files."),
         "ring": ("ring:app", "The light ring by hand."),
         "firmware": ("firmware:app", "The firmware of the light ring: what it is, build it, flash it."),

@@ -49,7 +49,7 @@ def press(
     as_json: AsJson = False,
 ) -> None:
     """Press one object into the gel, to a depth or with a force, or drag it along a path."""
-    from gellight.lab.design.geometry import read_geometry  # this and what is below: not for the help, a second
+    from gellight.lab.simulator.geometry_file import read_geometry  # this and what is below: not for the help, a second
     from gellight.lab.simulator.one_press import PressRequest
 
     if (depth is None) == (force is None):
@@ -98,8 +98,8 @@ def dataset(
 
     The same command goes on where it was interrupted; with more --presses it adds to what is there.
     """
-    from gellight.lab.design.geometry import read_geometry
     from gellight.lab.simulator.dataset import DatasetRequest, make_dataset
+    from gellight.lab.simulator.geometry_file import read_geometry
     from gellight.lab.simulator.processes import available_cores
     from sim_reference.objects import OBJECT_NAMES
 
@@ -133,7 +133,7 @@ def sequence(
     as_json: AsJson = False,
 ) -> None:
     """Move one object through the gel as a file says: a picture a step, and poses.csv with the true pose of each."""
-    from gellight.lab.design.geometry import read_geometry
+    from gellight.lab.simulator.geometry_file import read_geometry
     from gellight.lab.simulator.sequence import read_sequence, write_sequence
 
     check_out(out / "poses.csv", overwrite)

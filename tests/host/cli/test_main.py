@@ -163,4 +163,4 @@ def test_a_verb_of_a_distribution_that_is_not_installed_is_named_with_its_remedy
     known.callback()(lambda: None)
     with pytest.raises(InputError, match=r"`gellight weigh` comes with .*pip install ./host/gellight_weigh"):
         get_command(known).main(["weigh", "--help"], standalone_mode=False)
-    assert "scan" in get_command(known).commands, "by the entry point of gellight_scan"
+    assert {"optimize", "scan"} <= set(get_command(known).commands), "by the entry points of those that are here"

@@ -1,1 +1,0 @@
-"""The illumination optimiser of `sim_reference`, run at scale, drawn, and turned into parts."""
