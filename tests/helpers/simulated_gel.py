@@ -25,8 +25,11 @@ GROUPS = {LightGroups.SINGLES: single_leds(RING.colours), LightGroups.TRIPLES: c
 class Gel:
     """A scene, and pictures of it with noise."""
 
-    def __init__(self, *, noise_grey: float = 1.0, gamma: float = 1.0, black_grey: float = 0.0, seed: int = 0) -> None:
-        self.scene = Scene(SMALL, CameraResponse(noise_grey=noise_grey, gamma=gamma))
+    def __init__(
+        self, *, noise_grey: float = 1.0, gamma: float = 1.0, black_grey: float = 0.0, seed: int = 0,
+        sensor: SensorGeometry = SMALL,
+    ) -> None:  # fmt: skip
+        self.scene = Scene(sensor, CameraResponse(noise_grey=noise_grey, gamma=gamma))
         self.base = self.scene.response
         self.black_grey = black_grey
         self.random = np.random.default_rng(seed)

@@ -76,6 +76,13 @@ class GeometrySettings(StrictModel):
     mounting_height_mm: float | None = Field(
         default=None, ge=0, description="of the LEDs, from the camera towards the gel"
     )
+    perspective: bool | None = Field(
+        default=None, description="see the gel from the height of the camera; else along parallel rays"
+    )
+    window: bool | None = Field(
+        default=None,
+        description="light and see the gel through gel and acrylic, which bend light",
+    )
     incident_angle_deg: float | None = Field(
         default=None, ge=0, lt=90, description="tilt of each LED's axis from the gel normal, inwards"
     )

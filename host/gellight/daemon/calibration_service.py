@@ -33,6 +33,7 @@ from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.simulator.virtual_hand import hand_of
 from gellight.lab.training.table import table_of_like
 from gellight.photometric.ring_geometry import RingGeometry
+from gellight.photometric.window import seen_height_mm
 
 Picture = NDArray[np.uint8]
 LARGEST_MM = {"ball_radius_mm": 50.0, "cylinder_diameter_mm": 50.0, "pin_pitch_mm": 20.0, "pixel_size_mm": 1.0}
@@ -306,6 +307,7 @@ class CalibrationService:
             overwrite=True,
             ring=RingGeometry.from_overrides(self._geometry),
             gel_thickness_mm=self._geometry.get("gel_thickness_mm", 0.0),
+            camera_height_mm=seen_height_mm(self._geometry),
         )
         hand = hand_of(camera) if request.hand else None
         return Routine(camera, options, self._folder, hand=hand, install=install, anew=request.anew)

@@ -38,6 +38,14 @@ class PressStage(Protocol):
     def gel_thickness_mm(self) -> float:
         """Thickness of the gel."""
 
+    @property
+    def camera_height_mm(self) -> float:
+        """How high above the gel at rest the camera seems to stand from within the gel; infinite for parallel rays."""
+
+    @property
+    def window_mm(self) -> float:
+        """Thickness of what the gel is lit and seen through and bends light; 0: nothing does."""
+
     def prepare(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
         """Compute a press ahead, which takes up to some seconds, while frames go on."""
 

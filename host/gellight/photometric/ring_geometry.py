@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict
 
 from gellight.base.errors import ConfigError
+from gellight.photometric.window import window_of
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,8 @@ class RingGeometry:
     centre_x_mm: float = 0.0
     """of the ring, from the middle of the picture"""
     centre_y_mm: float = 0.0
+    window_mm: float = 0.0
+    """of gel and acrylic, through which the light comes and which bend it; 0: it goes straight"""
 
     def __post_init__(self) -> None:
         """Refuse a ring that cannot light the gel."""
@@ -45,6 +48,11 @@ class RingGeometry:
             raise ConfigError(
                 f"LEDs {self.height_mm:g} mm above the gel on a radius of {self.ring_radius_mm:g} mm: both must be "
                 "above 0; correct camera_height_mm, mounting_height_mm and ring_radius_mm in [geometry]"
+            )
+        if not 0 <= self.window_mm < self.height_mm:
+            raise ConfigError(
+                f"LEDs {self.height_mm:g} mm above the gel are inside a window of {self.window_mm:g} mm: correct "
+                "camera_height_mm and mounting_height_mm in [geometry]"
             )
         if set(self.led_colours) != set("RGB"):
             raise ConfigError(
@@ -54,8 +62,8 @@ class RingGeometry:
     @classmethod
     def from_overrides(cls, overrides: Mapping[str, Any]) -> Self:
         """Return the paper's ring with the values of `overrides`, of which those that concern no light are left out."""
-        known = {field.name for field in fields(cls)}
-        return cls(**{name: value for name, value in overrides.items() if name in known})
+        known, window_mm = {field.name for field in fields(cls)}, window_of(overrides)
+        return cls(**{name: value for name, value in overrides.items() if name in known}, window_mm=window_mm)
 
     @property
     def height_mm(self) -> float:

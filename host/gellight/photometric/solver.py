@@ -9,10 +9,11 @@ z differs from that at depth 0 (inverse square, unit vector to the light, emissi
 the cosine), and rho an unknown factor common to all lights: albedo, exposure. R_k holds whatever else differs between
 the lights: brightness, vignetting, the tint of the coating. So I = L (rho n) with the rows L_k = R_k f_k (p - s) / p_z
 (Woodham 1980; near light: Iwahori et al. 1990), solved by least squares in grey levels, in which the noise is equal.
+Behind a window p is where the LED seems to stand, and f_k holds the light that arrives (`light_through`).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from gellight.frames.pixel_grid import gel_points_mm
 from gellight.photometric.ring_geometry import RingGeometry
+from gellight.photometric.window import bent
 
 Floats = NDArray[np.floating]
 Bools = NDArray[np.bool_]
@@ -49,17 +51,25 @@ def light_rows(points: Points, references: Floats, ring: RingGeometry) -> Floats
     """Return the rows L (K, 3, N) at the points, for references R (K, N) in grey levels; one light an LED."""
     rows = np.empty((len(references), 3, len(points.x_mm)), references.dtype)
     for k, (position, axis) in enumerate(zip(ring.positions_mm(), ring.axes(), strict=True)):
-        rows[k] = light_row(points, references[k], position.tolist(), axis.tolist(), ring.emission_exponent)
+        led = position.tolist(), axis.tolist(), ring.emission_exponent
+        rows[k] = light_row(points, references[k], *led, ring.window_mm)
     return rows
 
 
 def light_row(
-    points: Points, reference: Floats, position: Sequence[Any], axis: Sequence[Any], exponent: float
-) -> Floats:
+    points: Points, reference: Floats, position: Sequence[Any], axis: Sequence[Any], exponent: float,
+    window_mm: float = 0.0,
+) -> Floats:  # fmt: skip
     """Return L (3, N) for one LED, or for as many as there are points: position and axis (3,) or (3, N).
 
-    reference: (N,) R. exponent: m.
+    reference: (N,) R. exponent: m. window_mm: of what bends the light; 0: nothing does.
     """
+    if window_mm:
+        brought, above = light_through(points, position, axis, exponent, window_mm)
+        level = replace(points, z_mm=np.zeros_like(points.z_mm))
+        at_rest, above_rest = light_through(level, position, axis, exponent, window_mm)
+        share = reference * np.divide(brought, at_rest * above_rest, out=np.zeros_like(above), where=at_rest > 0)
+        return np.stack([share * (position[0] - points.x_mm), share * (position[1] - points.y_mm), share * above])
     x, y, z = position[0] - points.x_mm, position[1] - points.y_mm, position[2] - points.z_mm
     sideways = x * x + y * y
     ratio = (sideways + position[2] ** 2) / (sideways + z * z)
@@ -68,6 +78,20 @@ def light_row(
     # (d0/d)^3 from distance and direction; the cosine to the axis has another d0/d in it, to the power m.
     factor = reference * ratio ** ((3 + exponent) / 2) * np.maximum(leaving, 0) ** exponent / position[2]
     return np.stack([factor * x, factor * y, factor * z])
+
+
+def light_through(
+    points: Points, position: Sequence[Any], axis: Sequence[Any], exponent: float, window_mm: float
+) -> tuple[Floats, Floats]:
+    """Return g and the height at which a LED behind a window seems to stand above points, (N,) each.
+
+    The LED lights a point with the normal n as g n . (p' - s), where p' is where it seems to stand: the cosine at which
+    the ray leaves to the power m, times the flux on a level mm^2, over that height.
+    """
+    x, y = position[0] - points.x_mm, position[1] - points.y_mm
+    rays = bent(np.hypot(x, y), position[2] - window_mm, window_mm - points.z_mm)
+    leaving = -((x * axis[0] + y * axis[1]) / rays.below_mm + axis[2]) * rays.cosine
+    return np.maximum(leaving, 0) ** exponent * rays.flux / rays.above_mm, rays.above_mm
 
 
 def solve(signals: Floats, rows: Floats, valid: Bools) -> Floats:

@@ -29,10 +29,11 @@ class Perspective:
         self._height_mm = np.float32(height_mm)
 
     @classmethod
-    def of_bundle(cls, bundle: Bundle) -> Self | None:
-        """Return that of a bundle; None where nobody told how high the camera is: it looks along parallel rays."""
-        height_mm = bundle.manifest.camera_height_mm
-        return cls(bundle.image_shape, bundle.pixel_size_mm, height_mm) if height_mm else None
+    def of_bundle(cls, bundle: Bundle, block_px: int = 1) -> Self | None:
+        """Return that of a bundle, over squares of `block_px`; None where nobody told the height: for parallel rays."""
+        height_mm, (x_mm, y_mm) = bundle.manifest.camera_height_mm, bundle.pixel_size_mm
+        shape = bundle.image_shape[0] // block_px, bundle.image_shape[1] // block_px
+        return cls(shape, (x_mm * block_px, y_mm * block_px), height_mm) if height_mm else None
 
     def seen(self, slopes: Floats) -> Floats:
         """Return the slopes q of L over the picture, (H, W, 2), for the slopes of the gel."""
@@ -45,6 +46,14 @@ class Perspective:
     def depth_mm(self, logarithmic: Floats) -> Floats:
         """Return the depth of the gel for L, mm."""
         return np.asarray(-self._height_mm * np.expm1(-logarithmic / self._height_mm), np.float32)
+
+    def logarithmic(self, depth_mm: Floats) -> Floats:
+        """Return L for the depth of the gel."""
+        return np.asarray(-self._height_mm * np.log1p(-depth_mm / self._height_mm), np.float32)
+
+    def share(self, depth_mm: Floats) -> Floats:
+        """Return 1 - d / H: how far from the axis the gel lies, as a share of how far it is seen."""
+        return np.asarray(1 - depth_mm / self._height_mm, np.float32)
 
     def _along(self, slopes: Floats) -> Floats:
         return np.asarray((self._over_height * slopes).sum(axis=2, keepdims=True), np.float32)

@@ -5,7 +5,6 @@ is computed, and the pixels that are touched or shadowed are solved again with i
 LEDs 20 mm away is lit from lower angles than the gel at rest: without this second look its slopes are 5 % wrong.
 """
 
-from dataclasses import replace
 from typing import Any, TypeVar, cast
 
 import cv2
@@ -41,6 +40,7 @@ from gellight.photometric.solver import (
 from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.measures import BundleMeasures
+from gellight.reconstruction.perspective import Perspective
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother
 from gellight.reconstruction.stages import Stages, tactile_frame
 from gellight.series.summary import as_picture, exposure_report
@@ -78,6 +78,7 @@ class PhotometricReconstructor:
             raise ValueError(f"the lights are for {model.image_shape} pixels, the calibration {bundle.image_shape}")
         self.bundle = bundle
         self.model = model
+        self._perspective = Perspective.of_bundle(bundle, block_px)
         self._smoother = Smoother(smoothing_px // block_px)
         self._block = block_px
         self._shape = model.image_shape[0] // block_px, model.image_shape[1] // block_px
@@ -149,7 +150,7 @@ class PhotometricReconstructor:
             scaled, used, predicted = self._refined(scaled, depth, signals)
             gradient_map, noise = self._slopes(scaled)
             depth = self._depth(gradient_map, scaled, signals)
-        gradient_map = self._smoother.of_surface(depth, self._pixel_size_mm, gradient_map, noise)
+        gradient_map = self._of_surface(depth, gradient_map, noise)
         stages.end("refined")
         return gradient_map, depth, used, predicted
 
@@ -158,16 +159,33 @@ class PhotometricReconstructor:
         planes = slopes(scaled).reshape(2, *self._shape)
         return self._smoother.prefilter(np.ascontiguousarray(np.moveaxis(planes, 0, 2), np.float32))
 
+    def _of_surface(self, depth: Floats, gradient_map: Floats, noise: Floats) -> Floats:
+        """Return the slopes of the surface: see `Smoother.of_surface`."""
+        seen, size = self._perspective, self._pixel_size_mm
+        if seen is None:
+            return self._smoother.of_surface(depth, size, gradient_map, noise)
+        return seen.slopes(self._smoother.of_surface(seen.logarithmic(depth), size, seen.seen(gradient_map), noise))
+
     def _depth(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Floats:
         """Integrate, and set the height by the gel at rest or by the light."""
         rest = far_from_touch(self._touched(gradient_map, scaled, signals))
-        depth = integrate(gradient_map, self._pixel_size_mm, at_rest=rest).astype(np.float32, copy=False)
+        seen = self._perspective.seen(gradient_map) if self._perspective else gradient_map
+        depth = integrate(seen, self._pixel_size_mm, at_rest=rest).astype(np.float32, copy=False)
+        depth = self._perspective.depth_mm(depth) if self._perspective else depth
         return depth + np.float32(self._level_mm(depth, signals))
 
     def _level_mm(self, depth: Floats, signals: Signals) -> float:
         """Return by how much the light says that the whole surface lies deeper than `depth`."""
-        points = replace(self._points, z_mm=depth.reshape(-1))
+        points = self._places(np.arange(depth.size), depth.reshape(-1))
         return find_level(signals, self._references, points, self.model.ring).correction_mm
+
+    def _places(self, pixels: NDArray[np.intp], depth_mm: Floats) -> Points:
+        """Return where the gel is that pixels see, `depth_mm` (N,) deep."""
+        x, y = self._points.x_mm[pixels], self._points.y_mm[pixels]
+        if self._perspective is None:
+            return Points(x, y, depth_mm)
+        share = self._perspective.share(depth_mm)
+        return Points(x * share, y * share, depth_mm)
 
     def _touched(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Bools:
         """Mark the pixels whose slopes stand out of the noise, on cells of 4 x 4 pixels."""
@@ -186,7 +204,7 @@ class PhotometricReconstructor:
         anew = np.flatnonzero((np.abs(heights) > FLAT_MM) | ~signals.valid.all(axis=0))
         for start in range(0, len(anew), BLOCK_POINTS):
             chosen = anew[start : start + BLOCK_POINTS]
-            points = Points(self._points.x_mm[chosen], self._points.y_mm[chosen], heights[chosen])
+            points = self._places(chosen, heights[chosen])
             rows = light_rows(points, self._references[:, chosen], self.model.ring)
             scaled[:, chosen], used[:, chosen] = solve_robustly(
                 signals.grey[:, chosen], rows, signals.valid[:, chosen], signals.deviation.astype(np.float32)

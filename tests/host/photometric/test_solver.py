@@ -251,3 +251,21 @@ def test_a_file_of_lights_with_anything_amiss_is_refused(name: str, array: np.nd
     assert LightDirections.of_content(npz(sound), "file.npz").noise_grey == 1
     with pytest.raises(InputError, match=r"file\.npz holds no lights"):
         LightDirections.of_content(npz({**sound, name: array}), "file.npz")
+
+
+def test_light_through_a_window_gives_the_slopes_that_light_straight_on_gives() -> None:
+    behind, ring = replace(SENSOR, window=True), replace(RING, window_mm=SENSOR.window_mm)
+    depth, gradient = ball(4.0, 1.0)
+    touched = Surface(depth, gradient, np.zeros(depth.shape, bool))
+    flat = Surface(np.zeros_like(depth), np.zeros_like(gradient), np.zeros(depth.shape, bool))
+    signals, rest = (
+        np.stack([led_irradiance(surface, behind, led).ravel() for led in range(12)]) for surface in (touched, flat)
+    )
+    lit = signals > 0.01 * rest  # beyond is shadow
+    inside = (np.hypot(*gradient.transpose(2, 0, 1)) < 1.2).ravel() & (lit.sum(axis=0) > 8)
+    points = Points(*grid(), depth.ravel())
+    found, straight = (slopes(solve(signals, light_rows(points, rest, known), lit)).T for known in (ring, RING))
+    true = gradient.reshape(-1, 2)
+    assert np.abs(found - true)[inside].max() < 1e-6
+    ratio = float((straight * true)[inside].sum() / (true**2)[inside].sum())
+    assert ratio == pytest.approx(0.64, abs=0.06)  # as if there were none

@@ -1,6 +1,7 @@
 """Series of exposures of the simulated gel, from pictures to depth; motion between exposures; the live error."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from gellight.photometric.light_model import LightGroups
 from gellight.photometric.solver import LEAST_LIGHTS
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.series.reconstructor import STAGES, PhotometricReconstructor
-from tests.helpers.simulated_gel import RING, Gel
+from sim_reference.view import seen_height_mm
+from tests.helpers.simulated_gel import RING, SMALL, Gel
 
 BALL = Press("BALL", 1.0, 4.0, -3.0)
 
@@ -62,6 +64,23 @@ def test_a_ball_is_felt_as_it_is(
     assert felt.contact.centroid_mm == pytest.approx((4.0, -3.0), abs=0.1)
     assert tuple(felt.stage_seconds) == STAGES
     assert felt.depth_mm.dtype == felt.gradient_map.dtype == felt.normal_map.dtype == np.float32
+
+
+@pytest.mark.nightly  # by day test_solver has the rows
+def test_behind_a_window_a_ball_is_felt_from_the_height_of_the_camera_by_bent_light(tmp_path: Path) -> None:
+    gel = Gel(seed=11, sensor=replace(SMALL, perspective=True, window=True))
+    plain, model, kind = gel.bundle(tmp_path / "bundle"), gel.model(16), LightGroups.TRIPLES
+    told = plain.manifest.model_copy(update={"camera_height_mm": seen_height_mm(gel.scene.geometry)})
+    bent = replace(model, ring=replace(RING, window_mm=SMALL.window_mm))
+    series, press = exposed(gel, kind, BALL), BALL
+    path, blind = (
+        PhotometricReconstructor(bundle, light, kind, smoothing_px=0)
+        for bundle, light in ((replace(plain, manifest=told), bent), (plain, model))
+    )
+    angle, depth = errors(path.reconstruct(series), gel, press)
+    assert angle < 0.6
+    assert depth < 0.01
+    assert errors(blind.reconstruct(series), gel, press)[0] > 5
 
 
 def test_the_untouched_gel_is_flat(gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]) -> None:

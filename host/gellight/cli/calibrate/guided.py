@@ -25,6 +25,7 @@ from gellight.lab.simulator.virtual_hand import hand_of
 from gellight.lab.training.training import like_words
 from gellight.opening import open_camera
 from gellight.photometric.ring_geometry import RingGeometry
+from gellight.photometric.window import seen_height_mm
 
 PRESS_S = 2.5
 """that a press of the virtual hand takes, with its share of the training"""
@@ -66,6 +67,7 @@ def _calibrate(
             name=target.name,
             ring=RingGeometry.from_overrides(settings.geometry.overrides()),
             gel_thickness_mm=thickness_mm,
+            camera_height_mm=seen_height_mm(settings.geometry.overrides()),
         )
         hand = None if hand_seed is None else hand_of(camera, seed=hand_seed)
         install = target.installing(camera, options)

@@ -228,7 +228,7 @@ def _ball_of(bundle: Bundle, radius_mm: float | None) -> Ball:
     if x_mm != y_mm:
         wrong = f"the pixels of the bundle are {x_mm} x {y_mm} mm, a circle needs square ones"
         raise typer.BadParameter(wrong, param_hint="--calibration")
-    return Ball(radius_mm=float(radius), pixel_size_mm=x_mm)
+    return Ball.seen_by(bundle, float(radius))
 
 
 def _print_written(bundle: Bundle, out: Path, as_json: bool, lines: list[str]) -> None:

@@ -1,6 +1,7 @@
 """What a calibration is asked for: the tools at hand, and how much of everything."""
 
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 
 from gellight.base.errors import InputError
@@ -40,6 +41,8 @@ class RoutineOptions:
     """of a unit of the same make, whose presses are begun with; None: as the interrupted calibration has it"""
     gel_thickness_mm: float = 0.0
     """of the soft gel; 0: nobody told. A simulated sensor knows its own"""
+    camera_height_mm: float = inf
+    """above the gel, as it seems from within it; infinite: along parallel rays. A simulated sensor knows its own"""
     ring: RingGeometry = field(default_factory=RingGeometry)
     """where the LEDs are, and of which colours"""
     overwrite: bool = False

@@ -23,7 +23,8 @@ _PATIENCE = 0.5
 def ball_of(run: CalibrationRun) -> Ball:
     """Return the ball as the camera sees it, now that the size of a pixel is known."""
     size_mm = run.folder.figures(PixelSize).pixel_size_mm
-    return Ball(radius_mm=run.options.tools.ball_radius_mm, pixel_size_mm=size_mm)
+    radius_mm, height_mm = run.options.tools.ball_radius_mm, run.camera_height_mm
+    return Ball(radius_mm=radius_mm, pixel_size_mm=size_mm, camera_height_mm=height_mm)
 
 
 def collect_presses(run: CalibrationRun) -> None:

@@ -17,6 +17,7 @@ from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.readiness import check_target
 from gellight.lab.calibration.state import Identity, discard
 from gellight.lab.simulator.virtual_hand import VirtualHand
+from gellight.photometric.ring_geometry import RingGeometry
 
 
 class Aborted(Exception):  # noqa: N818  (the user asked for it, nothing failed)
@@ -59,6 +60,17 @@ class CalibrationRun:
     def gel_thickness_mm(self) -> float:
         """Thickness of the soft gel; 0 where nobody told."""
         return self.camera.stage.gel_thickness_mm if self.camera.stage else self.options.gel_thickness_mm
+
+    @property
+    def camera_height_mm(self) -> float:
+        """How high the camera seems to stand above the gel; infinite where nobody told."""
+        return self.camera.stage.camera_height_mm if self.camera.stage else self.options.camera_height_mm
+
+    @property
+    def ring(self) -> RingGeometry:
+        """Where the LEDs are, and what their light comes through."""
+        stage, ring = self.camera.stage, self.options.ring
+        return replace(ring, window_mm=stage.window_mm) if stage else ring
 
     def drop_like(self) -> None:
         """Forget the like unit; without one fewer than `LEAST_PRESSES` are not enough."""

@@ -6,6 +6,7 @@ covers what the depth that is felt in pictures with noise leaves of them (docs/f
 
 from datetime import UTC, datetime
 
+from gellight.lab.simulator.printed_dots import dots_height_mm
 from gellight.reconstruction.force_file import ForceRecord, force_file
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry
@@ -32,7 +33,7 @@ def known_force(geometry: SensorGeometry) -> dict[str, bytes]:
         lightest_n=JUDGED_N[0],
         heaviest_n=JUDGED_N[1],
         side_error_share=SIDE_ERROR_SHARE,
-        camera_height_mm=geometry.camera_height_mm,
+        camera_height_mm=dots_height_mm(geometry),
         readings=JUDGED,
         source="the simulated gel",
         created=datetime.now(UTC).replace(microsecond=0),

@@ -1,8 +1,7 @@
 """Marker dots printed on the simulated gel: where they are seen when it is pressed and dragged, and how they look.
 
 A dot lies at X on the gel at rest. The gel moves it to X + u along itself and d into the sensor, and a camera at the
-height H above the gel at rest sees it at (X + u) H / (H - d). Only dots are seen in this perspective: the surface is
-drawn in parallel view.
+height H above the gel at rest sees it at (X + u) H / (H - d): also where the surface is drawn along parallel rays.
 """
 
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_reference.geometry import SensorGeometry
+from sim_reference.view import seen_height_mm
 
 Array = NDArray[np.float64]
 EDGE_PX = 1.0
@@ -48,8 +48,13 @@ class PrintedDots:
 
 def seen_px(gel_mm: Array, depth_mm: Array, geometry: SensorGeometry) -> Array:
     """Return (N, 2) x, y px in the picture of (N, 2) points of the gel that are (N,) mm deep."""
-    height, middle = geometry.camera_height_mm, (np.array(geometry.image_shape[::-1]) - 1) / 2
+    height, middle = dots_height_mm(geometry), (np.array(geometry.image_shape[::-1]) - 1) / 2
     return np.asarray(gel_mm * (height / (height - depth_mm))[:, None] / geometry.pixel_size_mm + middle)
+
+
+def dots_height_mm(geometry: SensorGeometry) -> float:
+    """Return H: how high the camera seems to stand, and as high as it stands where the surface has parallel rays."""
+    return seen_height_mm(geometry) if geometry.perspective else geometry.camera_height_mm
 
 
 def paint(pictures: NDArray[np.float32], places_px: Array, diameter_px: float, albedo: float) -> None:

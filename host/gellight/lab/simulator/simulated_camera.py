@@ -14,6 +14,8 @@ another: `crosstalk` (share of the other colours in a channel), `led_spread` (st
 the LEDs' brightness, as a share), `dim` (all LEDs darker by this share). `dots=9x7` prints columns and rows of marker
 dots on the gel, `dot_pitch` and `dot_diameter` mm, of `dot_albedo`, of which the share `dots_missing` has come off;
 `friction` is its coefficient for what is dragged over such a gel.
+`camera=pinhole` sees the gel from the height of the camera, not along parallel rays, and `window=acrylic` lights and
+sees it through gel and acrylic, which bend light.
 `sequence=FILE` moves an object as the file says, a step a frame, there and back: see `sequence.py`.
 `bundle=BUNDLE` draws the pictures of a real unit, with the light that its calibration measured: see `unit.py`. Its
 light is steady, and what tells one simulated sensor from another does not apply.
@@ -280,7 +282,7 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
     """
     wanted = query_of(url, SimulatedUrl)
     unit = wanted.unit()
-    sensor = built(geometry or {}, unit)
+    sensor = built({**(geometry or {}), **wanted.optics()}, unit)
     stage = Stage(sensor, programme=wanted.programme)
     if wanted.model_fields_set & {"object_name", "depth", "x", "y"}:
         stage.hold(wanted.object_name or "BALL", wanted.depth, wanted.x, wanted.y)

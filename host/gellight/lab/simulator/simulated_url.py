@@ -8,12 +8,13 @@ from pydantic import BaseModel, ConfigDict, Field
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import SYNTHETIC, load_bundle
 from gellight.lab.emulator.analog import COLDEST_C, HOTTEST_C
+from gellight.lab.simulator.choices import CameraKind, WindowKind
 from gellight.lab.simulator.printed_dots import PrintedDots
 from gellight.lab.simulator.scene import Array, Printed
 from gellight.lab.simulator.unit import Unit
 from sim_reference.camera import CameraResponse
 
-OF_A_RING = "board", "strobe", "ring_c", "crosstalk", "led_spread", "dim"
+OF_A_RING = "board", "strobe", "ring_c", "crosstalk", "led_spread", "dim", "camera", "window"
 """parameters of simulated light, which a real unit's measured light is not"""
 
 
@@ -37,6 +38,8 @@ class SimulatedUrl(BaseModel):
     led_spread: float = Field(0.0, ge=0, le=0.5)
     dim: float = Field(0.0, ge=0, le=0.9)
     bundle: str = Field("", min_length=1)
+    camera: CameraKind | None = None
+    window: WindowKind | None = None
     sequence: str = ""
     dots: str = Field(
         "", pattern=r"^(\d{1,2}x\d{1,2})?$", json_schema_extra={"allowed": "columns x rows, such as `9x7`"}
@@ -46,6 +49,11 @@ class SimulatedUrl(BaseModel):
     dot_albedo: float = Field(0.35, ge=0, le=1)
     dots_missing: float = Field(0.0, ge=0, lt=1)
     friction: float = Field(0.6, gt=0, le=5)
+
+    def optics(self) -> dict[str, bool]:
+        """Return what is said of how the sensor is seen and lit, by the names of `SensorGeometry`."""
+        seen = {} if self.camera is None else {"perspective": self.camera == "pinhole"}
+        return seen if self.window is None else {**seen, "window": self.window == "acrylic"}
 
     def printed(self) -> Printed | None:
         """Return the dots on the gel and its friction, None where it has none; InputError for dots that overlap."""

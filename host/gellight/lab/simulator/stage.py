@@ -14,6 +14,7 @@ from gellight.frames.status import PressStatus
 from gellight.lab.simulator.scene import Press
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import OBJECT_NAMES, PROBE_NAMES, check_name
+from sim_reference.view import seen_height_mm
 
 RETURN_FRAMES = 300
 """after a visitor's last touch until the programme goes on"""
@@ -90,6 +91,16 @@ class Stage:
     def gel_thickness_mm(self) -> float:
         """Thickness of the simulated gel."""
         return self._geometry.gel_thickness_mm
+
+    @property
+    def camera_height_mm(self) -> float:
+        """How high the camera seems to stand: see `PressStage`."""
+        return seen_height_mm(self._geometry)
+
+    @property
+    def window_mm(self) -> float:
+        """Thickness of what bends light: see `PressStage`."""
+        return self._geometry.window_mm if self._geometry.window else 0.0
 
     def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
         """Press `object_name` `depth_mm` into the gel at (x, y) from the image centre, until told otherwise.

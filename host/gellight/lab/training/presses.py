@@ -8,11 +8,13 @@ import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
+from gellight.bundle.bundle import Bundle
 from gellight.frames.dots import Dots
 from gellight.frames.image_files import read_image
 from gellight.frames.view import View
@@ -44,6 +46,17 @@ class Ball:
             raise InputError(
                 f"camera_height_mm = {self.camera_height_mm}: give a length greater than the ball's radius"
             )
+
+    @property
+    def told_height_mm(self) -> float:
+        """The height of the camera as a manifest tells it: 0 where nobody told."""
+        return self.camera_height_mm if math.isfinite(self.camera_height_mm) else 0.0
+
+    @classmethod
+    def seen_by(cls, bundle: Bundle, radius_mm: float) -> Self:
+        """Return the ball as the camera of a bundle sees it; of pixels that are not square the mean."""
+        size_mm, height_mm = math.sqrt(math.prod(bundle.pixel_size_mm)), bundle.manifest.camera_height_mm
+        return cls(radius_mm=radius_mm, pixel_size_mm=size_mm, camera_height_mm=height_mm or math.inf)
 
     @property
     def radius_px(self) -> float:

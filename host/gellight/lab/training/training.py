@@ -190,6 +190,7 @@ def fit(
         out, sensor=sensor, overwrite=overwrite,
         reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
         rest_grey=rest_grey, follow_light=follow, level_plane=level_plane, light_by_depth=learnt is not table,
+        camera_height_mm=ball.told_height_mm,
         network=network, pixel_size_mm=size, presses=table.arrays(like),
         metrics={**metrics, "training": record},
         extra_files={

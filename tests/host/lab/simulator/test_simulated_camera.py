@@ -297,3 +297,23 @@ def test_a_board_that_stays_dark_for_long_ends_no_stream(monkeypatch: pytest.Mon
             camera.read()
         monkeypatch.undo()
         assert camera.read().image.mean() > 10
+
+
+def test_a_pinhole_sees_a_press_farther_out_and_a_window_changes_the_light() -> None:
+    small = {"image_width_px": 160, "image_height_px": 120, "pixel_size_mm": 0.2352}
+    url = "sim://?object=BALL&depth=1.2&x=12&y=-6&board=0&noise=0"
+    frames = []
+    for seen in ("", "&camera=parallel&window=none", "&camera=pinhole", "&camera=pinhole&window=acrylic"):
+        with open_simulated(url + seen, small) as camera:
+            frames.append(camera.read())
+            heights_mm = camera.stage.camera_height_mm, camera.stage.window_mm
+    assert np.array_equal(frames[0].image, frames[1].image)
+    for frame, height_mm in ((frames[0], np.inf), (frames[2], 40.0), (frames[3], 53.12)):
+        depth = frame.truth.depth_mm
+        row, column = np.unravel_index(depth.argmax(), depth.shape)
+        nearer = 1 / (1 - depth.max() / height_mm)
+        assert ((column - 79.5) * 0.2352, (row - 59.5) * 0.2352) == pytest.approx((12 * nearer, -6 * nearer), abs=0.15)
+    assert heights_mm == pytest.approx((53.12, 8.0))
+    # Bent light comes more steeply: the same slopes change it less.
+    contrast = [np.ptp(frame.image[30:60, 110:145].astype(float), axis=(0, 1)).mean() for frame in frames]
+    assert contrast[3] < 0.85 * contrast[2]

@@ -33,7 +33,7 @@ def confirm_ring(
     pictures: of the press, under each LED alone, each (H, W, 3) uint8. Raises BundleError where it is not the radius
     of the ball, and InputError where no ball is found in the pictures.
     """
-    ball = Ball(radius_mm=radius_mm, pixel_size_mm=float(np.sqrt(np.prod(bundle.pixel_size_mm))))
+    ball = Ball.seen_by(bundle, radius_mm)
     signals = signals_of(pictures, model.groups(LightGroups.SINGLES), model, bundle.manifest.noise_grey)
     references = model.references(LightGroups.SINGLES).astype(np.float32).reshape(len(model.colours), -1)
     signals = without_shadows(signals, references)

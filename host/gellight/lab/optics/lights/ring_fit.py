@@ -17,9 +17,11 @@ from scipy.optimize import least_squares
 from gellight.frames.pixel_grid import gel_points_mm
 from gellight.photometric.light_model import LightGroups, LightModel
 from gellight.photometric.ring_geometry import RingGeometry
-from gellight.photometric.solver import Points, light_rows
+from gellight.photometric.solver import Points, light_rows, light_through
 
 Array = NDArray[np.float64]
+LEAST_LIGHT = 1e-15
+"""of an LED that turns away: its logarithm is sought"""
 STEP_PX = 16
 """patterns are smooth: they are compared on a coarse grid"""
 FREE = ("ring_radius_mm", "height_mm", "incident_angle_rad", "beam_angle_rad", "centre_x_mm", "centre_y_mm")
@@ -56,8 +58,10 @@ def fit_ring(model: LightModel, pixel_size_mm: tuple[float, float]) -> RingFit:
         light = flat_light(x, y, _with(model.ring, values)).reshape(measured.shape)
         return np.asarray((own_light(np.log(light)) - measured).ravel())
 
-    start = np.clip([getattr(model.ring, name) for name in FREE], LOWER, UPPER)
-    found = least_squares(wrong, start, bounds=(LOWER, UPPER), x_scale=(10, 10, 0.5, 1, 1, 1))
+    lower = np.array(LOWER)
+    lower[FREE.index("height_mm")] += model.ring.window_mm
+    start = np.clip([getattr(model.ring, name) for name in FREE], lower, UPPER)
+    found = least_squares(wrong, start, bounds=(lower, UPPER), x_scale=(10, 10, 0.5, 1, 1, 1))
     return RingFit(ring=_with(model.ring, found.x), misfit=float(np.sqrt((found.fun**2).mean())))
 
 
@@ -77,6 +81,10 @@ def coarse_points(image_shape: tuple[int, int], pixel_size_mm: tuple[float, floa
 def flat_light(x_mm: Array, y_mm: Array, ring: RingGeometry) -> Array:
     """(K, N) light of each LED on the flat gel at N points, equally bright LEDs, arbitrary unit."""
     points = Points(x_mm, y_mm, np.zeros_like(x_mm))
+    if ring.window_mm:
+        leds = zip(ring.positions_mm().tolist(), ring.axes().tolist(), strict=True)
+        parts = [light_through(points, *led, ring.emission_exponent, ring.window_mm) for led in leds]
+        return np.array([np.maximum(brought * above, LEAST_LIGHT) for brought, above in parts])
     # With references of 1 a row on the flat gel is the vector to the LED in units of its height.
     to_light = light_rows(points, np.ones((len(ring.channels), len(x_mm))), ring)
     squared = (to_light[:, 0] ** 2 + to_light[:, 1] ** 2 + 1) * ring.height_mm**2

@@ -51,6 +51,15 @@ def test_the_ring_is_found_from_noisy_pictures_wherever_one_begins(model: LightM
     assert fit.as_json()["ring_radius_mm"] == pytest.approx(21.5, abs=0.15)
 
 
+def test_the_ring_is_found_through_the_window_that_bends_its_light() -> None:
+    behind, ring = replace(SMALL, window=True), replace(RING, window_mm=SMALL.window_mm)
+    flat = untouched(behind)
+    x, y = coarse_points(SMALL.image_shape, PIXEL_MM)
+    true = np.stack([led_irradiance(flat, behind, led)[::16, ::16].ravel() for led in range(12)])
+    found = flat_light(x, y, ring)
+    np.testing.assert_allclose(found / found[:, :1], true / true[:, :1], rtol=1e-9)
+
+
 def test_a_ball_confirms_the_right_ring_and_refuses_a_low_one(model: LightModel, tmp_path: Path) -> None:
     """A fit from the flat gel alone was accepted 24 degrees off."""
     gel = Gel(seed=9)
