@@ -1,5 +1,6 @@
 """`gellight calibrate detect`: the contacts of balls in pictures, without a click."""
 
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Self
@@ -8,6 +9,7 @@ import numpy as np
 import typer
 
 from gellight.base.errors import InputError
+from gellight.base.writing import write_file
 from gellight.cli.options import AsJson, Overwrite, check_out, with_options
 from gellight.cli.showing import show
 from gellight.frames.image_files import image_files, read_image
@@ -55,18 +57,25 @@ class Pressed:
             raise InputError("what was pressed? give --ball-radius-mm and --pixel-size-mm")
         return Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
 
+    def __post_init__(self) -> None:
+        """Refuse a pitch that is no length."""
+        if self.pitch_mm is not None and not 0 < self.pitch_mm < np.inf:
+            raise InputError(f"--pitch-mm {self.pitch_mm:g}: give a length greater than 0")
+
     @property
     def plate(self) -> bool:
         """Whether several balls are looked for in an image."""
         return self.several or self.pitch_mm is not None
 
-    def untouched(self, paths: list[Path], target: Path, overwrite: bool) -> Reference:
-        """Read the untouched gel, or take it from between the balls and write it to `target`; else InputError."""
+    def untouched(self, paths: list[Path], place: Path) -> Reference:
+        """Read the untouched gel, or take it from between the balls and write it to `place`; else InputError."""
         if self.reference is not None:
             return read_reference(self.reference)
         if not self.plate:
             raise InputError("one press in an image is found by what changed: give --reference, or --several balls")
-        return read_reference(_written_untouched(paths, self.ball, target, overwrite))
+        mean = np.mean([untouched_between(read_image(path), self.ball) for path in paths], axis=0)
+        write_png(place, np.clip(np.rint(mean), 0, 255).astype(np.uint8))
+        return read_reference(place)
 
     def found(self, paths: list[Path], untouched: Reference) -> tuple[list[Detection], "PlateScale | None"]:
         """Look for what was pressed, and measure the size of a pixel by the pitch of a plate where that is given."""
@@ -96,12 +105,20 @@ def command(
     if overlay is not None:
         check_out(overlay / "overlay", True, "--overlay")
     paths = _images(images)
-    found, scale = pressed.found(paths, pressed.untouched(paths, out.with_name(f"{out.stem}-untouched.png"), overwrite))
+    between = out.with_name(f"{out.stem}-untouched.png") if pressed.plate and pressed.reference is None else None
+    if between is not None:
+        check_out(between, overwrite)
+    with tempfile.TemporaryDirectory(prefix="gellight-detect-") as made:
+        untouched = Path(made, "untouched.png")
+        found, scale = pressed.found(paths, pressed.untouched(paths, untouched))
+        content = untouched.read_bytes() if between else b""
     refused = [detection for detection in found if detection.contact is None]
     if as_json:  # before what may fail
         show(_result(found, scale), as_json)
     if len(refused) < len(found):
         write_presses(out, found)
+        if between is not None:
+            _write(between, content)
         if overlay is not None:
             write_overlays(overlay, found)
     if not as_json:
@@ -135,16 +152,12 @@ class PlateScale:
         )
 
 
-def _written_untouched(paths: list[Path], ball: Ball, target: Path, overwrite: bool) -> str:
-    """Write the gel between the balls, the mean of all images, and return its name; InputError where it cannot be."""
-    check_out(target, overwrite)
-    mean = np.mean([untouched_between(read_image(path), ball) for path in paths], axis=0)
+def _write(target: Path, content: bytes) -> None:
+    """Write the gel between the balls; InputError where it cannot be."""
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        write_png(target, np.clip(np.rint(mean), 0, 255).astype(np.uint8))
+        write_file(target, content)
     except OSError as error:
         raise InputError(f"{target} cannot be written ({error.strerror or error}): choose another place") from error
-    return str(target)
 
 
 def _result(found: list[Detection], scale: PlateScale | None) -> object:

@@ -1,12 +1,14 @@
 """`gellight calibrate view`: take perspective and surroundings out of the pictures of a camera."""
 
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
+from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
@@ -82,9 +84,7 @@ def command(
     written = [out / f"{path.stem}.png" for path in paths]
     _refuse(paths, written, overwrite)
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        for path, target in zip(paths, written, strict=True):
-            write_file(target, encode_png(view.of(_read(path, white), str(path))))
+        _write(paths, written, lambda path: view.of(_read(path, white), str(path)))
         write_file(out / VIEW, (view.model_dump_json(indent=1) + "\n").encode())
     except OSError as error:
         raise InputError(f"{out} cannot be written ({error.strerror or error}): choose another folder") from error
@@ -93,7 +93,18 @@ def command(
     show(result, as_json, f"wrote {len(written)} pictures of {size} and {out / VIEW}")
 
 
-def _read(path: Path, white: float | None) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":
+def _write(paths: Sequence[Path], written: Sequence[Path], seen: Callable[[Path], NDArray[np.uint8]]) -> None:
+    """Write what is seen of each picture; nothing where one of them cannot be used. Raises OSError too."""
+    with tempfile.TemporaryDirectory(prefix="gellight-view-") as made:
+        places = [Path(made, f"{number}.png") for number in range(len(paths))]
+        for path, place in zip(paths, places, strict=True):
+            place.write_bytes(encode_png(seen(path)))
+        written[0].parent.mkdir(parents=True, exist_ok=True)
+        for place, target in zip(places, written, strict=True):
+            write_file(target, place.read_bytes())
+
+
+def _read(path: Path, white: float | None) -> NDArray[np.uint8]:
     if white is None:
         return read_image(path)
     levels = read_levels(path)
