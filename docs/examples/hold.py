@@ -1,7 +1,5 @@
 """Close a gripper until the object hangs from it by 0.4 N and does not slip."""
 
-import time
-
 import gellight
 from gellight.frames.shear import SlipState
 
@@ -9,22 +7,15 @@ WEIGHT_N = 0.4
 STEP_MM = 0.1
 
 with gellight.connect("sim://?programme=0&board=0&dots=9x7&fps=10") as sensor:
-
-    def felt():
-        """Return the first frame that was taken from now on."""
-        now_s = time.monotonic()
-        return next(frame for frame in sensor if frame.camera_frame.time_s > now_s)
-
     closed_mm, holds = 0.4, False
     while not holds:
         closed_mm += 0.2
         sensor.press("BALL", closed_mm)  # here: your gripper closes to closed_mm
-        felt()
         pulled_mm, slips = 0.0, 0
         while not holds and slips < 2 and pulled_mm < 2:  # one frame may be noise
             pulled_mm += STEP_MM
             sensor.drag(pulled_mm, 0.0)  # here: your arm lifts a little
-            frame = felt()
+            frame = sensor.next_frame()
             slips = slips + 1 if frame.slip.state is SlipState.FULL else 0
             holds = frame.shear.force_n[0] >= WEIGHT_N
         print(f"closed by {closed_mm:.1f} mm:", "it holds" if holds else "it slips")

@@ -61,6 +61,49 @@ def _refusal(problem: dict[str, Any], fields: dict[str, dict[str, Any]], what: s
     return f"{name} = {problem['input']} is not allowed: give {allowed(fields[name])}"
 
 
+_LIMITS = (("ge", "at least"), ("gt", "above"), ("le", "at most"), ("lt", "below"))
+_NOUNS = (
+    ("finite", "a finite number"), ("int", "a whole number"), ("float", "a number"), ("bool", "true or false"),
+    ("string", "text"), ("list", "a list"), ("tuple", "a list"), ("dict", "an object"), ("model", "an object"),
+)  # fmt: skip
+"""by how the type of pydantic's error begins: what was to be given"""
+_SHOWN = 40
+"""characters of a value that a message shows"""
+
+
+def in_words(error: ValidationError, whole: str = "it") -> str:
+    """Return what a model refuses first in content that somebody wrote: its place, its value, and what may stand there.
+
+    whole: what the content is called.
+    """
+    first = error.errors(include_url=False)[0]
+    return f"{'.'.join(map(str, first['loc'])) or whole} {_words(dict(first))}"
+
+
+def _words(problem: dict[str, Any]) -> str:
+    kind, known, value = problem["type"], problem.get("ctx", {}), repr(problem["input"])
+    given = f"= {value if len(value) <= _SHOWN else value[:_SHOWN] + '...'} is not allowed: give"
+    if kind in ("missing", "extra_forbidden"):
+        return "is missing" if kind == "missing" else "is unknown: leave it out"
+    if kind == "json_invalid":
+        return f"is no JSON ({known['error']})"
+    if kind.startswith("union_tag"):
+        return (
+            f"has the type {known['tag']!r}: give one of {known['expected_tags']}" if "tag" in known else "has no type"
+        )
+    if kind == "value_error":
+        return f"= {value[:_SHOWN]}: {known['error']}"
+    limits = " and ".join(f"{word} {known[name]:g}" for name, word in _LIMITS if name in known)
+    lengths = (("min_length", "at least"), ("max_length", "at most"))
+    entries = next(
+        (f"{word} {known[name]} entr{'y' if known[name] == 1 else 'ies'}" for name, word in lengths if name in known),
+        "",
+    )
+    pattern = f"text like `{known['pattern']}`" if "pattern" in known else ""
+    noun = next((noun for begins, noun in _NOUNS if kind.startswith(begins)), "another value")
+    return f"{given} {limits or known.get('expected') or pattern or entries or noun}"
+
+
 def split_url(url: str) -> SplitResult:
     """Return the parts of a URL; InputError for one that has none, such as half of a bracket."""
     try:

@@ -4,6 +4,7 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from gellight.base.allowed import in_words
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
 
@@ -34,9 +35,7 @@ def read_bundle_file(bundle: Bundle, name: str, model: type[Content], remedy: st
     try:
         content = model.model_validate_json(bundle.files[name])
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"])) or "content"
-        raise BundleError(f"{bundle.source}: {name}: {place}: {first['msg']}; {remedy}") from error
+        raise BundleError(f"{bundle.source}: {name}: {in_words(error)}; {remedy}") from error
     height, width = bundle.image_shape
     if isinstance(content, PictureFile) and (content.image_height_px, content.image_width_px) != (height, width):
         raise BundleError(

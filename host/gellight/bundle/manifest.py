@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import tomli_w
 from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from gellight.base.allowed import in_words
 from gellight.base.errors import BundleError
 from gellight.ring.wire import MOST_LEDS
 
@@ -134,8 +135,7 @@ def checked_manifest(where: str | Path, **values: Any) -> Manifest:
     try:
         return Manifest.model_validate(values)
     except ValidationError as error:
-        wrong = "; ".join(f"{'.'.join(map(str, e['loc'])) or MANIFEST}: {e['msg']}" for e in error.errors())
-        raise BundleError(f"{where}: {MANIFEST}: {wrong}. Correct it or {AGAIN}") from error
+        raise BundleError(f"{where}: {MANIFEST}: {in_words(error)}. Correct it or {AGAIN}") from error
 
 
 def manifest_toml(manifest: Manifest) -> bytes:

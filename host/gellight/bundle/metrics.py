@@ -4,6 +4,7 @@ from typing import Any
 
 from pydantic import BaseModel, FiniteFloat, ValidationError
 
+from gellight.base.allowed import in_words
 from gellight.base.errors import BundleError
 from gellight.bundle.manifest import AGAIN, METRICS
 
@@ -23,8 +24,4 @@ def read_metrics(content: bytes, source: str) -> dict[str, Any]:
     try:
         return _Figures.model_validate_json(content).model_dump(exclude_unset=True)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        if first["type"] == "json_invalid":
-            raise BundleError(f"{source}: {METRICS} is not JSON ({first['msg']}): {AGAIN}") from error
-        where = ".".join(map(str, first["loc"])) or "its content"
-        raise BundleError(f"{source}: {METRICS}: {where}: {first['msg']}; {AGAIN}") from error
+        raise BundleError(f"{source}: {METRICS}: {in_words(error)}; {AGAIN}") from error

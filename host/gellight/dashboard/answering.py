@@ -9,8 +9,8 @@ from typing import Generic, TypeVar
 from aiohttp import web
 from pydantic import TypeAdapter, ValidationError
 
+from gellight.base.allowed import in_words
 from gellight.base.errors import GellightError
-from gellight.dashboard.commands import in_one_line
 
 logger = logging.getLogger(__name__)
 
@@ -52,7 +52,7 @@ class Answering(Generic[T]):
         try:
             command = commands.validate_json(await request.read())
         except ValidationError as error:
-            return refused(in_one_line(error), 400)
+            return refused(in_words(error, "the command"), 400)
 
         def carried_out(about: T) -> web.Response:
             carry_out(command, about)

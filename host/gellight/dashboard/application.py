@@ -17,11 +17,12 @@ from pathlib import Path
 from aiohttp import WSMsgType, web
 from pydantic import ValidationError
 
+from gellight.base.allowed import in_words
 from gellight.base.errors import GellightError, InputError
 from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import guard
-from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, Track, in_one_line
+from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, Track
 from gellight.dashboard.made_once import MadeOnce
 from gellight.dashboard.messages import encode, without_nan
 from gellight.dashboard.metrics import Metrics
@@ -238,7 +239,7 @@ class Dashboard:
         try:
             command = COMMANDS.validate_json(text)
         except ValidationError as error:
-            await _answer_error(client, None, in_one_line(error))
+            await _answer_error(client, None, in_words(error, "the command"))
             return
         if isinstance(command, Credit):
             async with self._changed:

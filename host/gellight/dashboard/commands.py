@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter
 
 from gellight.base.allowed import StrictModel
 from gellight.frames.camera import PressStage
@@ -51,12 +51,3 @@ class Track(StrictModel):
 COMMANDS: TypeAdapter[Credit | Press | Release | Track] = TypeAdapter(
     Annotated[Credit | Press | Release | Track, Field(discriminator="type")]
 )
-
-
-def in_one_line(error: ValidationError) -> str:
-    """Return what is wrong with a command, as one line."""
-    parts = []
-    for problem in error.errors(include_url=False, include_context=False):
-        where = ".".join(str(step) for step in problem["loc"])
-        parts.append(f"{where}: {problem['msg']}" if where else problem["msg"])
-    return "; ".join(parts)

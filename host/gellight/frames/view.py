@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from gellight.base.allowed import in_words
 from gellight.base.errors import InputError
 
 Array = NDArray[np.float64]
@@ -175,6 +176,4 @@ def view_in(content: bytes | str, name: str) -> View:
     try:
         return View.model_validate_json(content)
     except ValidationError as error:
-        wrong = error.errors()[0]
-        why = "".join(f"{step}: " for step in wrong["loc"]) + wrong["msg"]
-        raise InputError(f"{name} is no view ({why}): make it with `gellight calibrate view`") from error
+        raise InputError(f"{name} is no view ({in_words(error)}): make it with `gellight calibrate view`") from error

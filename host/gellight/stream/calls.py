@@ -5,13 +5,14 @@ too, but for `calibration`, whose answer is the content of a `.gelcal` file.
 """
 
 import json
+import time
 from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError
 
-from gellight.base.allowed import StrictModel
+from gellight.base.allowed import StrictModel, in_words
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import packed_bundle
 from gellight.ring.wire import MOST_LEDS
@@ -95,8 +96,7 @@ def read_call(content: bytes) -> Call:
     try:
         return _CALLS.validate_json(content)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise InputError(f"no call of GelLight: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        raise InputError(f"no call of GelLight: {in_words(error)}") from None
 
 
 def made(kind: type[Made], **values: object) -> Made:
@@ -104,8 +104,7 @@ def made(kind: type[Made], **values: object) -> Made:
     try:
         return kind.model_validate(values)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise InputError(f"{'.'.join(map(str, first['loc']))} = {first['input']!r}: {first['msg']}") from None
+        raise InputError(in_words(error)) from None
 
 
 def light_of(colours: NDArray[np.uint8] | None) -> Light:
@@ -144,7 +143,12 @@ def answer(daemon: "SensorSession", call: Call) -> bytes:
             daemon.track(call.on)
         case Press() | Drag() | Release():
             move(daemon, call)
-    return b"{}"
+    return json.dumps({"time_s": commanded_s(daemon)}).encode()
+
+
+def commanded_s(daemon: "SensorSession") -> float:
+    """Return since when frames show what was commanded just now; 0 for files, whose pictures are old."""
+    return 0.0 if daemon.camera.waits else time.monotonic()
 
 
 def move(daemon: "SensorSession", call: Press | Drag | Release) -> None:

@@ -1,6 +1,8 @@
 """`gellight.connect`: a sensor in this process, lit and calibrated, that gives tactile frames."""
 
-from contextlib import ExitStack
+import atexit
+import weakref
+from contextlib import ExitStack, suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,7 @@ from gellight.daemon.assembly import open_session
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.frames.status import SensorStatus
-from gellight.stream.calls import Drag, Press, Release, light_of, made, move
+from gellight.stream.calls import Drag, Press, Release, commanded_s, light_of, made, move
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
 
 
@@ -34,6 +36,17 @@ def connect(
     return Sensor(open_session(settings, every=every), every=every, patience_s=patience_s)
 
 
+_OPEN: "weakref.WeakSet[Sensor]" = weakref.WeakSet()
+
+
+@atexit.register
+def _close_all() -> None:
+    """Close what a program left open: threads that wait for Python when it has ended would abort the process."""
+    for sensor in list(_OPEN):
+        with suppress(Exception):  # a callback of `listen` that failed was told
+            sensor.close()
+
+
 class Sensor(FrameSource):
     """A daemon in this process."""
 
@@ -45,6 +58,7 @@ class Sensor(FrameSource):
         self._frames = self._until.enter_context(daemon.delivered.subscribe(BACKLOG)) if every else daemon.delivered
         self._number = 0
         self._until.enter_context(daemon)
+        _OPEN.add(self)
         daemon.go_on_after(-1)
 
     def _take(self, timeout_s: float) -> TactileFrame:
@@ -71,14 +85,17 @@ class Sensor(FrameSource):
         """Show colours on the LEDs, or the light of the bundle again (None); see `SensorSession.light`."""
         asked = light_of(colours).colours
         self.daemon.light(None if asked is None else np.array(asked, np.uint8))
+        self._since_s = commanded_s(self.daemon)
 
     def mode(self, mode: str) -> None:
         """Go on in another mode; see `SensorSession.change_mode`."""
         self.daemon.change_mode(mode)
+        self._since_s = commanded_s(self.daemon)
 
     def zero(self) -> None:
         """Set the zero of the depth; see `SensorSession.rezero`."""
         self.daemon.rezero()
+        self._since_s = commanded_s(self.daemon)
 
     def track(self, on: bool) -> None:
         """Give frames the pose of the object that touches, or no more."""
@@ -86,12 +103,16 @@ class Sensor(FrameSource):
 
     def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
         """Press an object into a simulated gel."""
-        move(self.daemon, made(Press, object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
+        self._move(made(Press, object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
 
     def drag(self, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> None:
         """Move what is pressed into a simulated gel sideways, to x, y from where it was pressed, and turn it."""
-        move(self.daemon, made(Drag, x_mm=x_mm, y_mm=y_mm, turn_rad=turn_rad))
+        self._move(made(Drag, x_mm=x_mm, y_mm=y_mm, turn_rad=turn_rad))
 
     def release(self) -> None:
         """Lift the object off the simulated gel."""
-        move(self.daemon, Release())
+        self._move(Release())
+
+    def _move(self, call: Press | Drag | Release) -> None:
+        move(self.daemon, call)
+        self._since_s = commanded_s(self.daemon)

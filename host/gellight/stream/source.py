@@ -3,8 +3,10 @@
 import asyncio
 import logging
 import threading
+import time
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Callable, Iterator
+from math import inf
 from typing import Self
 
 import numpy as np
@@ -42,20 +44,27 @@ class FrameSource(ABC):
         self._closing = threading.Event()
         self._problem: Exception | None = None
         """what ended a callback"""
+        self._since_s = -inf
+        """frames that were exposed before (`CameraFrame.time_s`) show the sensor as it was before the last command"""
 
     # ---- frames ----
 
     def next_frame(self, timeout_s: float | None = None) -> TactileFrame:
         """Wait for the next frame; None: as long as `patience_s` says.
 
+        After `press`, `drag`, `release`, `light`, `mode` or `zero` that is the first one that was exposed after it,
+        some tenths of a second later; those of before are passed over. Of files it is the next picture.
         Raises NoFrameError, a StreamError that says what is wrong, after that time; another StreamError when the daemon
         is gone; EndOfStream after the last frame of images or of a recording.
         """
         if self._every and self._listening and threading.current_thread() not in self._listening:
             raise InputError("with every=True the listener gets all frames: open another source to read them here")
         wait_s = self._patience_s if timeout_s is None else timeout_s
+        until_s = time.monotonic() + wait_s
         try:
             frame = self._take(wait_s)
+            while frame.camera_frame.time_s < self._since_s:
+                frame = self._take(max(until_s - time.monotonic(), 0.0))
         except TimeoutError:
             raise NoFrameError(f"no frame for {wait_s:g} s: {self._why_none()}") from None
         sequence = frame.camera_frame.sequence

@@ -326,6 +326,10 @@ class Subscription(FrameSource):
             raise InputError(said)
         return replies[0].ok.payload.to_bytes()
 
+    def _command(self, call: Call) -> None:
+        """Have it done, and pass over the frames of before."""
+        self._since_s = float(json.loads(self._ask(call) or b"{}").get("time_s", 0.0))
+
     def status(self) -> SensorStatus:
         """Return `SensorSession.status` of the daemon."""
         return read_status(self._ask(Status()), self.name)
@@ -344,15 +348,15 @@ class Subscription(FrameSource):
 
     def light(self, colours: NDArray[np.uint8] | None) -> None:
         """Show colours on the LEDs, or the light of the bundle again (None); see `SensorSession.light`."""
-        self._ask(light_of(colours))
+        self._command(light_of(colours))
 
     def mode(self, mode: str) -> None:
         """Go on in another mode; see `SensorSession.change_mode`."""
-        self._ask(made(Mode, mode=mode))
+        self._command(made(Mode, mode=mode))
 
     def zero(self) -> None:
         """Set the zero of the depth; see `SensorSession.rezero`."""
-        self._ask(Zero())
+        self._command(Zero())
 
     def track(self, on: bool) -> None:
         """Give frames the pose of the object that touches, or no more; for all readers of the sensor."""
@@ -360,12 +364,12 @@ class Subscription(FrameSource):
 
     def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
         """Press an object into a simulated gel."""
-        self._ask(made(Press, object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
+        self._command(made(Press, object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
 
     def drag(self, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> None:
         """Move what is pressed into a simulated gel sideways, to x, y from where it was pressed, and turn it."""
-        self._ask(made(Drag, x_mm=x_mm, y_mm=y_mm, turn_rad=turn_rad))
+        self._command(made(Drag, x_mm=x_mm, y_mm=y_mm, turn_rad=turn_rad))
 
     def release(self) -> None:
         """Lift the object off the simulated gel."""
-        self._ask(Release())
+        self._command(Release())

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AliasChoices, Field, FiniteFloat, TypeAdapter, ValidationError
 
-from gellight.base.allowed import StrictModel
+from gellight.base.allowed import StrictModel, in_words
 from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Patch, Provenance, TactileFrame
@@ -345,8 +345,7 @@ def _read_details(message: bytes, place: int, length: int) -> Details:
     try:
         return _DETAILS.validate_json(message[place : place + length])
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise _damaged(f"{'.'.join(map(str, first['loc'])) or 'details'}: {first['msg']}") from None
+        raise _damaged(in_words(error, "details")) from None
 
 
 def _report(figures: ExposureFigures | None, maps: Mapping[str, NDArray[Any]]) -> ExposureReport | None:

@@ -339,14 +339,24 @@ def test_the_simulated_sensor_is_lit_pressed_and_released() -> None:
         assert flat.contact.indentation_mm < 0.05
         assert flat.camera_frame.image.mean() > 20, "its LEDs are on"
         sensor.press("BALL", 1.0)
-        deepest = max(sensor.next_frame().contact.indentation_mm for _ in range(6))
-        assert deepest == pytest.approx(1.0, abs=0.05)
+        assert sensor.next_frame().contact.indentation_mm == pytest.approx(1.0, abs=0.05), "the first one after it"
         sensor.light(np.zeros((12, 3), np.uint8))
         assert sensor.next_frame().camera_frame.image.mean() < 5
         sensor.light(None)
         assert sensor.next_frame().camera_frame.image.mean() > 20
         sensor.release()
+        assert sensor.next_frame().contact.indentation_mm < 0.05
+        with Publisher(sensor.daemon, name="pressed"), subscribe("pressed") as frames:
+            for depth_mm in (0.8, 0.4):
+                frames.press("BALL", depth_mm)
+                assert frames.next_frame(60).contact.indentation_mm == pytest.approx(depth_mm, abs=0.05)
         assert sensor.bundle.identity == sensor.next_frame().provenance.zero
+
+
+def test_a_program_that_does_not_close_its_sensor_ends() -> None:
+    code = "import gellight\ns = gellight.connect('sim://')\ns.press('BALL', 1.0)\nprint(s.next_frame())"
+    done = children.run([sys.executable, "-c", code], timeout_s=60)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("use", ["frames.next_frame()", "frames.listen(print); frames.next_frame()"])

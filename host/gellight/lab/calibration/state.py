@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from gellight.base.allowed import in_words
 from gellight.base.errors import BundleError, InputError, first_line
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.manifest import MANIFEST
@@ -193,11 +194,7 @@ def state_in(path: Path) -> State | None:
     try:
         return State.model_validate(content)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        raise BundleError(
-            f"{place} is damaged at {where} ({first['msg']}): move {path} away and begin again"
-        ) from error
+        raise BundleError(f"{place} is damaged ({in_words(error)}): move {path} away and begin again") from error
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field, ValidationError
 
-from gellight.base.allowed import StrictModel
+from gellight.base.allowed import StrictModel, in_words
 from gellight.base.errors import InputError
 from gellight.base.writing import new_folder, write_file
 from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
@@ -63,10 +63,8 @@ def read_sequence(path: Path, geometry: SensorGeometry) -> Sequence:
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}): give a JSON file of a sequence") from error
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"])) or "the file"
         raise InputError(
-            f'{path}: {where}: {first["msg"]}; give {{"object": "PEG", "steps": [[depth, x, y, turn_x, turn_y, '
+            f'{path}: {in_words(error)}; give {{"object": "PEG", "steps": [[depth, x, y, turn_x, turn_y, '
             "turn_z], null, ...]} in mm and degrees"
         ) from None
     except ValueError as error:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
-from gellight.base.allowed import StrictModel
+from gellight.base.allowed import StrictModel, in_words
 from gellight.base.errors import InputError
 from gellight.ring import protocol
 from gellight.ring.light_groups import Groups, colour_triples, single_leds
@@ -51,9 +51,7 @@ def _of_file(path: Path, leds: int) -> Groups:
     try:
         groups = SequenceFile.model_validate_json(content).groups
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"])) or "the file"
-        raise InputError(f"sequence {path}: {where}: {first['msg']}; {_remedy(leds)}") from None
+        raise InputError(f"sequence {path}: {in_words(error)}; {_remedy(leds)}") from None
     if wrong := [number for number, group in enumerate(groups) if len(group) != leds]:
         raise InputError(f"sequence {path}: groups.{wrong[0]}: {len(groups[wrong[0]])} colours; {_remedy(leds)}")
     values = np.array([[list(bytes.fromhex(colour)) for colour in group] for group in groups], np.uint8)
