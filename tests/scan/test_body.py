@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from gellight.base.errors import InputError
 from gellight.lab.report.pictures import mesh_picture
 from gellight.tracking.rigid import inverse, pose_of
-from gellight_scan.body import Mesh, fused
+from gellight_scan.body import Mesh, fused, step_for
 from gellight_scan.contact_view import ContactView
 from tests.helpers.ply import open_edges, read_ply, read_stl
 
