@@ -6,6 +6,7 @@ import struct
 from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 from zlib import crc32
 
 import pytest
@@ -159,6 +160,19 @@ class Unplugged(BootRom):
             raise usb.core.USBError("No such device", errno=19)
         self.left -= len(data)
         super()._take_bytes(data)
+
+
+def test_a_board_that_is_gone_is_told_in_one_line(image: bytes) -> None:
+    """It cannot say what its last command came to either."""
+
+    class Gone(Unplugged):
+        def control(self, kind: int, request: int, *rest: Any, **more: Any) -> bytes:
+            if (kind, request) == (0xC1, 0x42):
+                raise usb.core.USBError("No such device", errno=19)
+            return super().control(kind, request, *rest, **more)
+
+    with pytest.raises(BoardError, match=r"refused command .* the board is gone: plug it in again"):
+        flash.Picoboot(backend=Gone()).flash(image)
 
 
 def test_a_cut_while_flashing_leaves_a_board_that_waits_for_its_image(image: bytes) -> None:

@@ -6,17 +6,21 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from gellight.lab.emulator import registers
 from gellight.lab.emulator.chip import VTOR
 from gellight.lab.emulator.waveform import Strip
 from gellight.ring import protocol as p
 from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import ColourOrder, OutputAt, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step
+from gellight.ring.wire import Packet, encode
 from tests.firmware.helpers.wiring import opened, wired
 from tests.helpers.bench_board import RED, BenchBoard
 
 OUTPUT, PULSE_US = 4, 100
 DWELL_US = 20_000
+TIMER_0, TIMER_2, INSTRUCTIONS = 0, 2, 24
+"""interrupts; instructions of the one of a pulse"""
 
 
 def levels(board: BenchBoard, pin: int) -> list[tuple[float, bool]]:
@@ -221,3 +225,35 @@ def test_an_image_that_lights_leds_without_power_is_told(image: bytes) -> None:
         board.run(2_000)
         assert not board.lit.any()
     assert any("supply of the LEDs" in fault for fault in board.faults)
+
+
+def test_a_light_that_latches_while_a_pulse_begins_takes_it_away(image: bytes) -> None:
+    """At every instruction of the pulse's interrupt, which that of the light goes before."""
+    board, risen = wired(image, output_pin=OUTPUT, output_at=OutputAt.MIDDLE), []
+    with opened(board) as ring:
+        ring.load_sequence([RED], [Step(group=0, dwell_us=DWELL_US)])
+        ring.set_sync(SyncMode.FREE)
+        changes = levels(board, OUTPUT)
+        handler = board.chip.read_uint32(board.chip.read_uint32(VTOR) + 4 * (16 + TIMER_2))
+        for after in range(INSTRUCTIONS):
+            since, changes[:] = len(board.waveform.frame_starts_us), []
+            ring.start()
+            assert board.run_until(lambda n=since: len(board.waveform.frame_starts_us) > n, DWELL_US)
+            board.run(DWELL_US / 2 - 400)
+            board.host.send(encode(Packet(p.COMMANDS["BLANK"].code, 9, b"")))  # its light is on its way then
+            end_us = board.now_us + 900
+            while board.chip.core.pc | 1 != handler:
+                board._run_slice(1e6, 1)
+                assert board.now_us < end_us
+            for _ in range(after):
+                board._run_slice(1e6, 1)
+            timer = board.chip.peripherals[registers.TIMER].inner
+            timer._int_raw |= 1 << TIMER_0
+            board.chip.core.set_interrupt(TIMER_0, True)
+            latched_us = board.now_us
+            risen.append(bool(changes))
+            board.run(DWELL_US)
+            assert [level for _, level in changes] in ([], [True, False]), after
+            assert all(when < latched_us + 2 for when, _ in changes), after
+    assert set(risen) == {False, True}, "all of what comes before the pulse begins was tried"
+    assert board.faults == []

@@ -47,6 +47,18 @@ def test_a_light_comes_back_after_the_program_was_held_up(board: BenchBoard, cap
     assert "they are lit again" in caplog.text
 
 
+def test_a_fault_of_who_listens_to_the_board_puts_no_light_out(
+    board: BenchBoard, caplog: pytest.LogCaptureFixture
+) -> None:
+    with LightRing(VirtualTransport(board), keep_alive_s=0.01) as ring:
+        ring.set_leds(RED)
+        ring.ping_listeners.append(lambda _: 1 // 0)
+        assert comes(board, ring, lambda: "ZeroDivisionError" in caplog.text)
+        ring.ping_listeners.clear()
+        hold_up(board, ring)
+        assert comes(board, ring, lambda: bool((board.lit == RED).all()))
+
+
 def test_darkness_that_was_asked_for_stays(board: BenchBoard, caplog: pytest.LogCaptureFixture) -> None:
     with LightRing(VirtualTransport(board), keep_alive_s=0.01) as ring:
         ring.load_sequence([RED], [Step(group=0, dwell_us=5_000)])

@@ -121,6 +121,10 @@ def press() -> dict[str, object]:
     refused = raised(robot.connect) if len(sys.argv) > 3 else ""
     if refused:
         return {"refused": refused}
+    gel = robot.cameras["gel"]
+    connect, gel.connect = gel.connect, MagicMock(side_effect=ConnectionError("no such camera"))
+    broken, gel.connect = raised(robot.connect), connect
+    left = robot._hand is not None
     deepest_mm, seen_mm, until_s = 0.0, 0.0, time.monotonic() + 60
     with robot, hand:
         everything = robot.observation_features
@@ -133,7 +137,8 @@ def press() -> dict[str, object]:
             time.sleep(0.1)
     kinds = {name: [str(seen[name].dtype), *seen[name].shape] for name in features}
     observed = {name: seen[name] for name in numbers}
-    return {"asked_mm": deepest_mm, "seen_mm": seen_mm, "features": features, "kinds": kinds, "numbers": observed}
+    return {"asked_mm": deepest_mm, "seen_mm": seen_mm, "features": features, "kinds": kinds, "numbers": observed,
+            "broken": broken, "left": left}  # fmt: skip
 
 
 def quantise(least_m: float, most_m: float, use_log: bool) -> dict[str, float]:

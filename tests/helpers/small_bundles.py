@@ -101,10 +101,11 @@ def with_files(bundle: Bundle, source: str, **files: bytes) -> Bundle:
 
 
 def with_lens(bundle: Bundle) -> Bundle:
-    """Return it with a lens that bends by less than a tenth of a pixel."""
+    """Return it with a lens that bends by less than a tenth of a pixel, of a small picture."""
+    (height, width), (across_mm, down_mm) = bundle.image_shape, bundle.pixel_size_mm
     record = {
-        "image_width_px": SHAPE[1], "image_height_px": SHAPE[0], "centre_px": ((SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2),
-        "k1": 1e-3, "k2": 0.0, "px_per_mm": (1 / PIXEL_MM, 0.0, 1 / PIXEL_MM), "origin_mm": (0.0, 0.0),
+        "image_width_px": width, "image_height_px": height, "centre_px": ((width - 1) / 2, (height - 1) / 2),
+        "k1": 1e-3, "k2": 0.0, "px_per_mm": (1 / across_mm, 0.0, 1 / down_mm), "origin_mm": (0.0, 0.0),
         "learnt_from_circles": False, "pitch_mm": 2.0, "images": ["grid.png"], "pins": 40, "rms_before_px": 0.1,
         "rms_after_px": 0.05, "created": datetime.now(UTC).isoformat(),
     }  # fmt: skip

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from gellight.base.errors import InputError
 from gellight.lab.report.pictures import mesh_picture
 from gellight.tracking.rigid import inverse, pose_of
-from gellight_scan.body import Mesh, fused
+from gellight_scan.body import Mesh, fused, step_for
 from gellight_scan.contact_view import ContactView
 from tests.helpers.ply import open_edges, read_ply, read_stl
 
@@ -40,6 +40,20 @@ def rolled(angles_rad: list[float], *, moved_mm: float = 0.0) -> list[tuple[Cont
 def sides_of(mesh: Mesh) -> list[np.ndarray]:
     """Both ends (T, 2, 3) of each side of the triangles."""
     return [mesh.points_mm[mesh.triangles[:, [corner, (corner + 1) % 3]]] for corner in range(3)]
+
+
+@pytest.mark.parametrize("size_mm", [(10, 10, 1), (100, 100, 100), (900, 900, 0.1), (9000, 0.1, 0.1)])
+def test_no_box_takes_more_points_than_the_memory_has(size_mm: tuple[float, float, float]) -> None:
+    """A flat or a long one has more in its margins than in itself."""
+    step = step_for(np.array(size_mm))
+    grid = [len(np.arange(-4 * step, size + 4 * step, step)) for size in size_mm]
+    assert np.prod(grid, dtype=float) <= 28e6
+    assert step == pytest.approx(0.1) or np.prod(grid, dtype=float) > 24e6
+
+
+def test_touches_metres_apart_are_refused_before_their_memory_is_asked_for() -> None:
+    with pytest.raises(InputError, match=r"over 2000 x 2000 x 300 mm, too much for a mesh: scan the body in parts"):
+        step_for(np.array((2000.0, 2000.0, 300.0)))
 
 
 @pytest.fixture(scope="module")

@@ -83,13 +83,17 @@ void pins_pulse(uint32_t after_us)
         pulse_begin();
 }
 
+/* The light's interrupt goes before this one, and may have taken its pulse away, or set the alarm for another. */
 void pulse_interrupt(void)
 {
+    uint32_t interrupts = interrupts_off();
+    bool due = REGISTER(TIMER_INTR) & 1u << 2;
     REGISTER(TIMER_INTR) = 1u << 2;
-    if (pulsing)
+    if (due && pulsing)
         REGISTER(SIO_OUT_CLEAR) = output;
-    else
+    else if (due)
         pulse_begin();
+    interrupts_restore(interrupts);
 }
 
 /* ---- the status LED: fast after a fault, steady while a host has the port open, slow without one ---- */

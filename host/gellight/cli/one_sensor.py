@@ -64,7 +64,7 @@ def opened(settings: Settings, *, every: bool = True, dashboard: bool = True) ->
 
 def tell(manager: ServiceManager, as_json: bool, status: SensorStatus) -> None:
     """Print the status, and tell the service manager, where there is one, that the sensor works."""
-    manager.alive(status["frames"], away=status["error"] is not None)
+    manager.alive((status["frames"], status["error"] is not None))
     print_status(status, as_json)
 
 

@@ -98,8 +98,7 @@ def _watch(sensors: list["SensorProcess"], as_json: bool) -> None:
         if not told_ready and all(sensor.report.address or sensor.report.status for sensor in sensors if sensor.alive):
             manager.ready()
             told_ready = True
-        frames = sum(int(str(sensor.report.status.get("frames", 0))) for sensor in sensors)
-        manager.alive(frames, away=any(sensor.choice().error for sensor in sensors))
+        manager.alive(*(sensor.life() for sensor in sensors))
         if as_json:
             print(json.dumps({sensor.name: dict(sensor.report.status) for sensor in sensors}), flush=True)
         time.sleep(STATUS_S / 4)
@@ -162,6 +161,11 @@ class SensorProcess:
         error = self.report.error or self.report.status.get("error")
         address = self.report.address if self.alive else ""
         return Choice(key=self.key, sensor=self.name, error=None if error is None else str(error), address=address)
+
+    def life(self) -> tuple[int, bool]:
+        """Return what the service manager is told of it: its frames, and whether it is known why none come."""
+        away = not self.alive or self.choice().error is not None
+        return int(str(self.report.status.get("frames", 0))), away
 
     def ask_to_end(self) -> None:
         """Ask it, once, to make its LEDs dark and end: a second signal would interrupt that."""

@@ -92,6 +92,7 @@ class FrameThreads:
     def stop(self) -> None:
         """Stop the threads; who waits for a frame gets a CameraError."""
         self._ended.set()
+        self._camera.hurry()
         for mailbox in (self.captured, self.delivered):
             mailbox.close(CameraError("the daemon was stopped"))
         try:

@@ -128,7 +128,7 @@ class SwitchedCamera(CameraWrapper):
             if state is not None and self._bare.controls is not None and state.controls != before.controls:
                 self._settle()
             self._camera, self._light = camera_for(prepared, light), light
-        except GellightError as error:
+        except Exception as error:  # also one of GelLight's own, or the camera in front would be half of each
             try:
                 self._put(in_front[0], before if state else None)
                 self._camera, self._light = camera_for(*in_front), in_front[1]

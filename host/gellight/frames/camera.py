@@ -144,6 +144,10 @@ class Camera(Protocol):
         if self.ring is not None:
             self.ring.light(colours)
 
+    def hurry(self) -> None:
+        """Let a `read` that waits in another thread for the time of its frame return soon: nobody wants it any more."""
+        return
+
     def close(self) -> None:
         """Release the device; reading afterwards raises CameraError."""
 

@@ -70,6 +70,10 @@ class CameraWrapper(Camera):
     def release(self) -> None:
         """Give back what was set and lit for this wrapper; the camera inside stays open."""
 
+    def hurry(self) -> None:
+        """Let the camera inside wait no more."""
+        self._camera.hurry()
+
     def close(self) -> None:
         """Close the camera inside, with its LEDs dark."""
         self._camera.close()

@@ -42,6 +42,8 @@ _FILLING_BYTES = 4096
 _TOLERATED_MCUS = 16
 """a surplus that is no fault: some cameras put up to ten bytes too many before a marker, and an MCU of three colours
 takes at least 14 bits"""
+_TALLEST_PX = 0xFFFF
+"""that a header can say"""
 _CANDIDATES = 4
 """among this number of MCUs in a row, at least two are not cut off by the right edge"""
 
@@ -86,11 +88,19 @@ class Layout:
 
     def taller(self, data: bytes) -> bytes:
         """Return the JPEG with a height at which too much data shows, and zeros for what is below the picture."""
-        added = (_TOLERATED_MCUS + _CANDIDATES) // self.columns + 1
-        height = (self.rows + added) * self.mcu[0]
         body = data[self.height_at + 2 : data.find(_END, self.data_at)]
-        zeros = bytes((added * self.columns + 2) * self.blocks * _BLOCK_ZEROS)
-        return data[: self.height_at] + height.to_bytes(2) + body + zeros
+        zeros = bytes((self._added * self.columns + 2) * self.blocks * _BLOCK_ZEROS)
+        return data[: self.height_at] + self.taller_px.to_bytes(2) + body + zeros
+
+    @property
+    def taller_px(self) -> int:
+        """A height at which too much data shows."""
+        return (self.rows + self._added) * self.mcu[0]
+
+    @property
+    def _added(self) -> int:
+        """Rows of MCUs."""
+        return (_TOLERATED_MCUS + _CANDIDATES) // self.columns + 1
 
 
 def decode_jpeg_file(data: bytes) -> Image | None:
@@ -153,8 +163,9 @@ def _layout(data: bytes, frame_at: int, data_at: int, *, restart: int, usual: bo
     if count == 1:
         sampling = [(1, 1)]
     across, down = (max(values) for values in zip(*sampling, strict=True))
-    return Layout(shape=(height, width), mcu=(_BLOCK_PX * down, _BLOCK_PX * across), height_at=frame_at + 5,
-                  data_at=data_at, restart=restart, blocks=sum(x * y for x, y in sampling), usual=usual)  # fmt: skip
+    layout = Layout(shape=(height, width), mcu=(_BLOCK_PX * down, _BLOCK_PX * across), height_at=frame_at + 5,
+                    data_at=data_at, restart=restart, blocks=sum(x * y for x, y in sampling), usual=usual)  # fmt: skip
+    return layout if layout.taller_px <= _TALLEST_PX else None
 
 
 def _continuous(data: bytes, layout: Layout) -> Image:

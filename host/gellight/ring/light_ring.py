@@ -136,6 +136,8 @@ class LightRing(BoardLink):
                 if not silent:
                     logger.warning("the board of the light ring does not answer: %s", error)
                 silent = True
+            except Exception:  # of who listens to the board: the light must not go out because of that
+                logger.exception("a fault of GelLight itself: please report it")
 
     def _light_again(self) -> None:
         """Show the last still light once more where the board has made it dark by itself."""

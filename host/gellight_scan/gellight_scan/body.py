@@ -23,8 +23,10 @@ Array = NDArray[np.float64]
 NOTHING = "the gel reached too little of the body for a surface: press it deeper"
 FINEST_MM = 0.1
 """between the points of the grid: the coating blurs as much"""
-MOST_POINTS = 30_000_000
-"""of the grid: larger bodies get a coarser one"""
+MOST_POINTS = 28_000_000
+"""of the grid: larger bodies get a coarser one. With all that is computed of it, that is 2 GB"""
+COARSEST_MM = 1.0
+"""touches that lie farther apart are of no body that a gel can show"""
 BAND = 3.0
 """so many steps of the grid to both sides of a touch the distance is kept"""
 
@@ -141,6 +143,19 @@ def distance_to(view: ContactView, points_mm: Array) -> tuple[Array, Array]:
     return (points_mm[..., 2] - depth) * upright, np.where(reached, error / upright, np.inf)
 
 
+def step_for(size_mm: Array) -> float:
+    """Return the step of a grid around a box (3,) and its margins; InputError for a box that is too large for any."""
+    step_mm = FINEST_MM
+    while np.prod(size_mm / step_mm + 2 * (BAND + 1) + 1) > MOST_POINTS:
+        step_mm *= 1.02
+    if step_mm > COARSEST_MM:
+        x, y, z = size_mm
+        raise InputError(
+            f"the touches lie over {x:.0f} x {y:.0f} x {z:.0f} mm, too much for a mesh: scan the body in parts"
+        )
+    return step_mm
+
+
 def fused(touches: Sequence[tuple[ContactView, Array]]) -> Mesh:
     """Return the surface that touches lie on; each pose (4, 4) carries its touch to the body.
 
@@ -152,7 +167,7 @@ def fused(touches: Sequence[tuple[ContactView, Array]]) -> Mesh:
     every = np.concatenate(laid)
     if not len(every):
         raise InputError(NOTHING)
-    step_mm = max(FINEST_MM, float(np.cbrt(np.prod(np.ptp(every, axis=0) + 2 * BAND * FINEST_MM) / MOST_POINTS)))
+    step_mm = step_for(np.ptp(every, axis=0))
     grid = Distances.over(every, step_mm)
     for (view, pose), surface in zip(touches, laid, strict=True):
         if len(surface):

@@ -100,8 +100,12 @@ class GelLightPress(_Uncalibrated, Robot):
         except gellight.GellightError as error:
             raise ConnectionError(str(error)) from error
         self._hand = hand
-        for camera in self.cameras.values():
-            camera.connect()
+        try:
+            for camera in self.cameras.values():
+                camera.connect()
+        except BaseException:
+            self.disconnect()  # or what was opened stays open, and a second try finds it so
+            raise
 
     @check_if_not_connected
     def get_observation(self) -> dict[str, Any]:

@@ -69,7 +69,7 @@ class Inside(ScriptedCamera):
 
 
 ARGUMENTS: dict[str, tuple[Any, ...]] = {
-    "selfcheck": ((0.1, 0.2),), "status": (), "adopt": ({"gain": 2.0}, None), "close": ()
+    "selfcheck": ((0.1, 0.2),), "status": (), "adopt": ({"gain": 2.0}, None), "close": (), "hurry": (),
 }  # fmt: skip
 
 

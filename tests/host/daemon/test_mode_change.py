@@ -78,7 +78,7 @@ class Renumbering(CameraWrapper):
         self.released = True
 
 
-IN_TURN, REFUSED = LightPlan(), LightPlan()
+IN_TURN, REFUSED, FAULTY = LightPlan(), LightPlan(), LightPlan()
 
 
 def test_the_numbers_go_on_and_what_was_in_front_is_released(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,6 +89,8 @@ def test_the_numbers_go_on_and_what_was_in_front_is_released(monkeypatch: pytest
             return camera
         if light is REFUSED:
             raise CameraError("no ring")
+        if light is FAULTY:
+            raise ValueError("a fault of our own")
         made.append(Renumbering(camera))
         return made[-1]
 
@@ -104,9 +106,12 @@ def test_the_numbers_go_on_and_what_was_in_front_is_released(monkeypatch: pytest
     assert made[0].released
     assert len(inner.adopted) == 2
 
-    with pytest.raises(CameraError, match="no ring"):
-        camera.switch(inner, REFUSED, dark)
-    assert camera.read().sequence == 8
+    camera.switch(inner, IN_TURN, dark)
+    for number, (light, error) in enumerate(((REFUSED, CameraError), (FAULTY, ValueError)), 8):
+        with pytest.raises(error):
+            camera.switch(inner, light, dark)
+        assert camera.read().sequence == number
+        assert camera._camera is made[-1], "the light of before stands in front again"
 
 
 @pytest.mark.parametrize(("waits", "read", "refused"), [(True, True, True), (True, False, False), (False, True, False)])

@@ -104,6 +104,8 @@ def test_the_robot_presses_into_the_simulated_gel(environment: dict[str, str], t
     extend_bundle(plain, tmp_path / "weighing", force_files())
     with gellight.connect("sim://?fps=10", calibration=str(tmp_path / "weighing")) as sensor, Publisher(sensor.daemon):
         told = ask(environment, "press", CAMERAS)
+    assert told["broken"] == "ConnectionError: no such camera"
+    assert not told["left"], "nothing stays open"
     assert told["asked_mm"] == 0.5
     assert told["seen_mm"] == pytest.approx(0.5, abs=0.05)
     assert told["features"] == {"gel": [480, 640, 3], "gel_depth": [480, 640, 1]}

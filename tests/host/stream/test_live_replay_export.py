@@ -1,5 +1,6 @@
 """What was felt live a replay and an export feel too, of every kind of bundle and light; else nothing is recorded."""
 
+import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -18,9 +19,11 @@ from gellight.frames.image_files import ImageCamera
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
 from gellight.lab.report.pictures import encode_png
+from gellight.opening import open_camera
 from gellight.recording.recording_file import Recording
 from gellight.recording.replay_camera import open_replay
 from gellight.stream.recorder import Recorder
+from tests.helpers.small_bundles import with_lens
 
 VIEW = View.of_box((80, 60, 640, 480), (600, 800))
 FRAMES = 5
@@ -41,7 +44,12 @@ def _session(kind: str, folder: Path, synthetic: Bundle) -> SensorSession:
     if kind == "view":
         return _of_a_view(folder, synthetic)
     url = "sim://?programme=0&object=BALL&depth=1" + ("&dots=9x7" if kind == "dots" else "")
-    settings: Mapping[str, object] = {"lighting.sequence": "rgb"} if kind == "sequence" else {}
+    if kind == "lens":
+        return SensorSession(open_camera(url), with_lens(synthetic), load_settings({}), every=True)
+    sequence, _, light_mode = kind.partition(" ")
+    settings: Mapping[str, object] = (
+        {"lighting.sequence": sequence, "lighting.light_mode": light_mode} if light_mode else {}
+    )
     return open_session(load_settings({"sensor.url": url, **settings}), every=True)
 
 
@@ -59,7 +67,7 @@ def fields(frame: TactileFrame) -> object:
     return frame.shear and pytest.approx(frame.shear.field_mm, abs=2e-4, nan_ok=True)
 
 
-@pytest.mark.parametrize("kind", ["plain", "view", "dots", "sequence"])
+@pytest.mark.parametrize("kind", ["plain", "view", "dots", "lens", "rgb hold", "rgb free", "single hold"])
 def test_live_is_replay_is_export(kind: str, tmp_path: Path, synthetic: Bundle) -> None:
     path, sequence, live = tmp_path / "one.mcap", -1, dict[int, TactileFrame]()
     daemon = _session(kind, tmp_path, synthetic)
@@ -81,8 +89,12 @@ def test_live_is_replay_is_export(kind: str, tmp_path: Path, synthetic: Bundle) 
                 assert again.shear.field_mm == fields(live[number])
 
 
-def test_series_of_exposures_are_refused_before_the_first_frame(tmp_path: Path) -> None:
-    settings = load_settings({"sensor.url": "sim://?programme=0", "reconstruction.mode": "photometric"})
+@pytest.mark.parametrize("light_mode", ["hold", "free"])
+@pytest.mark.parametrize("groups", ["triples", pytest.param("singles", marks=pytest.mark.nightly)])
+def test_series_of_exposures_are_refused_before_the_first_frame(light_mode: str, groups: str, tmp_path: Path) -> None:
+    """However the light goes on, and of however many exposures."""
+    mode = {"reconstruction.mode": "photometric", "reconstruction.light_groups": groups}
+    settings = load_settings({"sensor.url": "sim://?programme=0", **mode, "lighting.light_mode": light_mode})
     with open_session(settings) as daemon, pytest.raises(InputError, match="a recording does not hold: record in mode"):
         Recorder(daemon, tmp_path / "series.mcap")
     assert not list(tmp_path.iterdir())
@@ -91,3 +103,10 @@ def test_series_of_exposures_are_refused_before_the_first_frame(tmp_path: Path) 
 def test_a_replay_that_would_begin_beyond_the_end_is_refused(recording: Path) -> None:
     with pytest.raises(InputError, match=r"ends before 1000 s: begin earlier"):
         open_replay(f"replay://{recording}?start=1000")
+
+
+def test_a_replay_that_waits_hours_for_its_next_frame_ends_at_once(recording: Path) -> None:
+    with gellight.connect(f"replay://{recording}?speed=0.00001") as replay:
+        replay.next_frame(30)
+        begun_s = time.monotonic()
+    assert time.monotonic() - begun_s < 20, "a frame would come each fourteen hours"

@@ -139,9 +139,16 @@ class Picoboot:
             if count:
                 self._device.write(OUT, b"", TIMEOUT_MS)
         except self._usb.core.USBError as error:
-            status = struct.unpack_from("<I", bytes(self._device.ctrl_transfer(0xC1, 0x42, 0, INTERFACE, 16)), 4)[0]
-            raise BoardError(f"the boot loader refused command 0x{command:02x} (status {status}): {error}") from error
+            raise BoardError(f"the boot loader refused command 0x{command:02x} ({self._status()}): {error}") from error
         return answer
+
+    def _status(self) -> str:
+        """Say why the last command was refused."""
+        try:
+            told = bytes(self._device.ctrl_transfer(0xC1, 0x42, 0, INTERFACE, 16))
+        except self._usb.core.USBError:
+            return "and the board is gone: plug it in again, with BOOTSEL held"
+        return f"status {struct.unpack_from('<I', told, 4)[0]}"
 
     def flash(self, image: bytes) -> None:
         """Erase, write and read back an image, sector by sector; BoardError if it reads back differently.

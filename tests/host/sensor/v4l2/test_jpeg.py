@@ -31,6 +31,14 @@ def accepted(data: bytes) -> bool:
 # ---- whole ones ----
 
 
+def test_a_jpeg_nearly_as_tall_as_its_header_can_say_is_of_a_kind_that_cannot_be_judged() -> None:
+    """None may be so much taller that too much data would show."""
+    for rows, judged in ((64_000, True), (65_500, False)):
+        data = coded_jpeg(np.zeros((rows, 16, 3), np.uint8), "4:2:0", 0)
+        assert (layout_of(data) is not None) is judged
+        assert decode_jpeg(data, (rows, 16)).shape == (rows, 16, 3)
+
+
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 @pytest.mark.parametrize("restart", [0, 4])
 @pytest.mark.parametrize("own_tables", [0, 1])
