@@ -149,7 +149,7 @@ HOSTILE: dict[Callable[[Path], None], str] = {
     presses_that_lie: "presses.npz cannot be read",
     presses_with_code: "presses.npz cannot be read (Object arrays cannot be loaded",
     lights_that_unpack: "directions.npz holds no lights (it unpacks to 671 MB",
-    deep_metrics: "metrics.json is not JSON",
+    deep_metrics: "metrics.json: it is no JSON",
     deep_manifest: "manifest.toml is not TOML",
     endless_manifest: "manifest.toml is not TOML (it has 1048577 bytes",
     endless_device: "network.onnx cannot be read (it is no regular file)",
