@@ -9,6 +9,7 @@ from functools import partial
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 import typer
@@ -28,7 +29,7 @@ PANELS = {
     "Other tools": "cylinder-diameter-mm balls-to-press",
     "Grids": "grid spacing-px pitch-mm pin-pitch-mm several",
     "Pictures": "view dots white overlay depth-scale-um",
-    "Training": "recipe trainer width epochs folds previous like fit/lights crossvalidate/lights",
+    "Training": "recipe trainer width epochs folds previous like fit/lights",
     "Limits": "largest-depth-error-um largest-normal-error-deg verifications until-um calibrate/presses",
     "Files": "surface/frame folder resume restart overwrite install",
     "Simulation": "gel resolution-mm friction path noise coarse/size design/size",
@@ -121,9 +122,14 @@ def _check_number(name: str, typed: Any) -> None:
             raise InputError(f"{name} {typed} is not possible: give a number from {-LARGEST} to {LARGEST}")
 
 
-def lazy_group(table: Mapping[str, tuple[str, str]]) -> type[TyperGroup]:
-    """Return a group for `typer.Typer(cls=...)`; table: by name, a place in `gellight.cli` and what the help says."""
-    return _group({name: (f"gellight.cli.{home}", text) for name, (home, text) in table.items()}, {})
+def lazy_group(
+    table: Mapping[str, tuple[str, str]], gone: Mapping[str, str] = MappingProxyType({})
+) -> type[TyperGroup]:
+    """Return a group for `typer.Typer(cls=...)`; table: by name, a place in `gellight.cli` and what the help says.
+
+    gone: by name, what to give instead of a verb that is no more.
+    """
+    return _group({name: (f"gellight.cli.{home}", text) for name, (home, text) in table.items()}, gone)
 
 
 def open_group(table: Mapping[str, tuple[str, str]], elsewhere: Mapping[str, str]) -> type[TyperGroup]:
@@ -133,10 +139,14 @@ def open_group(table: Mapping[str, tuple[str, str]], elsewhere: Mapping[str, str
     """
     ours = {name: (f"gellight.cli.{home}", text) for name, (home, text) in table.items()}
     theirs = [one.load() for one in entry_points(group="gellight.verbs")]
-    return _group({name: known for one in (ours, *theirs) for name, known in one.items()}, elsewhere)
+    remedies = {
+        verb: f"comes with {home}, which is not installed: pip install ./host/{home} from a clone of GelLight"
+        for verb, home in elsewhere.items()
+    }
+    return _group({name: known for one in (ours, *theirs) for name, known in one.items()}, remedies)
 
 
-def _group(table: Mapping[str, tuple[str, str]], elsewhere: Mapping[str, str]) -> type[TyperGroup]:
+def _group(table: Mapping[str, tuple[str, str]], missing: Mapping[str, str]) -> type[TyperGroup]:
     class Group(TyperGroup):
         def __init__(self, **attributes: Any) -> None:
             super().__init__(**attributes)
@@ -144,10 +154,9 @@ def _group(table: Mapping[str, tuple[str, str]], elsewhere: Mapping[str, str]) -
                 self.add_command(LazyVerb(name, home, text))
 
         def get_command(self, ctx: Any, cmd_name: str) -> Any:
-            """Return a verb; InputError, with the remedy, for one of a distribution that is not installed."""
-            if cmd_name in elsewhere and cmd_name not in self.commands:
-                raise InputError(f"`gellight {cmd_name}` comes with {elsewhere[cmd_name]}, which is not installed: "
-                                 f"pip install ./host/{elsewhere[cmd_name]} from a clone of GelLight")  # fmt: skip
+            """Return a verb; InputError, with the remedy, for one that is not here."""
+            if cmd_name in missing and cmd_name not in self.commands:
+                raise InputError(f"the verb `{cmd_name}` {missing[cmd_name]}")
             return super().get_command(ctx, cmd_name)
 
     return Group

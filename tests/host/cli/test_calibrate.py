@@ -170,27 +170,15 @@ def test_wrong_circles_make_a_larger_error(bundle: Path, pressed: Path, tmp_path
     assert errors[0] > errors[1] + 5
 
 
-def test_crossvalidate_measures_every_press_once(pressed: Path) -> None:
-    result = run("crossvalidate", *sources(pressed), "--folds", "2", "--epochs", "100", "--width", "8", "--json")
+def test_folds_measure_every_press_once(pressed: Path, tmp_path: Path) -> None:
+    how = ["--folds", "2", "--epochs", "100", "--width", "8", "--refine", "--out", tmp_path / "out", "--json"]
+    result = run("fit", *sources(pressed), *how)
     assert result.exit_code == 0, result.output
-    figures = json.loads(result.stdout)
+    figures = json.loads(result.stdout)["metrics"]["cross_validation"]
+    assert len(figures["refined"]["images"]) == 10
     assert [image["image"] for image in figures["images"]] == [f"{number:02}.png" for number in range(10)]
     assert len(figures["training_cpu_seconds"]) == figures["folds"] == 2
     assert 0 < figures["normal_error_deg"]["mean"] < 14  # answering "flat" gives 25
-
-
-def test_crossvalidate_compares_with_the_baselines_in_the_same_folds(pressed: Path) -> None:
-    result = run(
-        "crossvalidate", *sources(pressed), "--folds", "2", "--epochs", "2", "--width", "4", "--refine", "--json"
-    )
-    assert result.exit_code == 0, result.output
-    figures = json.loads(result.stdout)
-    for labels in (figures, figures["refined"]):
-        assert set(labels["baselines"]) == {"lookup_table", "polynomial", "polynomial_ratio"}
-        assert len(labels["images"]) == 10
-        # Five presses of each fold are few for it; answering "flat" gives 25.
-        assert 0 < labels["baselines"]["polynomial"]["normal_error_deg"]["mean"] < 12
-        assert labels["baselines"]["polynomial"]["normal_error_deg"] != labels["normal_error_deg"]
 
 
 def test_a_ball_of_another_size_is_noticed_by_the_earlier_bundle(bundle: Path, pressed: Path, tmp_path: Path) -> None:
@@ -416,18 +404,15 @@ def test_lights_of_another_unit_are_refused(bundle: Path, earlier: Path, pressed
 @pytest.mark.nightly
 @pytest.mark.timeout(900)
 @pytest.mark.real_images("gelsight_mini_ball")
-def test_on_real_presses_the_error_is_what_it_is_worth() -> None:
+def test_on_real_presses_the_error_is_what_it_is_worth(tmp_path: Path) -> None:
     """33 hand-labelled presses of a GelSight Mini, whose light drifts by tens of grey levels between frames."""
     given = ["--presses", REAL / "presses.csv", "--reference", REAL / "background.png", "--refine", "--folds", "3"]
-    result = run("crossvalidate", *given, "--ball-radius-mm", "2.35", "--pixel-size-mm", "0.05107", "--json")
+    size = ["--ball-radius-mm", "2.35", "--pixel-size-mm", "0.05107"]
+    result = run("fit", *given, *size, "--out", tmp_path / "out", "--json")
     assert result.exit_code == 0, result.output
-    figures = json.loads(result.stdout)
+    figures = json.loads(result.stdout)["metrics"]["cross_validation"]
     assert len(figures["images"]) == 33
     assert max(figures["training_cpu_seconds"]) < 60
     assert figures["normal_error_deg"]["mean"] < 6.8
     assert figures["refined"]["normal_error_deg"]["mean"] < 5.4
     assert figures["contact_iou"] > 0.75
-    # Learnt in the same folds: better than every simpler model, by circles of a hand and by those of the light.
-    for judged in (figures, figures["refined"]):
-        for baseline in judged["baselines"].values():
-            assert judged["normal_error_deg"]["mean"] < baseline["normal_error_deg"]["mean"]

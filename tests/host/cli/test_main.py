@@ -161,6 +161,6 @@ def test_the_help_prints_the_groups() -> None:
 def test_a_verb_of_a_distribution_that_is_not_installed_is_named_with_its_remedy() -> None:
     known = typer.Typer(cls=open_group({}, {"weigh": "gellight_weigh", "scan": "gellight_scan"}))
     known.callback()(lambda: None)
-    with pytest.raises(InputError, match=r"`gellight weigh` comes with .*pip install ./host/gellight_weigh"):
+    with pytest.raises(InputError, match=r"the verb `weigh` comes with .*pip install ./host/gellight_weigh"):
         get_command(known).main(["weigh", "--help"], standalone_mode=False)
     assert {"optimize", "scan"} <= set(get_command(known).commands), "by the entry points of those that are here"

@@ -16,7 +16,6 @@ RECORDED = f"--presses none.csv --reference none.png {BALL}"
 ASKED = {
     "calibrate": "--auto --sensor none",
     "fit": f"{RECORDED} --out new",
-    "crossvalidate": RECORDED,
     "starter": "none --reference none --pixel-size-mm 0.1 --out new",
     "synthetic": "--out new",
     "channels": f"--sensor none --sequence rgb {BALL} --out new",

@@ -178,7 +178,7 @@ def test_the_status_says_what_fresh_presses_have_shown_of_the_bundle(tmp_path: P
         assert daemon.status()["calibration"] == {
             "sensor": bundle.manifest.sensor, "identity": bundle.identity, "verified": None, "force": None,
         }  # fmt: skip
-        bundle.metrics["verification"] = {"presses": 6, "depth_mm": 0.003, "normal_deg": 0.2, "second_opinions": {}}
+        bundle.metrics["verification"] = {"presses": 6, "depth_mm": 0.003, "normal_deg": 0.2}
         calibration: Any = daemon.status()["calibration"]
         assert calibration["verified"] == {"presses": 6, "depth_mm": 0.003, "normal_deg": 0.2}
 

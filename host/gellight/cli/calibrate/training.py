@@ -1,6 +1,6 @@
-"""`gellight calibrate fit`, `evaluate`, `crossvalidate` and `synthetic`: train GelNet, and measure what it is worth."""
+"""`gellight calibrate fit`, `evaluate` and `synthetic`: train GelNet, and measure what it is worth."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,7 +17,7 @@ from gellight.frames.view import View, read_view
 from gellight.lab.calibration.ball_radius import is_another, likely_radius_mm
 from gellight.lab.optics.lights.adding import lights_of_simulated_sensor
 from gellight.lab.training import validation
-from gellight.lab.training.cross_validation import Comparison, CrossValidation, cross_validate
+from gellight.lab.training.cross_validation import CrossValidation, cross_validate
 from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling.ball_size import check_ball, felt_radius_mm
@@ -152,22 +152,6 @@ def evaluate(
     felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.3g} mm"
     text = "\n".join([*_error_lines(errors), *_bounds_lines(errors), felt])
     show({**errors.as_json(), **balls}, as_json, text)
-
-
-@with_options
-def crossvalidate(
-    recorded: Recorded,
-    how: SizedTraining,
-    folds: Annotated[int, typer.Option(min=2, help="parts the presses are divided into")] = 5,
-    as_json: AsJson = False,
-) -> None:
-    """Measure the error on presses that were not trained on.
-
-    Each press is measured once, in folds by image.
-    """
-    given = recorded.read()
-    errors = _cross_validated(given, folds, recorded.learning(given[1], how))
-    show(errors, as_json, "\n".join(_cross_lines(errors)))
 
 
 @with_options
@@ -335,16 +319,13 @@ def _never_seen_lines(errors: PressFigures) -> list[str]:
 
 
 def _cross_lines(errors: CrossValidation) -> list[str]:
-    compared = (("as labelled", errors.given), ("labels refined", errors.refined))
-    ways = [line for labels, figures in compared if figures for line in _way_lines(labels, figures)]
-    return _error_lines(errors.given.network) + ways
+    ways = (("as labelled", errors.given), ("labels refined", errors.refined))
+    return _error_lines(errors.given) + [_way_line(labels, figures) for labels, figures in ways if figures]
 
 
-def _way_lines(labels: str, compared: Comparison) -> Iterator[str]:
-    for name, way in {"GelNet": compared.network, **compared.baselines}.items():
-        title = f"{name.replace('_', ' ')}, {labels}"
-        figures = f"{_angles(way.normal_error_deg)} deg{way.depth_mae_mm:>10.4f} mm{way.contact_iou:>7.2f} IoU"
-        yield f"{title:<36}{figures}"
+def _way_line(labels: str, way: PressFigures) -> str:
+    figures = f"{_angles(way.normal_error_deg)} deg{way.depth_mae_mm:>10.4f} mm{way.contact_iou:>7.2f} IoU"
+    return f"{labels:<36}{figures}"
 
 
 def _angles(angles: AngleFigures) -> str:

@@ -14,7 +14,6 @@ VERBS = lazy_group(
         "view": ("calibrate.view:command", "Take the view of the gel out of pictures, and write it."),
         "fit": ("calibrate.training:fit", "Train on presses of a ball, and write a calibration bundle."),
         "evaluate": ("calibrate.training:evaluate", "Measure the error of a bundle on labelled presses."),
-        "crossvalidate": ("calibrate.training:crossvalidate", "Measure the error on presses that were not trained on."),
         "adapt": ("calibrate.adapt:command", "Adapt a bundle to light that has changed, without a press."),
         "starter": ("calibrate.starter:command", "Learn on other units, for one that nobody calibrated: rough."),
         "synthetic": (
@@ -41,7 +40,8 @@ VERBS = lazy_group(
             "calibrate.bundles:restore_bundle",
             "Put an earlier bundle of the sensor into service again; its board remembers it.",
         ),
-    }
+    },
+    gone={"crossvalidate": "is `gellight calibrate fit --folds N` now, which says the same and writes a bundle"},
 )
 app = typer.Typer(cls=VERBS)
 app.callback(invoke_without_command=True)(routine.command)

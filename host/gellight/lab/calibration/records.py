@@ -245,7 +245,6 @@ class Verification(StepFigures, CheckErrors):
 
     step = "verify"
     presses: int
-    second_opinions: dict[str, MethodErrors]
 
 
 class Verdict(Record):

@@ -17,7 +17,6 @@ from gellight.lab.calibration.records import (
     Fit,
     MeasuredLens,
     MeasuredPixelSize,
-    MethodErrors,
     PinGrid,
     PixelSize,
     Preparation,
@@ -126,8 +125,6 @@ def depth_tiles(figures: Verification, each: Sequence[CheckErrors]) -> list[tupl
 
 def _verification(records: list[CheckRecord], figures: Verification, example: Example) -> str:
     """The section about the fresh presses; figures: means over them."""
-    methods: dict[str, MethodErrors] = {"GelNet": figures, **figures.second_opinions}
-    rows = [[name, f"{1000 * one.depth_mm:.1f}", f"{one.normal_deg:.2f}"] for name, one in methods.items()]
     return section(
         "Verification on fresh presses",
         f"<p>{_WHAT_IS_TAKEN_OFF}</p>",
@@ -136,8 +133,6 @@ def _verification(records: list[CheckRecord], figures: Verification, example: Ex
         f"<p>The ball is drawn twice: its rim at depth 0, and raised by {1000 * example.rim_mm:.0f} µm, where it fits "
         "what is felt best. A depth that is wrong by as much everywhere does not show against the raised ball.</p>",
         _checks(records),
-        "<h3>Second opinions, fitted to the same presses</h3>",
-        table(["method", _SHAPE, "normals °"], rows),
     )
 
 

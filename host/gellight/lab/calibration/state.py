@@ -188,9 +188,10 @@ def state_in(path: Path) -> State | None:
         (content, "prisms"),
         (content["identity"], "prism_angle_deg"),
         (content.get("steps"), "without_prism"),
+        (steps.get("verify") if isinstance(steps := content.get("steps"), dict) else None, "second_opinions"),
     ):
         if isinstance(part, dict):
-            part.pop(gone, None)  # of versions that pressed prisms too
+            part.pop(gone, None)  # of older versions
     try:
         return State.model_validate(content)
     except ValidationError as error:

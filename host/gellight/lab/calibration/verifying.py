@@ -19,7 +19,6 @@ from gellight.lab.calibration.pressing import ball_of
 from gellight.lab.calibration.records import (
     CheckErrors,
     Circle,
-    MethodErrors,
     PixelSize,
     Preparation,
     Verdict,
@@ -31,10 +30,7 @@ from gellight.lab.calibration.sensing import Capture, check_light, detector_of, 
 from gellight.lab.calibration.state import CheckRecord
 from gellight.lab.report.pictures import depth_picture, difference_picture
 from gellight.lab.simulator.virtual_hand import VirtualHand
-from gellight.lab.training.baselines import fit_lookup_table, fit_polynomial
-from gellight.lab.training.presses import Ball, Press
-from gellight.lab.training.table import PressTable
-from gellight.lab.training.validation import baseline_errors
+from gellight.lab.training.presses import Press
 
 Floats = NDArray[np.float32]
 MORE_PRESSES = 12
@@ -94,7 +90,7 @@ def _check_whole(circle: Circle, shape: tuple[int, ...]) -> None:
 
 
 def _conclude(run: CalibrationRun, draft: Bundle, judge: Judge) -> Bundle | None:
-    figures = summary(run.folder.state.checks, _second_opinions(run, draft, judge.ball))
+    figures = summary(run.folder.state.checks)
     verdict = verdict_on(figures, run.options.limits)
     run.display.add_figures("verify", figures)
     run.display.update(verdict=verdict, instruction=verdict.text)
@@ -109,29 +105,15 @@ def _conclude(run: CalibrationRun, draft: Bundle, judge: Judge) -> Bundle | None
     return bundle
 
 
-def summary(checks: list[CheckRecord], second_opinions: dict[str, MethodErrors]) -> Verification:
+def summary(checks: list[CheckRecord]) -> Verification:
     """Return the means over the fresh presses of the ball."""
     means = _means([check.figures for check in checks])
-    return Verification(presses=len(checks), second_opinions=second_opinions, **means)
+    return Verification(presses=len(checks), **means)
 
 
 def _means(errors: Sequence[CheckErrors]) -> dict[str, float]:
     each = [error.as_json() for error in errors]
     return {name: float(np.mean([one[name] for one in each])) for name in each[0]}
-
-
-def _second_opinions(run: CalibrationRun, draft: Bundle, ball: Ball) -> dict[str, MethodErrors]:
-    """Judge the look-up table and the polynomial, fitted to the same table, on the same fresh presses."""
-    table = PressTable.of(draft)
-    follow, reference = draft.manifest.follow_light, draft.reference
-    found = {}
-    for name, baseline in (("look-up table", fit_lookup_table(table)), ("polynomial", fit_polynomial(table))):
-        errors = baseline_errors(baseline, run.folder.checks(), reference, ball, follow_light=follow)
-        found[name] = MethodErrors(
-            depth_mm=float(np.mean([error.depth_mae_mm for error in errors])),
-            normal_deg=float(np.mean([error.mean_deg for error in errors])),
-        )
-    return found
 
 
 def verdict_on(figures: Verification, limits: Limits) -> Verdict:

@@ -18,8 +18,6 @@ from sim_reference.view import seen_height_mm
 
 RETURN_FRAMES = 300
 """after a visitor's last touch until the programme goes on"""
-OFFERED_DEPTH_MM = 0.8
-"""where the page's slider stands at first"""
 MOST_TURN_RAD = 0.35
 """of a drag: the pressure is not turned with the object"""
 PROGRAMME = (

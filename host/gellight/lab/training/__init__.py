@@ -8,7 +8,6 @@ trainer.py           what trains: NumPy, or PyTorch where a user asks for it
 child.py             a module of gelnet run in a child process
 training.py          GelNet trained on the table, and written as a bundle; whether it can be trained here
 polynomial.py        polynomials of several variables, and their fit
-baselines.py         what simpler models reach on the same presses
 validation.py        errors of a bundle on labelled presses
 votes.py             which labels of the same presses are better
 folds.py             networks that never saw some of the presses

@@ -12,12 +12,8 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
-from gellight.lab.training.baselines import Baseline
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, distance_px, sphere_gradient
-from gellight.reconstruction.integration import angle_deg, integrate, normals
-from gellight.reconstruction.light_drift import difference_of
-from gellight.reconstruction.smoothing import Smoother
-from gellight.reconstruction.stages import Stages, tactile_frame
+from gellight.reconstruction.integration import angle_deg, normals
 
 Floats = NDArray[np.float32]
 _OWN = 2.0
@@ -122,29 +118,6 @@ def press_errors(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> list[P
 def frame_of(press: Press) -> CameraFrame:
     """Return the image of a press as a camera frame."""
     return CameraFrame(image=press.picture(), time_s=0.0, sequence=0, source=str(press.image))
-
-
-def frames_by(
-    baseline: Baseline, presses: Sequence[Press], reference: Floats, ball: Ball, *, follow_light: bool
-) -> list[TactileFrame]:
-    """Reconstruct each press with the slopes of a baseline: drift, smoothing, depth, contact as in the frame path."""
-    frames, smoother, pixel_size_mm = [], Smoother(), (ball.pixel_size_mm, ball.pixel_size_mm)
-    for press in presses:
-        camera_frame = frame_of(press)
-        difference = difference_of(camera_frame.image, reference, follow_light=follow_light)
-        slopes, noise = smoother.prefilter(baseline.gradient_map(difference))
-        depth_mm = np.asarray(integrate(slopes, pixel_size_mm), np.float32)
-        gradient_map = smoother.of_surface(depth_mm, pixel_size_mm, slopes, noise)
-        frames.append(tactile_frame(camera_frame, difference, gradient_map, depth_mm, pixel_size_mm, Stages()))
-    return frames
-
-
-def baseline_errors(
-    baseline: Baseline, presses: Sequence[Press], reference: Floats, ball: Ball, *, follow_light: bool
-) -> list[PressError]:
-    """Do as `press_errors` with the slopes of a baseline."""
-    frames = frames_by(baseline, presses, reference, ball, follow_light=follow_light)
-    return [press_error(press, ball, frame) for press, frame in zip(presses, frames, strict=True)]
 
 
 def press_error(press: Press, ball: Ball, frame: TactileFrame) -> PressError:

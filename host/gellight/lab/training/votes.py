@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.lab.training.baselines import ratio_gain
 from gellight.lab.training.polynomial import powers_up_to, terms_of
 from gellight.lab.training.presses import Ball, Floats, Press, distance_px
 from gellight.reconstruction.light_drift import difference_of
 
 Array = NDArray[np.float64]
+_DARKEST = 20.0
+"""grey levels below which a ratio says nothing"""
 _COLOUR_DEGREE, _PLACE_DEGREE = 3, 2
 _POWERS = [
     powers
@@ -59,7 +60,8 @@ def votes_apart_deg(
     """
     if len(labels[0]) < 2:
         raise InputError(f"{len(labels[0])} press: labels are judged on presses held out, give at least two")
-    gain = ratio_gain(reference)
+    bright = np.maximum(reference, _DARKEST)
+    gain = np.asarray(bright / bright.mean(), np.float32)  # ratios keep the size of grey levels
     seen = [_seen(same, reference, gain, follow_light) for same in zip(*labels, strict=True)]
     return np.array([_of_one(one, seen, ball) for one in labels])
 

@@ -29,7 +29,6 @@ def mean_of(each: list[CheckErrors]) -> Verification:
     true = [one.true_depth_mm for one in each if one.true_depth_mm is not None]
     return Verification(
         presses=len(each),
-        second_opinions={},
         depth_mm=float(np.mean([one.depth_mm for one in each])),
         normal_deg=0.9,
         indentation_mm=1.0,
