@@ -41,6 +41,7 @@ BRIGHTEST_GREY = 200.0
 REFERENCE_FRAMES = 100
 SEEDS = {"training": 1, "validation": 2}
 """Test presses have their own seed, in the host."""
+SEEN = "perspective", "window", "obliquity"
 _TOUCHED_SLOPE = 2e-3
 
 
@@ -171,8 +172,12 @@ def _chosen_pixels(
 
 
 def geometry_hash(geometry: SensorGeometry, response: CameraResponse) -> str:
-    """Return the SHA-256 of every number that describes the simulated sensor; the exposure follows from them."""
-    numbers = {"geometry": asdict(geometry), "camera": asdict(response) | {"exposure": None}, "grey": BRIGHTEST_GREY}
+    """Return the SHA-256 of every number that describes the simulated sensor; the exposure follows from them.
+
+    Of how it is seen what is not there is left out: so it was while nothing else could be.
+    """
+    described = {name: value for name, value in asdict(geometry).items() if value or name not in SEEN}
+    numbers = {"geometry": described, "camera": asdict(response) | {"exposure": None}, "grey": BRIGHTEST_GREY}
     text = json.dumps(numbers, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 

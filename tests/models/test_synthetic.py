@@ -40,7 +40,8 @@ def test_it_learns_from_the_sensor_that_the_host_simulates(sensor: synthetic.Sen
     assert synthetic.BRIGHTEST_GREY == gellight_scene.BRIGHTEST_GREY
     assert sensor.response.exposure == pytest.approx(scene.response.exposure, rel=1e-5)
     assert geometry_hash(SMALL, sensor.response) == geometry_hash(SMALL, scene.response)
-    assert geometry_hash(SMALL, sensor.response) != geometry_hash(replace(SMALL, gel_thickness_mm=4), sensor.response)
+    for other in ({"gel_thickness_mm": 4}, {"window": True}, {"perspective": True}):
+        assert geometry_hash(SMALL, sensor.response) != geometry_hash(replace(SMALL, **other), sensor.response)
     np.testing.assert_array_equal(sensor.light, scene.light)
     untouched, _ = scene.show(None)
     # The mean of 100 frames of noise 1: a standard error of 0.1 grey levels.

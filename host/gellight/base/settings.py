@@ -80,8 +80,10 @@ class GeometrySettings(StrictModel):
         default=None, description="see the gel from the height of the camera; else along parallel rays"
     )
     window: bool | None = Field(
-        default=None,
-        description="light and see the gel through gel and acrylic, which bend light",
+        default=None, description="light and see the gel through gel and acrylic, which bend light"
+    )
+    obliquity: float | None = Field(
+        default=None, ge=0, description="a ray at the angle a brings cos^obliquity a of its light to the picture"
     )
     incident_angle_deg: float | None = Field(
         default=None, ge=0, lt=90, description="tilt of each LED's axis from the gel normal, inwards"
