@@ -90,7 +90,7 @@ endef
 # A stamp says what is installed: `host` is what a user runs, `parts` adds the CAD kernel, `docs` what makes the site,
 # `test` what `make test` runs, `dev` PyTorch and the rest of the test tools.
 $(VENV)/.host: pyproject.toml | $(BIN)/python
-	@echo "Installing GelLight and 41 packages that it needs into $(VENV): 600 MB, one to three minutes, once"
+	@echo "Installing GelLight and 36 packages that it needs into $(VENV): 580 MB, one to three minutes, once"
 	$(call install,--editable .,44)
 	@touch $@
 

