@@ -93,8 +93,8 @@ endef
 # A stamp says what is installed: `host` is what a user runs, `parts` adds boards, housing and the CAD kernel, `docs`
 # what makes the site, `test` what `make test` runs, `dev` PyTorch and the rest of the test tools.
 $(VENV)/.host: pyproject.toml host/gellight_scan/pyproject.toml | $(BIN)/python
-	@echo "Installing GelLight and 43 packages that it needs into $(VENV): 600 MB, one to three minutes, once"
-	$(call install,--editable . --editable host/gellight_scan,46)
+	@echo "Installing GelLight and 38 packages that it needs into $(VENV): 580 MB, one to three minutes, once"
+	$(call install,--editable . --editable host/gellight_scan,41)
 	@touch $@
 
 $(VENV)/.parts: pyproject.toml host/gellight_design/pyproject.toml | $(VENV)/.host

@@ -6,10 +6,11 @@ import zlib
 
 import pytest
 
+from gellight.lab.core_board.core import FLASH_BYTES
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Status, SyncMode
 from gellight.ring.wire import COLOUR_BYTES, MOST_LEDS
-from tests.firmware.helpers.virtual_board import FLASH_BYTES, VirtualBoard
+from tests.firmware.helpers.virtual_board import VirtualBoard
 
 RED = bytes([200, 0, 0] + [0] * 33)
 BLACK = bytes(36)

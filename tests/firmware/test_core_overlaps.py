@@ -2,10 +2,11 @@
 
 import pytest
 
+from gellight.lab.core_board.core import FLASH_BYTES
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Dark, Policy, Status, SyncMode
 from gellight.ring.wire import Packet, encode
-from tests.firmware.helpers.virtual_board import FLASH_BYTES, VirtualBoard
+from tests.firmware.helpers.virtual_board import VirtualBoard
 
 RED = bytes([200, 0, 0] + [0] * 33)
 GREEN = bytes([0, 200, 0] + [0] * 33)

@@ -4,10 +4,10 @@ from itertools import pairwise
 
 import pytest
 
-from gellight.lab.emulator.chip import PSM, WATCHDOG_SELECTION
-from gellight.lab.emulator.clocks import CS, CTRL, FBDIV, LOCK_US, PWR, Crystal, Pll
-from gellight.lab.emulator.registers import ALL_RESETS, RESET_US, Resets
 from gellight.ring.firmware.image import BOOT2_BYTES
+from tests.firmware.emulator.chip import PSM, WATCHDOG_SELECTION
+from tests.firmware.emulator.clocks import CS, CTRL, FBDIV, LOCK_US, PWR, Crystal, Pll
+from tests.firmware.emulator.registers import ALL_RESETS, RESET_US, Resets
 from tests.firmware.helpers.thumb_blocks import asks_about, differences, known_wrong
 from tests.helpers.bench_board import BenchBoard
 

@@ -13,7 +13,6 @@ import pytest
 import usb.core
 
 from gellight.base.errors import BoardError, InputError
-from gellight.lab.emulator.child import SimulatedBoard
 from gellight.ring.firmware import build, flash
 from gellight.ring.firmware.image import (
     FLASH_BASE,
@@ -27,6 +26,7 @@ from gellight.ring.firmware.image import (
 )
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
+from tests.firmware.emulator.child import SimulatedBoard
 from tests.firmware.helpers.boot_loader import BootRom
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 

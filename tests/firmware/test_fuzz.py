@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from gellight.lab.emulator.analog import THERMISTOR_PIN, Divider
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Status
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import Packet, decode, encode
+from tests.firmware.emulator.analog import THERMISTOR_PIN, Divider
 from tests.firmware.helpers.fuzzing import CORPUS, Fuzzer, compile_fuzzer, fuzz
 from tests.firmware.helpers.mutations import CORE, LOGIC, Mutation, planted
 from tests.firmware.helpers.virtual_board import compile_library, run_core_tests

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from gellight.lab.emulator.waveform import WINDOWS_NS
 from gellight.ring import protocol as p
 from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import Dark, Policy, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
+from tests.firmware.emulator.waveform import WINDOWS_NS
 from tests.helpers.bench_board import BLUE, GREEN, RED, BenchBoard, VirtualTransport
 
 PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97

@@ -8,11 +8,11 @@ import pytest
 
 from gellight.base.errors import BoardError
 from gellight.lab.doctor.sensor_checks import check_board
-from gellight.lab.emulator.analog import THERMISTOR_PIN, Divider
-from gellight.lab.emulator.chip import ROOM_C
 from gellight.ring.heat import chip_temperature_c, ring_temperature_c
 from gellight.ring.light_ring import LightRing
 from gellight.ring.protocol import DIMMING_US, HOTTEST_C, RING_HOTTEST_C, DimmedEvent, StatusReply
+from tests.firmware.emulator.analog import THERMISTOR_PIN, Divider
+from tests.firmware.emulator.chip import ROOM_C
 from tests.firmware.helpers.wiring import opened, wired
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 

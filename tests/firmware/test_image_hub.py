@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gellight.lab.emulator.busy_bus import B1, B2, DATA_PLUS
 from gellight.ring.light_ring import LightRing
+from tests.firmware.emulator.busy_bus import B1, B2, DATA_PLUS
 from tests.firmware.helpers.wiring import wired
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 

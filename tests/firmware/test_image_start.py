@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gellight.lab.emulator.chip import VTOR
 from gellight.ring.enumerations import ResetReason
 from gellight.ring.light_ring import LightRing
+from tests.firmware.emulator.chip import VTOR
 from tests.helpers.bench_board import RED, BenchBoard, VirtualTransport
 
 WAITS_FOR_THE_CRYSTAL_US, COPIES_US, LATE_US = (1_500, 40_000), (64_700, 65_300), (65_800, 70_000)

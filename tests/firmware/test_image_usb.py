@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from gellight.lab.emulator.usb_host import ADDRESS
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Dark
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import Packet, encode
+from tests.firmware.emulator.usb_host import ADDRESS
 from tests.helpers import usb_requests as usb
 from tests.helpers.bench_board import RED, BenchBoard, VirtualTransport
 

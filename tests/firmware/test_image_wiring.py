@@ -6,14 +6,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gellight.lab.emulator import registers
-from gellight.lab.emulator.chip import VTOR
-from gellight.lab.emulator.waveform import Strip
 from gellight.ring import protocol as p
 from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import ColourOrder, OutputAt, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
+from tests.firmware.emulator import registers
+from tests.firmware.emulator.chip import VTOR
+from tests.firmware.emulator.waveform import Strip
 from tests.firmware.helpers.wiring import opened, wired
 from tests.helpers.bench_board import RED, BenchBoard
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from gellight.lab.emulator.usb_host import ADDRESS
 from gellight.ring import protocol as p
 from gellight.ring.wire import Packet, encode
+from tests.firmware.emulator.usb_host import ADDRESS
 from tests.helpers import usb_requests as usb
 from tests.helpers.bench_board import BenchBoard
 

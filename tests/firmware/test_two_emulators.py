@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from gellight.lab.emulator.analog import thermistor_ohm
+from gellight.lab.core_board.built_board import thermistor_ohm
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Policy
 from tests.firmware.helpers.two_emulators import Account, Action, command, first_emulator, second_emulator

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from gellight.base.errors import BoardError
-from gellight.lab.emulator.chip import ROOM_C, TEMPERATURE_CHANNEL, USB, EmulatedBoard, temperature_reading
-from gellight.lab.emulator.clocks import Crystal
-from gellight.lab.emulator.registers import TIMER, UsbGuard
-from gellight.lab.emulator.waveform import Light, LightTimeline, Strip, WaveformDecoder
+from gellight.lab.core_board.light_timeline import Light, LightTimeline
+from tests.firmware.emulator.chip import ROOM_C, TEMPERATURE_CHANNEL, USB, EmulatedBoard, temperature_reading
+from tests.firmware.emulator.clocks import Crystal
+from tests.firmware.emulator.registers import TIMER, UsbGuard
+from tests.firmware.emulator.waveform import Strip, WaveformDecoder
 
 RED, GREEN, BLUE = (np.tile(np.array(c, np.uint8), (12, 1)) for c in ((200, 0, 0), (0, 200, 0), (0, 0, 200)))
 """(12, 3) uint8 of the whole ring"""

@@ -13,7 +13,7 @@ import numpy as np
 
 from gellight.frames.frames import LightLabel, LightState
 from gellight.frames.timing import CameraTiming
-from gellight.lab.emulator.waveform import Light
+from gellight.lab.core_board.light_timeline import Light
 from gellight.lab.simulator.shutter import Shutter, row_weights
 from gellight.ring import protocol
 from gellight.ring.light_groups import colour_triples, single_leds

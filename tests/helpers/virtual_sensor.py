@@ -10,7 +10,7 @@ import pytest
 
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
-from gellight.lab.emulator.waveform import Light
+from gellight.lab.core_board.light_timeline import Light
 from gellight.lab.simulator.shutter import Shutter, row_weights
 from gellight.ring import board_link, light_ring
 from gellight.ring.firmware.build import committed_image

@@ -2,7 +2,7 @@
 
 run.py         the soak: faults, recoveries, the report
 faults.py      what goes wrong, drawn from a seed
-hardware.py    the sensor: cameras in a simulated kernel, a bus made of files, an emulated board; marks.py: its pictures
+hardware.py    the sensor: cameras in a simulated kernel, a bus made of files, a simulated board; marks.py: its pictures
 maltreating.py what is done to it; wires.py: its serial line
 labelling.py   the same faults on virtual time, where labels can be judged
 shift.py       a daemon with recording and subscriber; reader.py and holder.py are programs to be killed
@@ -76,7 +76,7 @@ def table(report: Report) -> str:
     """Return what was found as lines for people."""
     lines = [
         f"{report.simulated_s / 3600:.2f} simulated hours in {report.wall_s / 60:.1f} min, seed {report.seed}: "
-        f"{report.frames} frames, {report.labels} light labels judged ({report.unjudged_labels} not: emulator late), "
+        f"{report.frames} frames, {report.labels} light labels judged, "
         f"given again within {report.slowest_label_s:.2f} s",
         f"memory: {report.memory_growth_mb:+.1f} MB from the third to the last quarter",
         *_worked(report.work),

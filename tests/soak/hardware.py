@@ -1,4 +1,4 @@
-"""A sensor to be maltreated: a camera in a simulated kernel, and a ring whose board runs the firmware in the emulator.
+"""A sensor to be maltreated: a camera in a simulated kernel, and a ring whose board runs the core of the firmware.
 
 Its plug, power, serial line and pictures can be disturbed at any moment. What it really showed is remembered: every
 picture carries its number in its pixels, and by that number it is known when it was exposed and under which light.
@@ -7,11 +7,9 @@ picture carries its number in its pixels, and by that number it is known when it
 import logging
 import random
 import threading
-import time
 from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, GellightError
-from gellight.lab.emulator.child import SimulatedBoard
+from gellight.lab.core_board.terminal import TerminalBoard
 from gellight.lab.simulator.shutter import Shutter
 from gellight.lab.simulator.usb.encoding import Mark, to_jpeg, to_yuyv
 from gellight.lab.simulator.usb.faults import NO_FAULTS, Faults
@@ -32,15 +30,12 @@ from tests.helpers.simulated_kernel import CameraDevice, SimulatedKernel
 from tests.helpers.usb_tree import UsbTree
 from tests.soak.marks import marked
 from tests.soak.pressed_gel import SHAPE, PressedGel
-from tests.soak.resources import WORKSHOP
 from tests.soak.wires import WiredTransport, Wires
 
 logger = logging.getLogger(__name__)
 SERIAL = "SOAK0001"
 SHUTTER = Shutter(transfer_us=5000.0)
 KEPT_EXPOSURES = 4000
-SETTLED_S = 1.0
-"""so long after emulation fell behind for good the host knows the board's clock again"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +47,6 @@ class Exposure:
     """start of the exposure, `time.monotonic`"""
     lights: NDArray[np.uint8]
     """(n, 12, 3) every light that some row saw, in order"""
-    on_time: bool
-    """the clock of the emulated board kept pace with the wall clock, as a real board's does"""
 
 
 class SoakCamera(CameraDevice):
@@ -130,8 +123,8 @@ class FragileSensor(ABC):
         """Take the power of the board."""
 
     @abstractmethod
-    def _lights(self, start_s: float) -> tuple[NDArray[np.uint8], bool]:
-        """Return what `Exposure` tells of the light and of the board's clock, of an exposure from `start_s` on."""
+    def _lights(self, start_s: float) -> NDArray[np.uint8]:
+        """(n, 12, 3) every light that some row of an exposure from `start_s` on saw, in order."""
 
     def chance(self, share: float) -> bool:
         """Return whether something happens that happens in this share of the cases."""
@@ -170,9 +163,9 @@ class FragileSensor(ABC):
 
     def expose(self, start_s: float) -> tuple[NDArray[np.uint8], Exposure]:
         """Return the picture that was exposed from `start_s` on, and remember what it shows."""
-        lights, on_time = self._lights(start_s)
+        lights = self._lights(start_s)
         self._count += 1
-        exposure = Exposure(self._count, start_s, lights, on_time)
+        exposure = Exposure(self._count, start_s, lights)
         self._exposures[self._count] = exposure
         if len(self._exposures) > KEPT_EXPOSURES:
             self._exposures.popitem(last=False)
@@ -185,17 +178,12 @@ class FragileSensor(ABC):
 
 
 class SoakSensor(FragileSensor):
-    """A sensor on the wall clock, whose board is a process; close it at the end."""
+    """A sensor on the wall clock, and its board; close it at the end."""
 
     def __init__(self, folder: Path, seed: int) -> None:
         """Make bus and kernel in `folder`."""
         super().__init__(folder, seed, SimulatedKernel())
-        self.board_faults: list[str] = []
-        """what the firmware did wrong, of boards that had power"""
-        self.board: SimulatedBoard | None = None
-        self._workshop = ThreadPoolExecutor(2, thread_name_prefix=WORKSHOP)
-        self._spare: Future[SimulatedBoard] = self._workshop.submit(SimulatedBoard, pty=True)
-        self._retiring: list[Future[None]] = []
+        self.board: TerminalBoard | None = None
         self._boards = threading.Lock()
         """held while the board is changed"""
 
@@ -207,32 +195,20 @@ class SoakSensor(FragileSensor):
 
     def _power_on(self, serial: Path) -> None:
         with self._boards:
-            self.board = self._spare.result()
-            self._spare = self._workshop.submit(SimulatedBoard, pty=True)
+            self.board = TerminalBoard()
         serial.symlink_to(self.board.path)
 
     def _cut_power(self) -> None:
         with self._boards:
             board, self.board = self.board, None
         if board is not None:
-            self._retiring.append(self._workshop.submit(self._retire, board))
-
-    def _retire(self, board: SimulatedBoard) -> None:
-        board.close()
-        self.board_faults += board.faults
-
-    def settle(self) -> None:
-        """Wait until boards that were taken out have ended, and the next one is ready."""
-        while self._retiring:
-            self._retiring.pop().result()
-        self._spare.result()
+            board.cut_power()
+            board.close()
 
     def close(self) -> None:
-        """Unplug, and end every process."""
+        """Unplug."""
         if self.camera is not None:
             self.unplug()
-        self._workshop.submit(self._retire, self._spare.result())
-        self._workshop.shutdown()
 
     def lit(self) -> bool:
         """Whether any LED shines now."""
@@ -240,33 +216,19 @@ class SoakSensor(FragileSensor):
             board = self.board
         return board is not None and board.running and bool(board.timeline.at(np.inf).any())
 
-    def board_us(self) -> float:
-        """Return how far the clock of the board has come, us: an emulated board may be slower than a real one."""
-        with self._boards:
-            board = self.board
-        return board.virtual_us(time.monotonic()) if board is not None else np.inf
-
-    def _lights(self, start_s: float) -> tuple[NDArray[np.uint8], bool]:
+    def _lights(self, start_s: float) -> NDArray[np.uint8]:
         with self._boards:
             board = self.board
         dark = np.zeros((1, LED_COUNT, 3), np.uint8)
         try:
             if board is None or not board.running:
-                return dark, False
-            seen = _seen(board, start_s, board.clock_us)
-            if start_s >= board.on_time_since_s + SETTLED_S:
-                return seen, True
-            return _seen(board, start_s, board.virtual_us), False
+                return dark
+            start_us = board.virtual_us(start_s)
+            lights = board.light_during(start_us - SHUTTER.pulse_period_us, start_us + SHUTTER.duration_us)
+            return np.stack([light.colours for light in lights])
         except GellightError as error:
             logger.info("the light of a picture is not known: %s", error)
-            return dark, False
-
-
-def _seen(board: SimulatedBoard, start_s: float, clock_us: Callable[[float], float]) -> NDArray[np.uint8]:
-    """(n, 12, 3) every light that some row of the exposure saw, in order."""
-    start_us = clock_us(start_s)  # once: a board that fell behind sets the clock anew between two looks
-    lights = board.light_during(start_us - SHUTTER.pulse_period_us, start_us + SHUTTER.duration_us)
-    return np.stack([light.colours for light in lights])
+            return dark
 
 
 def digitised(picture: NDArray[np.float32], draw: np.random.Generator) -> NDArray[np.uint8]:

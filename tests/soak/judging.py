@@ -87,8 +87,8 @@ class Judge:
         self.violations: list[Violation] = []
         self.judged: Counter[Invariant] = Counter()
         """how often each was looked at: what was never judged did not hold"""
-        self.frames = self.labels = self.unjudged = 0
-        """frames that were judged; clean labels among them; clean labels while the emulator lagged, not judged"""
+        self.frames = self.labels = 0
+        """frames that were judged; clean labels among them"""
         self.newest_start_s = -np.inf
         """when the newest frame that was sound began, `time.monotonic`"""
         self._sensor = sensor
@@ -170,9 +170,6 @@ class Judge:
                 return False
             return True
         if frame.label is None or frame.label.state is not LightState.CLEAN:
-            return True
-        if not exposure.on_time:
-            self.unjudged += 1
             return True
         self.labels += 1
         self.looked_at(Invariant.LABEL)

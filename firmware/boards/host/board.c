@@ -1,8 +1,11 @@
 #include "board.h"
 
-#include <stdlib.h>
-
 #include "bytes.h"
+
+/* Of the process that loads the library, which is built without the headers of any C library. */
+void *calloc(size_t count, size_t size);
+void free(void *memory);
+void abort(void);
 
 #define TICK_US 10000u
 
@@ -218,6 +221,11 @@ void board_free(struct board *board)
     free(board);
 }
 
+void board_identify(struct board *board, const uint8_t *unique_id)
+{
+    bytes_copy(board->port.identity.unique_id, unique_id, sizeof board->port.identity.unique_id);
+}
+
 void board_receive(struct board *board, const uint8_t *bytes, uint32_t count)
 {
     for (uint32_t i = 0; i < count; i++)
@@ -325,6 +333,11 @@ uint32_t board_noted_saves(const struct board *board)
 uint64_t board_now(const struct board *board)
 {
     return board->now_us;
+}
+
+uint64_t board_next(const struct board *board)
+{
+    return next_event(board, UINT64_MAX);
 }
 
 uint32_t board_flags(const struct board *board)

@@ -1,6 +1,6 @@
 /*
- * The core as a library for tests: a board with a virtual clock, an ideal ring of LEDs, and faults on demand.
- * Nothing happens between two calls; board_advance() lets time pass.
+ * The core as a library, for tests and for sim://: a board with a virtual clock, an ideal ring of LEDs, and faults on
+ * demand. Nothing happens between two calls; board_advance() lets time pass.
  */
 #ifndef GELLIGHT_BOARD_H
 #define GELLIGHT_BOARD_H
@@ -28,7 +28,7 @@ struct board {
     uint64_t tick_us;
 
     struct board_light light; /* on its way */
-    bool waiting, on_trigger, begun, done;
+    bool waiting, on_trigger;
     uint16_t latch_us;
     uint32_t wire_us;
 
@@ -54,6 +54,7 @@ struct board {
 
 struct board *board_new(const uint8_t *flash, uint32_t saves); /* as noted before it restarted, 0: power came */
 void board_free(struct board *board);
+void board_identify(struct board *board, const uint8_t *unique_id);
 void board_receive(struct board *board, const uint8_t *bytes, uint32_t count);
 void board_advance(struct board *board, uint64_t duration_us);
 void board_edge(struct board *board, bool falling);
@@ -69,6 +70,7 @@ void board_warm_ring(struct board *board, uint32_t reading);
 bool board_powered(const struct board *board);
 uint32_t board_noted_saves(const struct board *board);
 uint64_t board_now(const struct board *board);
+uint64_t board_next(const struct board *board); /* until then nothing happens by itself */
 uint32_t board_flags(const struct board *board); /* 1: healthy, 2: restarted, 4: into the boot loader */
 uint32_t board_current_ua(const struct board *board); /* of the last light, by the model of the configuration */
 

@@ -32,7 +32,10 @@ VERBS = open_group(
         "simulate": ("simulate:app", "Press objects into the simulated gel, as files."),
         "ring": ("ring:app", "The light ring by hand."),
         "firmware": ("firmware:app", "The firmware of the light ring: what it is, build it, flash it."),
-        "sim": ("simulated_board:command", "Run the firmware in a simulated board behind a pseudo-terminal."),
+        "sim": (
+            "simulated_board:command",
+            "Run a simulated board behind a pseudo-terminal.",
+        ),
         "virtual-sensor": ("virtual_sensor:command", "Plug a simulated sensor into this Linux as a USB device."),
     },
     ELSEWHERE,

@@ -2,8 +2,9 @@
 
 ``/dev/ttyACM0`` or ``COM3``: that serial port. ``serial://WHICH``: the port of the board with this serial number or
 product string, or ``serial://`` of the only one there is. ``usb://`` or ``usb://WHICH``: the same endpoints through
-pyusb, without a serial port. ``sim://``: a simulated board, which runs the real firmware in a process of its own;
-``sim://?leds=8``: one that is configured for 8 LEDs; ``sim://?ring_c=70``: one whose ring has an NTC of 70 degrees.
+pyusb, without a serial port. ``sim://``: a simulated board, which runs the core of the firmware;
+``sim://?leds=8``: one that is configured for 8 LEDs; ``sim://?ring_c=70``: one whose ring has an NTC of 70 degrees;
+``sim://?board=rp2040``: one that runs the firmware's image in an emulated chip, from a checkout with its tests.
 """
 
 import errno
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 USB_TIMEOUT_MS = 1000
-SIMULATED = r"(leds=\d{1,2}|ring_c=-?\d{1,3}(\.\d+)?)"
+SIMULATED = r"(leds=\d{1,2}|ring_c=-?\d{1,3}(\.\d+)?|board=rp2040)"
 """what a simulated board is told"""
 
 
@@ -49,11 +50,11 @@ def open_transport(url: str) -> Transport:
     """Open the way that a URL names; BoardError if there is no board."""
     scheme, _, rest = url.partition("://")
     if scheme == "sim" and re.fullmatch(rf"(\?{SIMULATED}(&{SIMULATED})*)?", rest):
-        from gellight.lab.emulator.child import SimulatedBoard
+        from gellight.lab.core_board.simulated_board import board_of
 
         told = dict(pair.split("=") for pair in rest[1:].split("&") if pair)
         ring_c = float(told["ring_c"]) if "ring_c" in told else None
-        return SimulatedBoard(leds=int(told.get("leds", LED_COUNT)), ring_c=ring_c)
+        return board_of(told.get("board", True), leds=int(told.get("leds", LED_COUNT)), ring_c=ring_c)
     if scheme == "serial" and rest != url:
         return SerialTransport(find_port(rest), url=url)
     if scheme == "usb" and rest != url:

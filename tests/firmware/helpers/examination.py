@@ -7,13 +7,13 @@ from itertools import islice
 import numpy as np
 
 from gellight.base.errors import BoardError
-from gellight.lab.emulator.busy_bus import B1, B2, DATA_PLUS
-from gellight.lab.emulator.flash_chip import WORN_ERASE_NS
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Dark, ResetReason, SyncMode
 from gellight.ring.heat import ring_temperature_c
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
+from tests.firmware.emulator.busy_bus import B1, B2, DATA_PLUS
+from tests.firmware.emulator.flash_chip import WORN_ERASE_NS
 from tests.firmware.helpers.examined_board import PATTERN, break_down, dark, reopen
 from tests.firmware.helpers.examined_bus import bus, refusals
 from tests.firmware.helpers.wired_otherwise import wiring

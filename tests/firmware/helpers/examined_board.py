@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from gellight.lab.emulator.chip import VTOR
 from gellight.ring.light_ring import LightRing
+from tests.firmware.emulator.chip import VTOR
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 PATTERN = np.arange(36, dtype=np.uint8).reshape(12, 3) * 7 % 97

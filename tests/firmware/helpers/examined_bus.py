@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-from gellight.lab.emulator.usb_host import ADDRESS
 from gellight.ring import protocol as p
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import Packet, encode
+from tests.firmware.emulator.usb_host import ADDRESS
 from tests.firmware.helpers.examined_board import PATTERN, dark, reopen
 from tests.helpers import usb_requests as usb
 from tests.helpers.bench_board import BenchBoard

@@ -10,11 +10,11 @@ import subprocess
 from dataclasses import dataclass, field
 from typing import Any
 
-from gellight.lab.emulator.analog import THERMISTOR_PIN, Divider
-from gellight.lab.emulator.busy_bus import B1
-from gellight.lab.emulator.chip import UNIQUE_ID
 from gellight.ring import protocol as p
 from gellight.ring.wire import Packet, Record, decode, encode
+from tests.firmware.emulator.analog import THERMISTOR_PIN, Divider
+from tests.firmware.emulator.busy_bus import B1
+from tests.firmware.emulator.chip import UNIQUE_ID
 from tests.helpers.bench_board import BenchBoard, NotingDecoder
 from tests.helpers.places import CHECKOUT
 

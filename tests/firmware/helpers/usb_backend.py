@@ -9,7 +9,7 @@ from typing import Any
 import usb.backend
 import usb.core
 
-from gellight.lab.emulator.usb_host import ADDRESS
+from tests.firmware.emulator.usb_host import ADDRESS
 from tests.helpers.bench_board import BenchBoard
 
 CONTROL_US = 200_000.0

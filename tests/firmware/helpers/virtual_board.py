@@ -1,6 +1,5 @@
-"""The C core as a library with a virtual clock (firmware/boards/host), reached by ctypes."""
+"""The C core as a library with a virtual clock (firmware/boards/host), as the tests use it."""
 
-import ctypes
 import functools
 import os
 import shutil
@@ -8,16 +7,15 @@ import subprocess
 import sys
 import tempfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
+from gellight.lab.core_board.core import OUTPUT_BYTES, Core, CoreLibrary
 from gellight.ring import protocol
 from gellight.ring.enumerations import Edge, SyncMode
-from gellight.ring.wire import COLOUR_BYTES, LED_COUNT, Packet, Record, decode, encode
+from gellight.ring.wire import LED_COUNT, Packet, Record, decode, encode
 
 CHECKOUT = Path(__file__).parents[3]
-FLASH_BYTES = 8192
-OUTPUT_BYTES = 65536
 NO_PULSE = 0xFFFFFFFF
 FLAGS = ["-std=c11", "-g", "-O1", "-fPIC", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 
@@ -69,23 +67,11 @@ def run_core_tests(library: Path, **environment: str) -> subprocess.CompletedPro
     )  # fmt: skip
 
 
-class _Light(ctypes.Structure):
-    _fields_ = [
-        ("first_bit_us", ctypes.c_uint64),
-        ("latched_us", ctypes.c_uint64),
-        ("wire", ctypes.c_uint8 * COLOUR_BYTES),
-        ("pulse_us", ctypes.c_uint32),
-    ]
-
-
-class VirtualBoard:
+class VirtualBoard(Core):
     def __init__(
-        self, library: ctypes.CDLL, flash: bytes | None = None, *, opened: bool = True, saves: int = 0
+        self, library: CoreLibrary, flash: bytes | None = None, *, opened: bool = True, saves: int = 0
     ) -> None:
-        self.library = library
-        library.board_new.restype = ctypes.c_void_p
-        library.board_now.restype = ctypes.c_uint64
-        self._board = ctypes.c_void_p(library.board_new(flash, ctypes.c_uint32(saves)))
+        super().__init__(library, flash, saves=saves)
         self._sequence = 0
         self.packets: list[Packet] = []
         self._partial = bytearray()
@@ -97,83 +83,39 @@ class VirtualBoard:
             self.collect()
 
     def close(self) -> None:
-        self.library.board_free(self._board)
-
-    def receive(self, data: bytes) -> None:
-        self.library.board_receive(self._board, data, ctypes.c_uint32(len(data)))
-
-    def advance(self, duration_us: int) -> None:
-        self.library.board_advance(self._board, ctypes.c_uint64(duration_us))
-
-    def edge(self, *, falling: bool = False) -> None:
-        self.library.board_edge(self._board, ctypes.c_bool(falling))
-
-    def link(self, opened: bool, reason: int = 5) -> None:
-        self.library.board_link(self._board, ctypes.c_bool(opened), ctypes.c_uint32(reason))
+        self.free()
 
     def faults(self, *, room: int = OUTPUT_BYTES, stuck: bool = False, cut_after: int = -1) -> None:
         """The host takes `room` bytes more; transfers to the LEDs break off; `cut_after` bytes of flash change."""
-        self.library.board_fault(self._board, ctypes.c_uint32(room), ctypes.c_bool(stuck), ctypes.c_int32(cut_after))
+        self.call("fault", room, stuck, cut_after)
 
     def edge_after_reads(self, reads: int) -> None:
         """The trigger comes right after the board has read its clock that many times."""
-        self.library.board_edge_after_reads(self._board, ctypes.c_uint32(reads))
+        self.call("edge_after_reads", reads)
 
     def warm(self, celsius: float) -> None:
-        self.library.board_warm(self._board, ctypes.c_int32(round(10 * celsius)))
+        self.call("warm", round(10 * celsius))
 
     def warm_ring(self, reading: int) -> None:
         """Let the converter read this of the ring's NTC."""
-        self.library.board_warm_ring(self._board, ctypes.c_uint32(reading))
+        self.call("warm_ring", reading)
 
     @property
     def powered(self) -> bool:
         """The load switch of the LEDs is closed."""
-        self.library.board_powered.restype = ctypes.c_bool
-        return bool(self.library.board_powered(self._board))
-
-    @property
-    def noted_saves(self) -> int:
-        """What `saves` of a board that starts anew is to be."""
-        return int(self.library.board_noted_saves(self._board))
-
-    @property
-    def now_us(self) -> int:
-        return int(self.library.board_now(self._board))
-
-    @property
-    def flags(self) -> int:
-        return int(self.library.board_flags(self._board))
-
-    def flash(self) -> bytes:
-        room = ctypes.create_string_buffer(FLASH_BYTES)
-        self.library.board_flash(self._board, room)
-        return room.raw
+        return bool(self.call("powered"))
 
     def lights(self) -> list[tuple[int, int, bytes]]:
         """First bit and latch in us, and the colours in logical order, RGB."""
-        found = []
-        for light in self._lights():
-            wire = bytes(light.wire)
-            rgb = b"".join(bytes((wire[i + 1], wire[i], wire[i + 2])) for i in range(0, 3 * self.led_count, 3))
-            found.append((light.first_bit_us, light.latched_us, rgb))
-        return found
+        return [(light.first_bit_us, light.latched_us, light.rgb(self.led_count).tobytes()) for light in self.latched()]
 
     def pulses(self) -> list[bool]:
         """Of each light: whether the trigger output pulses."""
-        return [light.pulse_us != NO_PULSE for light in self._lights()]
-
-    def _lights(self) -> Iterator[_Light]:
-        for index in range(self.library.board_light_count(self._board)):
-            light = _Light()
-            self.library.board_light_at(self._board, ctypes.c_uint32(index), ctypes.byref(light))
-            yield light
+        return [light.pulse_us != NO_PULSE for light in self.latched()]
 
     def collect(self) -> list[Packet]:
         """Every packet that came since the last call."""
-        room = ctypes.create_string_buffer(OUTPUT_BYTES)
-        count = self.library.board_take_output(self._board, room, ctypes.c_uint32(len(room)))
-        self._partial += room.raw[:count]
+        self._partial += self.take_output()
         *whole, rest = self._partial.split(b"\0")
         self._partial = bytearray(rest)
         return [decode(bytes(stuffed)) for stuffed in whole]
@@ -215,5 +157,5 @@ class VirtualBoard:
         self.ok("SET_SYNC", protocol.SetSync(mode, Edge.RISING, divider, delay_us, timeout_us))
 
 
-def load(path: str | None = None) -> ctypes.CDLL:
-    return ctypes.CDLL(path or os.environ["GELLIGHT_CORE_LIBRARY"])
+def load(path: str | None = None) -> CoreLibrary:
+    return CoreLibrary(path or os.environ["GELLIGHT_CORE_LIBRARY"])

@@ -6,11 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from gellight.lab.emulator.analog import OUTPUT_OFF, THERMISTOR_PIN
-from gellight.lab.emulator.waveform import Strip
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import ColourOrder, OutputAt, SyncMode
 from gellight.ring.light_ring import LightRing, Step
+from tests.firmware.emulator.analog import OUTPUT_OFF, THERMISTOR_PIN
+from tests.firmware.emulator.waveform import Strip
 from tests.firmware.helpers.examined_board import PATTERN, break_down, reopen
 from tests.helpers.bench_board import BenchBoard
 

@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from gellight.lab.emulator.busy_bus import B2
-from gellight.lab.emulator.waveform import Strip
 from gellight.ring.light_ring import LightRing
+from tests.firmware.emulator.busy_bus import B2
+from tests.firmware.emulator.waveform import Strip
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 

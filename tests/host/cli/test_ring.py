@@ -1,7 +1,6 @@
 """`gellight ring`, `firmware` and `sim`: what a builder types, and what is refused in one line."""
 
 import json
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -141,24 +140,6 @@ def test_writing_an_image_to_no_folder_leaves_nothing(tmp_path: Path) -> None:
         with pytest.raises(GellightError, match="cannot write"):
             write_image(committed_image(), target)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
-
-
-def test_a_simulated_board_that_ends_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    from gellight.cli import simulated_board
-    from gellight.lab.emulator import child
-
-    started: list[child.SimulatedBoard] = []
-
-    class Noted(child.SimulatedBoard):
-        def __init__(self, **how: bool) -> None:
-            super().__init__(**how)
-            started.append(self)
-            threading.Timer(0.2, self._process.kill).start()
-
-    monkeypatch.setattr(simulated_board, "SimulatedBoard", Noted)
-    done = invoke("sim", "--seconds", "30")
-    assert "has ended" in str(done.exception)
-    assert not started[0].running
 
 
 def test_building_the_firmware_asks_for_its_sources_before_any_compiler(

@@ -1,19 +1,20 @@
-"""Ways to the board: the simulated one in its own process, a pseudo-terminal with real pyserial, the verbs."""
+"""Ways to the board: the simulated one, a pseudo-terminal with real pyserial, the verbs."""
 
 import os
 import signal
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError
-from gellight.lab.emulator import child, process
-from gellight.lab.emulator.child import SimulatedBoard
-from gellight.lab.emulator.waveform import Light
+from gellight.lab.core_board.simulated_board import SimulatedBoard
+from gellight.lab.core_board.terminal import TerminalBoard
+from gellight.ring.enumerations import Edge, SyncMode
 from gellight.ring.light_ring import LightRing, Step, colour_bytes, connect
 from gellight.ring.transport import SilentError, find_port, open_transport
 from tests.helpers.command_line import invoke
@@ -27,65 +28,11 @@ def is_lit(board: SimulatedBoard) -> bool:
 
 
 @pytest.fixture(scope="module")
-def terminal() -> Iterator[SimulatedBoard]:
-    """A board behind a terminal; every test leaves it dark and without a fault."""
-    board = SimulatedBoard(pty=True)
+def terminal() -> Iterator[TerminalBoard]:
+    """A board behind a terminal; every test leaves it dark."""
+    board = TerminalBoard()
     yield board
     board.close()
-    assert board.faults == []
-
-
-def test_who_has_the_bytes_of_the_board_knows_its_light_and_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The process of the board may stand still after it has sent them: frames taken then are of a later light."""
-    told: list[child.Report] = []
-    known: list[list[child.Report]] = []
-    monkeypatch.setattr(process, "tell", told.append)
-    host = SimpleNamespace(received=bytearray(), open=lambda: None, close=lambda: None)
-    board = SimpleNamespace(now_us=0.0, timeline=[], host=host)
-    stream = SimpleNamespace(connected=True, finished=False, read=lambda: b"")
-
-    def run_until(_: object, duration_us: float) -> None:
-        board.now_us += duration_us
-        board.timeline.append(Light(board.now_us, RED))
-        host.received += b"latched"
-
-    def write(_: bytes) -> None:
-        known.append(list(told))
-        stream.finished = True
-
-    board.run_until, stream.write = run_until, write
-    nobody = SimpleNamespace(open=[], pass_on=lambda: None)
-    process.serve(board, stream, nobody, time.monotonic())
-    ((light, time_passed),) = known
-    assert light.light_us == time_passed.now_us == board.now_us
-    assert time_passed.at_s <= time.monotonic()
-
-
-def test_the_clock_of_the_board_goes_on_while_its_process_stands_still() -> None:
-    """A real board does not lag; where the emulated one lags too much, its clock is set back, and that is known."""
-    board = SimulatedBoard()
-    asked_s, passed_us, clock_us = clocks(board)
-    assert passed_us <= clock_us + 10
-    os.kill(board._process.pid, signal.SIGSTOP)
-    time.sleep(0.4)
-    goes_on_s = time.monotonic()
-    os.kill(board._process.pid, signal.SIGCONT)
-    eventually(lambda: board.on_time_since_s > goes_on_s)
-    now_s, later_us, clock_us = clocks(board)
-    assert later_us <= clock_us + 10
-    assert clock_us < (now_s - asked_s - 0.3) * 1e6 + passed_us
-    board.close()
-
-
-def clocks(board: SimulatedBoard) -> tuple[float, float, float]:
-    """Return a time, the virtual time and the board's clock then, and that it has not been set back in between."""
-    while True:
-        since_s, now_s = board.on_time_since_s, time.monotonic()
-        passed_us, clock_us = board.virtual_us(now_s), board.clock_us(now_s)
-        ahead_us = board.clock_us(now_s + 0.5)
-        if board.on_time_since_s == since_s:
-            assert ahead_us - clock_us == pytest.approx(0.5e6, abs=1)
-            return now_s, passed_us, clock_us
 
 
 def test_a_serial_port_that_takes_no_bytes_for_a_second_is_silent_not_gone() -> None:
@@ -110,40 +57,65 @@ def test_sim_is_a_board_like_any_other() -> None:
             eventually(lambda wanted=colours: np.array_equal(board.timeline[-1].colours, wanted))
         red, dim = events
         began_us = board.timeline[-2].time_us - red.latched_us
-        assert 0 < began_us < 200_000, "the clock of the board begins while it starts"
+        assert -1 < began_us < 1
         for event, before, after in ((red, 0 * RED, RED), (dim, RED, RED // 2)):
             shown = board.light_during(began_us + event.first_bit_us, began_us + event.latched_us + 30)
             np.testing.assert_array_equal(shown[0].colours, before)
             np.testing.assert_array_equal(shown[-1].colours, after)
             assert event.first_bit_us < shown[-1].time_us - began_us <= event.latched_us + 3
     assert not board.timeline[-1].colours.any()
-    assert board.faults == []
 
 
-def test_who_waits_for_the_light_of_a_board_that_ends_waits_no_longer(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The end was missed where another thread waited for the process: pictures came 10 s after a brown-out."""
-    monkeypatch.setattr(child, "STANDSTILL_S", 60.0)
-    monkeypatch.setattr(SimulatedBoard, "running", True)  # as it seems while another thread waits for the process
+def test_who_waits_for_the_light_of_a_board_that_ends_waits_no_longer() -> None:
     board = SimulatedBoard()
-    waiting = threading.Thread(target=board.light_during, args=(0.0, 1e12), daemon=True)
+    waiting = threading.Thread(target=board.light_during, args=(0.0, 60e6), daemon=True)
     waiting.start()
     board.close()
-    waiting.join(30)
+    waiting.join(10)
     assert not waiting.is_alive()
 
 
-def test_who_asks_whether_a_board_runs_takes_no_lock_of_its_process() -> None:
-    """A signal whose handler raises while that lock is taken leaves it taken, and `close` waited for it for ever."""
-    board = SimulatedBoard()
-    board._process._waitpid_lock = None  # type: ignore[attr-defined]  # so `poll` would raise
-    assert board.running
-    board._process._waitpid_lock = threading.Lock()  # type: ignore[attr-defined]
-    board._process.kill()
-    eventually(lambda: not board.running)
-    board.close()
+def test_a_host_that_is_silent_leaves_the_leds_dark_though_nobody_looks_at_the_board() -> None:
+    ring = LightRing(SimulatedBoard(), keep_alive_s=None)
+    ring.light(RED)
+    time.sleep(1.1)
+    board = ring.transport
+    lit, dark = board.timeline[-2], board.timeline[-1]
+    assert lit.colours.any()
+    assert not dark.colours.any()
+    assert 1.0e6 < dark.time_us - lit.time_us < 1.02e6
+    ring.close()
 
 
-def test_real_pyserial_reaches_it_through_a_terminal(terminal: SimulatedBoard) -> None:
+def test_a_strobe_is_an_edge_that_rises_and_one_that_falls() -> None:
+    with connect("sim://") as ring:
+        board = ring.transport
+        ring.load_sequence([RED, RED // 2], [Step(group=0, dwell_us=0), Step(group=1, dwell_us=0)])
+        for edge, after_us in ((Edge.RISING, 0), (Edge.FALLING, 500)):
+            ring.set_sync(SyncMode.EXT, edge=edge)
+            ring.start()
+            risen_us = board.virtual_us(board.strobe())
+            eventually(lambda: board.timeline.shining)
+            event = ring.wait_for_light(ring.status().light_id)
+            assert event.first_bit_us == pytest.approx(risen_us + after_us, abs=1)
+            ring.blank()
+            eventually(lambda: not board.timeline.shining)
+
+
+def test_a_board_that_starts_anew_is_gone_for_its_host_and_keeps_its_flash(terminal: TerminalBoard) -> None:
+    with connect("sim://") as ring:
+        ring.reset()
+        eventually(lambda: not ring.transport.running)
+        with pytest.raises(BoardError, match="has ended"):
+            ring.status()
+    with connect(terminal.path) as ring:
+        ring.configure(replace(ring.configuration(), name=b"anew".ljust(16, b"\0")), save=True)
+        ring.reset()
+        eventually(lambda: ring.status().time_us < 500_000)
+        assert ring.configuration().name.rstrip(b"\0") == b"anew"
+
+
+def test_real_pyserial_reaches_it_through_a_terminal(terminal: TerminalBoard) -> None:
     with connect(terminal.path) as ring:
         ring.set_leds(RED)
         eventually(lambda: is_lit(terminal))
@@ -151,7 +123,7 @@ def test_real_pyserial_reaches_it_through_a_terminal(terminal: SimulatedBoard) -
 
 
 def test_a_program_that_dies_leaves_the_leds_dark() -> None:
-    board = SimulatedBoard(pty=True)
+    board = TerminalBoard()
     child = os.fork()
     if child == 0:
         ring = connect(board.path)
@@ -163,10 +135,9 @@ def test_a_program_that_dies_leaves_the_leds_dark() -> None:
     os.waitpid(child, 0)
     eventually(lambda: not is_lit(board))
     board.close()
-    assert board.faults == []
 
 
-def test_the_ring_is_kept_alive_while_it_is_open(terminal: SimulatedBoard) -> None:
+def test_the_ring_is_kept_alive_while_it_is_open(terminal: TerminalBoard) -> None:
     with connect(terminal.path) as ring:
         ring.set_leds(RED)
         eventually(lambda: is_lit(terminal))
@@ -178,10 +149,11 @@ def test_the_ring_is_kept_alive_while_it_is_open(terminal: SimulatedBoard) -> No
 
 def test_a_board_that_ends_is_an_error() -> None:
     ring = connect("sim://")
+    ring.light(RED)
     board = ring.transport
     assert isinstance(board, SimulatedBoard)
-    board._process.kill()
-    board._process.wait()
+    board.cut_power()
+    assert not board.timeline[-1].colours.any()
     with pytest.raises(BoardError, match="sim://"):
         ring.status()
     ring.close()
@@ -246,7 +218,7 @@ def test_colours_have_to_be_twelve_times_rgb() -> None:
 # ---- the verbs ----
 
 
-def test_the_verbs_drive_the_ring(terminal: SimulatedBoard) -> None:
+def test_the_verbs_drive_the_ring(terminal: TerminalBoard) -> None:
     def run(*words: str) -> str:
         result = invoke("ring", *words, "--url", terminal.path)
         assert result.exit_code == 0, result.output + str(result.exception)
@@ -259,10 +231,8 @@ def test_the_verbs_drive_the_ring(terminal: SimulatedBoard) -> None:
     assert "dark" in run("off")
 
 
-def test_a_sequence_runs_in_wall_time(terminal: SimulatedBoard) -> None:
+def test_a_sequence_runs_in_wall_time(terminal: TerminalBoard) -> None:
     with connect(terminal.path) as ring:
-        from gellight.ring.enumerations import SyncMode
-
         before = len(terminal.timeline)
         ring.load_sequence([RED], [Step(group=0, dwell_us=100_000, blank_us=100_000)])
         ring.set_sync(SyncMode.FREE)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError
-from gellight.lab.emulator.waveform import KEPT_LIGHTS, Light, LightTimeline
+from gellight.lab.core_board.light_timeline import KEPT_LIGHTS, Light, LightTimeline
 
 
 def light(number: int) -> Light:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.lab.emulator.waveform import Light
+from gellight.lab.core_board.light_timeline import Light
 
 Array = NDArray[np.float64]
 

@@ -1,13 +1,14 @@
 """The parameters of a `sim://` URL; the top of `simulated_camera.py` says what they mean."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import SYNTHETIC, load_bundle
-from gellight.lab.emulator.analog import COLDEST_C, HOTTEST_C
+from gellight.lab.core_board.built_board import COLDEST_C, HOTTEST_C
 from gellight.lab.simulator.choices import CameraKind, WindowKind
 from gellight.lab.simulator.printed_dots import PrintedDots
 from gellight.lab.simulator.scene import Array, Printed
@@ -31,7 +32,7 @@ class SimulatedUrl(BaseModel):
     x: float = 0.0
     y: float = 0.0
     programme: bool = True
-    board: bool = True
+    board: bool | Literal["rp2040"] = Field(True, json_schema_extra={"allowed": "true, false or rp2040"})
     strobe: bool = False
     ring_c: float | None = Field(None, ge=COLDEST_C, le=HOTTEST_C)
     crosstalk: float = Field(0.1, ge=0, le=0.5)

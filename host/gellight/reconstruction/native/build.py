@@ -9,6 +9,7 @@ import importlib.util
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from gellight.base.errors import InputError
@@ -47,27 +48,35 @@ def library_file(name: str) -> Path:
 
 def build(name: str) -> bytes:
     """Compile one library; InputError where the compiler is missing or complains."""
+    return compiled(f"the frame path for {name}", FOLDER, [*TARGETS[name], *FLAGS, *_LIBRARY, *sources()])
+
+
+def compiled(what: str, folder: Path, arguments: Sequence[str]) -> bytes:
+    """Return a library that PyPI's compiler makes in a folder; InputError where it is missing or complains."""
     if importlib.util.find_spec("ziglang") is None:
         raise InputError('the compiler is missing: pip install "gellight[firmware]"')
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", *TARGETS[name]]
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "frame_path.so"
-        arguments = [*command, *FLAGS, *_LIBRARY, *sources(), "-o", str(out)]
-        done = subprocess.run(arguments, cwd=FOLDER, capture_output=True, text=True, check=False)
+    with tempfile.TemporaryDirectory() as made:
+        out = Path(made) / "library.so"
+        command = [sys.executable, "-m", "ziglang", "cc", "-target", *arguments, "-o", str(out)]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode or done.stderr.strip():
-            raise InputError(f"the frame path does not compile for {name}:\n{done.stderr.strip()}")
+            raise InputError(f"{what} does not compile:\n{done.stderr.strip()}")
         return out.read_bytes()
+
+
+def write_libraries(libraries: Mapping[Path, bytes], checksums: Path) -> None:
+    """Write libraries and their checksums."""
+    sums = []
+    for path, content in libraries.items():
+        write_file(path, content)
+        sums.append(f"{hashlib.sha256(content).hexdigest()}  {path.name}\n")
+        print(sums[-1].rstrip())
+    write_file(checksums, "".join(sums).encode())
 
 
 def main() -> None:
     """Build and write all libraries and their checksums."""
-    sums = []
-    for name in TARGETS:
-        content = build(name)
-        write_file(library_file(name), content)
-        sums.append(f"{hashlib.sha256(content).hexdigest()}  {library_file(name).name}\n")
-        print(sums[-1].rstrip())
-    write_file(CHECKSUMS, "".join(sums).encode())
+    write_libraries({library_file(name): build(name) for name in TARGETS}, CHECKSUMS)
 
 
 if __name__ == "__main__":

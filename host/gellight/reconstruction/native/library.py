@@ -134,10 +134,10 @@ def fitting_library() -> tuple[str, Library]:
     return names[0], Library(path)
 
 
-def check_whole(path: Path) -> None:
+def check_whole(path: Path, checksums: Path = CHECKSUMS) -> None:
     """Raise NativePathError unless a library is as it was built: loading a damaged one can end the process."""
     try:
-        found, listed = hashlib.sha256(path.read_bytes()).hexdigest(), CHECKSUMS.read_text().split()
+        found, listed = hashlib.sha256(path.read_bytes()).hexdigest(), checksums.read_text().split()
     except OSError as error:
         raise NativePathError(f"{error.filename} cannot be read ({error.strerror}): install gellight again") from error
     expected = dict(zip(listed[1::2], listed[::2], strict=True)).get(path.name)

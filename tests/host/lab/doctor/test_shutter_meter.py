@@ -7,8 +7,8 @@ import pytest
 
 from gellight.base.errors import CameraError, InputError
 from gellight.frames.timing import CameraTiming
+from gellight.lab.core_board.light_timeline import Light
 from gellight.lab.doctor.shutter_meter import BANDS, CELLS, ShutterMeter, TwoLights, cells, measure_shutter, robust_fit
-from gellight.lab.emulator.waveform import Light
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.simulator.shutter import Shutter, row_weights
 from gellight.lab.simulator.simulated_camera import built

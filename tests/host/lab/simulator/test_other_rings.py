@@ -7,8 +7,8 @@ import pytest
 
 from gellight.base.errors import BoardError, ConfigError, InputError
 from gellight.cli.status import heat as heat_text
-from gellight.lab.emulator.child import SimulatedBoard
-from gellight.lab.emulator.configured import configuration_of, with_configuration
+from gellight.lab.core_board.built_board import configuration_of
+from gellight.lab.core_board.simulated_board import SimulatedBoard
 from gellight.opening import open_camera
 from gellight.ring.firmware.build import committed_image
 from gellight.ring.heat import HeardHeat
@@ -16,6 +16,7 @@ from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.ring.light_ring import LightRing, connect
 from gellight.ring.protocol import DimmedEvent
 from gellight.sensor.lighting.hold import exposures
+from tests.firmware.emulator.configured import with_configuration
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 from tests.helpers.waiting import eventually
 
@@ -32,7 +33,7 @@ def test_a_simulated_board_drives_as_many_leds_as_its_url_says(leds: int) -> Non
         ring.light(colours)
         board = ring.transport
         assert isinstance(board, SimulatedBoard)
-        replied_us = board.virtual_us(time.monotonic())  # between two reports of the emulator, whose pace varies
+        replied_us = board.virtual_us(time.monotonic())
         shown = board.light_during(replied_us, replied_us + LATCHED_WITHIN_US)[-1]
         np.testing.assert_array_equal(shown.colours, colours)
         ring.light(None)

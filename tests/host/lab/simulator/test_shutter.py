@@ -7,7 +7,7 @@ from gellight.base.errors import InputError
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame, LightState
-from gellight.lab.emulator.waveform import Light
+from gellight.lab.core_board.light_timeline import Light
 from gellight.lab.simulator.shutter import Shutter, row_weights
 from gellight.opening import open_camera
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera

@@ -189,8 +189,7 @@ def test_a_change_of_light_in_mid_exposure_is_seen_row_by_row() -> None:
 
 def test_a_board_that_is_gone_is_told_instead_of_a_dark_picture() -> None:
     with open_quiet() as camera:
-        camera.ring.transport._process.kill()  # as when somebody pulls the plug
-        camera.ring.transport._process.wait()
+        camera.ring.transport.cut_power()
         with pytest.raises(CameraError, match="board of the light ring is gone"):
             camera.read()
 

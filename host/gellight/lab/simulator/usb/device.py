@@ -12,7 +12,7 @@ from gellight.base.allowed import query_of
 from gellight.base.errors import CameraError, InputError
 from gellight.base.settings import load_settings
 from gellight.frames.camera import Camera
-from gellight.lab.emulator.child import SimulatedBoard
+from gellight.lab.core_board.terminal import TerminalBoard
 from gellight.lab.simulator.usb import descriptors
 from gellight.lab.simulator.usb.cable import CablePulledError, UsbCable
 from gellight.lab.simulator.usb.faults import NO_FAULTS, Faults
@@ -33,7 +33,7 @@ STOP_S = 10.0
 class UncommandedRing(LightRing):
     """The ring of a board that another program commands: the one at the other end of the virtual USB cable."""
 
-    def __init__(self, board: SimulatedBoard) -> None:
+    def __init__(self, board: TerminalBoard) -> None:
         """Hold the board without speaking to it."""
         self.transport, self.heat = board, HeardHeat()
 
@@ -53,14 +53,13 @@ class VirtualSensor:
                  leds: int = LED_COUNT, faults: Faults = NO_FAULTS) -> None:  # fmt: skip
         """Take over a camera without a ring, which runs at `frame_rate`; the plug is not in yet.
 
-        `has_board`: while it has power, an emulated board with the same serial number and `leds` runs the
-        firmware's image.
+        `has_board`: while it has power, a simulated board has the same serial number and `leds`.
         """
         self.serial_number = checked_serial(serial_number)
         self.faults = faults
         self.modes = modes_of(camera, frame_rate)
         self.camera, self._has_board, self._leds = camera, has_board, leds
-        self.board: SimulatedBoard | None = None
+        self.board: TerminalBoard | None = None
         self._cable: UsbCable | None = None
         self._lock = threading.Lock()
         self.unplugged = threading.Event()
@@ -128,7 +127,7 @@ class VirtualSensor:
 
     def _power_on(self) -> None:
         if self._has_board:
-            self.board = SimulatedBoard(pty=True, unique_id=bytes.fromhex(self.serial_number), leds=self._leds)
+            self.board = TerminalBoard(leds=self._leds, unique_id=bytes.fromhex(self.serial_number))
             self.camera.ring = UncommandedRing(self.board)
 
     def _power_off(self) -> None:
@@ -193,7 +192,7 @@ def checked_serial(text: str) -> str:
 def open_virtual(
     url: str, *, serial_number: str, geometry: Mapping[str, float | int | str], faults: Faults = NO_FAULTS
 ) -> VirtualSensor:
-    """Build a virtual sensor from the simulated one of a `sim://` URL, with its emulated board.
+    """Build a virtual sensor from the simulated one of a `sim://` URL, with its board.
 
     With `board=0` its light is steady and its serial port silent. Raises what opening that camera raises, and
     InputError for a serial number that no board has.
@@ -214,7 +213,7 @@ def open_virtual(
     camera = open_simulated(url + ("&" if "?" in url else "?") + "board=0", geometry)
     camera.url = url
     camera.waiting = 0  # a camera sends what it sees now; who reads late waits behind the bus
-    return VirtualSensor(camera, serial_number=number, frame_rate=wanted.fps, has_board=wanted.board, leds=leds,
+    return VirtualSensor(camera, serial_number=number, frame_rate=wanted.fps, has_board=bool(wanted.board), leds=leds,
                          faults=faults)  # fmt: skip
 
 

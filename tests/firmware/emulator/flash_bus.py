@@ -7,7 +7,7 @@ and the chip is not busy. What it has cached it goes on seeing until the cache i
 from collections.abc import Callable
 from typing import Any
 
-from gellight.lab.emulator.flash_chip import (
+from tests.firmware.emulator.flash_chip import (
     ERASE_SECTOR,
     PAGE,
     PROGRAM,
@@ -18,7 +18,7 @@ from gellight.lab.emulator.flash_chip import (
     WRITE_ENABLE,
     FlashChip,
 )
-from gellight.lab.emulator.registers import RegisterBlock
+from tests.firmware.emulator.registers import RegisterBlock
 
 CTRLR0, CTRLR1, SSIENR, SER, BAUDR, SR, DR0, SPI_CTRLR0 = 0x00, 0x04, 0x08, 0x10, 0x14, 0x28, 0x60, 0xF4
 SET_WHILE_OFF = (CTRLR0, CTRLR1, BAUDR, SPI_CTRLR0)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from gellight.lab.emulator.busy_bus import DIRECT, MUXING, OVERRIDE, BusyBus
+from tests.firmware.emulator.busy_bus import DIRECT, MUXING, OVERRIDE, BusyBus
 
 FRAME_NS = 1e6
 SOF = 1 << 17

@@ -6,7 +6,7 @@ fault, also where most chips on a desk would forgive it.
 
 from collections.abc import Callable
 
-from gellight.lab.emulator.registers import RegisterBlock
+from tests.firmware.emulator.registers import RegisterBlock
 
 CRYSTAL_HZ = 12e6
 RING_OSCILLATOR_HZ = 6.5e6

@@ -1,4 +1,4 @@
-"""``sim://``: a board in a child process, seen from the host as a stream of bytes and a timeline of light."""
+"""``sim://?board=rp2040``: a board in a child process, as a stream of bytes and a timeline of light."""
 
 import logging
 import os
@@ -11,21 +11,19 @@ import time
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from gellight.base.errors import BoardError, first_line
-from gellight.lab.emulator.analog import COLDEST_C, HOTTEST_C
-from gellight.lab.emulator.waveform import Light, LightTimeline
-from gellight.ring.wire import LED_COUNT, MOST_LEDS
+from gellight.lab.core_board.built_board import check_buildable
+from gellight.lab.core_board.light_timeline import Light, LightTimeline
+from gellight.ring.wire import LED_COUNT
+from tests.helpers.places import CHECKOUT
 
 logger = logging.getLogger(__name__)
 START_S = 30.0
-PACKAGES = Path(__file__).parents[3]
-"""so that the child finds this very package, installed or not"""
 STOP_S = 5.0
 STANDSTILL_S = 10.0
 """emulation that gets no further for longer has hung"""
@@ -62,7 +60,7 @@ class SimulatedBoard:
     the past is answered once emulation has got there, and the answer then never changes.
     """
 
-    url = "sim://"
+    url = "sim://?board=rp2040"
 
     def __init__(self, *, pty: bool = False, unique_id: bytes | None = None, leds: int = LED_COUNT,
                  ring_c: float | None = None) -> None:  # fmt: skip
@@ -91,10 +89,10 @@ class SimulatedBoard:
         how = ["--pty"] if pty else ["--socket", str(theirs.fileno())]
         how += built
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "gellight.lab.emulator.process", *how],
+            [sys.executable, "-m", "tests.firmware.emulator.process", *how],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             pass_fds=(theirs.fileno(),),
-            env=os.environ | {"PYTHONPATH": os.pathsep.join([str(PACKAGES), os.environ.get("PYTHONPATH", "")])},
+            env=os.environ | {"PYTHONPATH": os.pathsep.join([str(CHECKOUT), *sys.path])},
         )  # fmt: skip
         theirs.close()
         self._listener = threading.Thread(target=self._listen, daemon=True)
@@ -244,9 +242,6 @@ class SimulatedBoard:
 
 def _built(leds: int, ring_c: float | None, unique_id: bytes | None) -> list[str]:
     """Return how the process is told what its board has; BoardError for what no board has."""
-    if not 1 <= leds <= MOST_LEDS:
-        raise BoardError(f"{leds} LEDs: a board drives 1 to {MOST_LEDS}")
-    if ring_c is not None and not COLDEST_C <= ring_c <= HOTTEST_C:
-        raise BoardError(f"a ring of {ring_c:g} °C: its NTC is made for {COLDEST_C:g} to {HOTTEST_C:g} °C")
+    check_buildable(leds, ring_c)
     warm = [] if ring_c is None else [f"--ring-c={ring_c}"]
     return ["--leds", str(leds), *warm, *(["--unique-id", unique_id.hex()] if unique_id else [])]

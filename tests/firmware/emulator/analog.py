@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import exp, inf
+from math import inf
 from random import Random
 from typing import Any
 
@@ -15,8 +15,6 @@ PULL_DOWN, PULL_UP, INPUT_ON, OUTPUT_OFF = 1 << 2, 1 << 3, 1 << 6, 1 << 7
 FULL = 4096
 THERMISTOR_PIN = 26
 """of the carrier"""
-COLDEST_C, HOTTEST_C = -40.0, 125.0
-"""the NTC of the strip is made for these"""
 SEED = 1
 
 
@@ -26,11 +24,6 @@ class Divider:
 
     to_supply: float = 10e3
     to_ground: float
-
-
-def thermistor_ohm(temperature_c: float) -> float:
-    """Return what the NTC of the strip has: R = 10 kohm * exp(B * (1 / T - 1 / T25)), in kelvin, B = 3380 K."""
-    return 10e3 * exp(3380 * (1 / (temperature_c + 273.15) - 1 / 298.15))
 
 
 class AnalogInputs:

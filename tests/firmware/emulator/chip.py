@@ -15,16 +15,18 @@ from typing import Any
 from rp2040py.rp2040 import RP2040
 from rp2040py.simulator import Simulator
 
-from gellight.lab.emulator import clocks, registers, ticks
-from gellight.lab.emulator.analog import OUTPUT_OFF, THERMISTOR_PIN, AnalogInputs, Divider, thermistor_ohm
-from gellight.lab.emulator.bootrom import BOOT2_RAM, Function, rom_words
-from gellight.lab.emulator.busy_bus import B2, CHIP_ID, BusyBus
-from gellight.lab.emulator.flash_bus import RAN_ASTRAY, FlashBus, RomFlash
-from gellight.lab.emulator.flash_chip import FlashChip
-from gellight.lab.emulator.usb_host import UsbHost
-from gellight.lab.emulator.waveform import LightTimeline, Strip, WaveformDecoder
+from gellight.lab.core_board.built_board import thermistor_ohm
+from gellight.lab.core_board.light_timeline import LightTimeline
 from gellight.ring.firmware.image import FLASH_BASE, boot2_crc
 from gellight.ring.protocol import Configuration
+from tests.firmware.emulator import clocks, registers, ticks
+from tests.firmware.emulator.analog import OUTPUT_OFF, THERMISTOR_PIN, AnalogInputs, Divider
+from tests.firmware.emulator.bootrom import BOOT2_RAM, Function, rom_words
+from tests.firmware.emulator.busy_bus import B2, CHIP_ID, BusyBus
+from tests.firmware.emulator.flash_bus import RAN_ASTRAY, FlashBus, RomFlash
+from tests.firmware.emulator.flash_chip import FlashChip
+from tests.firmware.emulator.usb_host import UsbHost
+from tests.firmware.emulator.waveform import Strip, WaveformDecoder
 
 FLASH_BYTES = 2 << 20
 RAM_BASE, RAM_END = 0x20000000, 0x20042000

@@ -13,12 +13,12 @@ import sys
 import time
 import tty
 
-from gellight.lab.emulator.child import Report
-from gellight.lab.emulator.chip import UNIQUE_ID, EmulatedBoard
-from gellight.lab.emulator.configured import flash_of
-from gellight.lab.emulator.waveform import Strip
 from gellight.ring.firmware.build import committed_image
 from gellight.ring.wire import LED_COUNT
+from tests.firmware.emulator.child import Report
+from tests.firmware.emulator.chip import UNIQUE_ID, EmulatedBoard
+from tests.firmware.emulator.configured import flash_of
+from tests.firmware.emulator.waveform import Strip
 
 SLICE_US = 2_000.0
 MOST_LAG_US = 50_000.0
@@ -142,7 +142,7 @@ def serve(board: EmulatedBoard, stream: Bytes, strobe: StrobeWire, zero_s: float
 
 def main(arguments: list[str] | None = None) -> None:
     """Run a board: `--socket N` serves an inherited socket, `--pty` makes a terminal."""
-    parser = argparse.ArgumentParser(prog="python -m gellight.lab.emulator.process", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.firmware.emulator.process", description=__doc__)
     parser.add_argument("--socket", type=int, help="number of the file descriptor of a connected socket")
     parser.add_argument("--pty", action="store_true", help="make a pseudo-terminal and print its name")
     parser.add_argument("--unique-id", type=bytes.fromhex, default=UNIQUE_ID, help="16 hexadecimal digits")

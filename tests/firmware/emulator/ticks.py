@@ -9,7 +9,7 @@ from typing import Any
 
 from rp2040py.peripherals.timer import ALARM0, ALARM_REGS, RPTimer
 
-from gellight.lab.emulator.registers import Guard, aliased
+from tests.firmware.emulator.registers import Guard, aliased
 
 LOAD, LONGEST = 0x04, 0xFFFFFF
 TICK, ENABLED, RUNNING, CYCLES = 0x2C, 1 << 9, 1 << 10, 0x1FF
