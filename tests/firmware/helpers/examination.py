@@ -289,7 +289,8 @@ def _noise(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     board.run(3_000)
     board.host.received.clear()
     board.host.send(b"\x55" * 768 + b"\0" + encode(Packet(p.COMMANDS["CLOCK"].code, 99, bytes(8))))
-    if not board.run_until(lambda: board.host.received.count(0), 1_500):
+    # The frame of USB that begins next, and the one after it for what was sent as it began.
+    if not board.run_until(lambda: board.host.received.count(0), 2_500):
         yield "a command behind noise waits"
 
 
