@@ -1,0 +1,58 @@
+"""The compiled core, which is the board of `sim://`, and the image in the emulated chip: they say and show the same."""
+
+import pytest
+
+from gellight.ring import protocol as p
+from tests.firmware.helpers.core_and_image import Account, Said, Story, told_to_the_core, told_to_the_image
+
+WIRE_US = 1_500
+"""what is said reaches the image with the next frame of the USB, a millisecond long, and is then read and answered"""
+
+TICK_US = 10_000
+"""as often a board looks at the clock for what it does by itself, and the two do not at the same moments"""
+BY_ITSELF = {p.EVENTS[name][0] for name in ("DARK", "DIMMED", "TELEMETRY")}
+
+
+def short() -> Story:
+    story = Story(seed=1)
+    story.everything(600, heat=False)
+    return story
+
+
+def half_an_hour() -> Story:
+    story = Story(seed=2)
+    while story.minutes < 30:
+        story.everything(20_000, heat=True)
+    return story
+
+
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("tell", [short, pytest.param(half_an_hour, marks=pytest.mark.nightly)])
+def test_every_reply_event_and_light_of_the_core_is_that_of_the_image(tell: object) -> None:
+    story = tell()
+    image = told_to_the_image(story)
+    core = told_to_the_core(story, chip_of(image))
+    assert image.faults == []
+    for theirs, ours in ((image.replies, core.replies), (image.events, core.events)):
+        for said, again in zip(theirs, ours, strict=True):
+            assert said[:3] == again[:3]
+            late_us = WIRE_US + TICK_US * (said[0] in BY_ITSELF)
+            assert again[3] == pytest.approx(said[3], abs=late_us), said
+    assert [colours for _, colours in core.lights] == [colours for _, colours in image.lights]
+    watched_us = [times["time_us"] for code, _, _, times in image.events if code in BY_ITSELF]
+    for (at_us, _), (image_us, _) in zip(core.lights, image.lights, strict=True):
+        watched = any(abs(image_us - when) < 2 * TICK_US for when in watched_us)
+        assert at_us == pytest.approx(image_us, abs=WIRE_US + TICK_US * watched)
+    assert len(image.lights) > 50
+
+
+def chip_of(account: Account) -> int:
+    return next(fields["temperature"] for _, _, fields, _ in account.replies if "temperature" in fields)
+
+
+def test_an_account_tells_when_and_what() -> None:
+    story = short()
+    account = told_to_the_core(story, 250)
+    one: Said = account.replies[0]
+    assert one[2]["status"] == bytes(5)
+    assert {name for _, _, _, times in account.events for name in times} >= {"first_bit_us", "latched_us", "time_us"}
