@@ -71,6 +71,7 @@ def light_of_the_disc(surface: Surface) -> np.ndarray:
     return total * RADIUS_MM**2 * view.rays(FINE).passing / INDEX**2
 
 
+@pytest.mark.timeout(2400)
 def test_the_light_is_that_of_the_path_tracer(surface: Surface) -> None:
     film = drawn(40, 30)
     at = on_gel_at_rest(*film.tangents(SHARES))
