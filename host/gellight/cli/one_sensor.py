@@ -14,6 +14,7 @@ from typing import Any
 
 from gellight.base import logs
 from gellight.base.errors import CameraError
+from gellight.base.large_arrays import give_back_large_arrays
 from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
@@ -54,6 +55,7 @@ def opened(settings: Settings, *, every: bool = True, dashboard: bool = True) ->
 
     Meanwhile who waits for it knows that something starts.
     """
+    give_back_large_arrays()
     with ExitStack() as stack:
         with starting() if settings.stream.enabled else nullcontext():
             daemon = stack.enter_context(open_session(settings, every=every))

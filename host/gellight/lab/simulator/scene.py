@@ -100,6 +100,12 @@ def deformed_by_body(press: Press, geometry: SensorGeometry, model: GelModel) ->
     return model(press.upper_side[0], SPACING_MM, press.depth_mm, geometry)
 
 
+@lru_cache(maxsize=4)
+def _in_use(kept: Deformation) -> Deformation:
+    """Return a deformation whose spline, as large as itself, lives as long as it is looked at."""
+    return replace(kept)
+
+
 Lit = tuple[Press | None, Surface, NDArray[np.float32]]
 """a press, the gel under it, and (12, H, W) its irradiance by every LED, full on"""
 
@@ -178,8 +184,8 @@ class Scene:
     def deformation(self, press: Press) -> Deformation:
         """Return what the press does to the gel, on the grid of the object."""
         if press.is_body:
-            return deformed_by_body(replace(press, x_mm=0.0, y_mm=0.0, path=()), self._gel, self._model)
-        return deformed(press.object_name, press.depth_mm, self._gel, model=self._model)
+            return _in_use(deformed_by_body(replace(press, x_mm=0.0, y_mm=0.0, path=()), self._gel, self._model))
+        return _in_use(deformed(press.object_name, press.depth_mm, self._gel, model=self._model))
 
     def shear(self, press: Press | None) -> ShearTruth | None:
         """Return how the gel is moved along itself; None where no dots are printed on it."""
