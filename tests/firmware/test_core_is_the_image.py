@@ -24,17 +24,8 @@ def short() -> Story:
     return story
 
 
-def half_an_hour() -> Story:
-    story = Story(seed=2)
-    while story.minutes < 30:
-        story.everything(20_000, heat=True)
-    return story
-
-
-@pytest.mark.timeout(1800)
-@pytest.mark.parametrize("tell", [short, pytest.param(half_an_hour, marks=pytest.mark.nightly)])
-def test_every_reply_event_and_light_of_the_core_is_that_of_the_image(tell: object) -> None:
-    story = tell()
+def test_every_reply_event_and_light_of_the_core_is_that_of_the_image() -> None:
+    story = short()
     image = told_to_the_image(story)
     core = told_to_the_core(story, chip_of(image))
     assert image.faults == []
