@@ -103,6 +103,7 @@ class Core:
         self.library = library
         self._board = library.functions["new"](flash, saves)
         self.free = weakref.finalize(self, library.functions["free"], self._board)
+        self.free.atexit = False  # threads of a program that ends may still look at it
         self._output = ctypes.create_string_buffer(OUTPUT_BYTES)
 
     def call(self, function: str, *arguments: object) -> Any:
