@@ -137,7 +137,7 @@ def test_a_wrong_option_beside_restart_loses_nothing(tmp_path: Path) -> None:
     assert "at least 8" in refused("--auto", "--restart", "--presses", "3", "--out", str(tmp_path / "x"))
     (tmp_path / "photo.json").write_text("{}")
     view = ("--view", str(tmp_path / "photo.json"))
-    assert "is no view (taken_width_px: Field" in refused(
+    assert "is no view (taken_width_px is missing" in refused(
         "--sensor", "sim://", "--restart", *view, "--out", str(tmp_path / "x")
     )
     assert (tmp_path / "x.state/state.json").is_file()

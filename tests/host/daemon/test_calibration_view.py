@@ -139,7 +139,7 @@ def test_a_bundle_that_passed_keeps_its_view_in_service(
 @pytest.mark.parametrize("daemon", [False], indirect=True)
 @pytest.mark.parametrize(("wrong", "error", "says"), [
     (Request(view=ViewFile(name="photo.json", content="{}")), InputError, r"photo\.json is no view \(taken_"),
-    (Request(view=ViewFile(name="x.png", content="\x89PNG")), InputError, r"x\.png is no view \(Invalid JSON"),
+    (Request(view=ViewFile(name="x.png", content="\x89PNG")), InputError, r"x\.png is no view \(it is no JSON"),
     (Request(view=ViewFile(name="view.json", content=View.of_box((0, 0, 80, 60), (240, 320)).model_dump_json())),
      BundleError, "delivers 160x120 pixels, the calibration takes its view from 320x240"),
     (Request(dots=True), InputError, "no marker dots are seen"),

@@ -109,7 +109,7 @@ def test_what_is_wrong_with_a_view_is_told_on_the_page(
 ) -> None:
     page = browser.new_page()  # without `opened`: a refusal, 409, stands in the browser's console
     page.goto(f"{server.base}calibrate.html?token={server.token}")
-    calibration.refusal = "photo.json is no view (homography: Field required): make it with `gellight calibrate view`"
+    calibration.refusal = "photo.json is no view (homography is missing): make it with `gellight calibrate view`"
     (tmp_path / "photo.json").write_text("{}")
     page.get_by_test_id("view").set_input_files(tmp_path / "photo.json")
     page.get_by_test_id("action-begin").click()
