@@ -96,7 +96,7 @@ IMAGE = (
              "    expect_line_coding = false;\n    new_address = NO_ADDRESS;\n", "    expect_line_coding = false;\n", "bus"),
     Mutation("break refused", f"{SHARED}/usb_control.c", "control_accept(); /* nobody listens to it */", "control_refuse();", "bus"),
     Mutation("output never pulses", f"{SHARED}/pins.c", "    REGISTER(SIO_OUT_SET) = output;\n", "", "wiring"),
-    Mutation("pulse never ends", f"{SHARED}/pins.c", "    if (pulsing)\n        REGISTER(SIO_OUT_CLEAR) = output;", "    if (pulsing)\n        return;", "wiring"),
+    Mutation("pulse never ends", f"{SHARED}/pins.c", "    if (due && pulsing)\n        REGISTER(SIO_OUT_CLEAR) = output;", "    if (due && pulsing)\n        pulsing = true;", "wiring"),
     Mutation("pulse in the middle forgotten", f"{SHARED}/light.c", "pins_pulse(pulse_us > shown_us ? pulse_us - shown_us : 0);", "pins_pulse(0);", "wiring"),
     Mutation("pulse in the dark", f"{CORE}/lights.c", "slot->shines ? 0 : PORT_NO_PULSE;", "0;", "wiring"),
     Mutation("status LED does not blink", f"{SHARED}/main.c", "            status_show(&controller);\n", "", "wiring"),
