@@ -148,7 +148,7 @@ def test_a_labelled_press_is_judged_over_the_picture_it_was_labelled_in(plain: B
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"{", "content"),
+        (b"{", "it is no JSON"),
         (b'{"schema_version": 1}', "image_width_px"),
     ],
 )

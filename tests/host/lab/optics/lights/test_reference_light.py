@@ -218,4 +218,5 @@ def test_the_ring_is_right_that_feels_a_ball_within_a_tenth(
     monkeypatch.setattr(ball_check, "radius_by_slopes_px", lambda *given: felt_mm / 0.1)
     model = Mock(image_shape=(2, 2), colours=RING.colours, references=lambda kind: np.ones((12, 2, 2)))
     with nullcontext() if right else pytest.raises(BundleError, match="feels the ball of 4 mm as one of"):
-        assert ball_check.confirm_ring(model, Mock(pixel_size_mm=(0.1, 0.1)), [], 4.0) == pytest.approx(felt_mm)
+        bundle = Mock(pixel_size_mm=(0.1, 0.1), manifest=Mock(camera_height_mm=0.0))
+        assert ball_check.confirm_ring(model, bundle, [], 4.0) == pytest.approx(felt_mm)
