@@ -111,6 +111,7 @@ def test_a_ball_that_slides_is_flagged_where_it_is(gel: Gel, bundle: Bundle) -> 
 def test_a_picture_of_odd_size_is_solved_pixel_by_pixel(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(window, "MOST_PIXELS", 1)
     odd = replace(Gel(seed=14).model(1), image_shape=(239, 321))
-    other: Any = SimpleNamespace(image_shape=(239, 321), pixel_size_mm=PIXEL_MM, files={})
+    told = SimpleNamespace(camera_height_mm=0.0)
+    other: Any = SimpleNamespace(image_shape=(239, 321), pixel_size_mm=PIXEL_MM, files={}, manifest=told)
     path = WindowReconstructor(other, odd, LightGroups.TRIPLES)
     assert path._shape == (239, 321)
