@@ -39,7 +39,7 @@ def test_one_wheel_serves_every_platform_and_holds_each_library_once(wheel: Path
     built = [build.library_file(name) for name in build.TARGETS]
     built += [core_board.library_file(name) for name in core_board.TARGETS]
     assert files == {path.relative_to(CHECKOUT / "host").as_posix(): path.read_bytes() for path in built}
-    assert packed < 0.1 * wheel.stat().st_size, "more would be worth a wheel for each platform"
+    assert packed < 500_000, "bytes; more would be worth a wheel for each platform"
 
 
 @pytest.mark.skipif(not library.fitting(), reason="no library is built for this machine")
