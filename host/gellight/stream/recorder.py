@@ -5,6 +5,7 @@ import logging
 import os
 import threading
 import time
+from collections import deque
 from collections.abc import Collection
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -88,7 +89,11 @@ class Recorder:
         self._writer = RecordingWriter(path, name or name_of_sensor(daemon.camera), depth=depth, maps=maps)
         self.status = RecordingStatus()
         self._first: int | None = None
-        """sequence number of the first frame that was written"""
+        """sequence number of the first frame that was written, and"""
+        self._last = -1
+        """of the last one"""
+        self._waiting = deque[TactileFrame]()
+        """whose pictures are not written yet, nor ever where the recording ends before"""
         self._ended = threading.Event()
 
     def bytes_a_minute(self) -> float:
@@ -164,19 +169,22 @@ class Recorder:
         kept_up = self._daemon.camera.waits or time.monotonic() - frame.time_s < LATE_S
         self._writer.add(frame, frame.stamp, packed=kept_up)
         self._first = frame.sequence if self._first is None else self._first
+        self._last = frame.sequence
         self.status.frames += 1
         return taken
 
     def _take_felt(self, delivered: Mailbox[TactileFrame], number: int) -> int:
-        """Write what is wanted of all frames that were reconstructed meanwhile; return the number of the last one."""
+        """Write what is wanted of the frames that were reconstructed meanwhile; return the number of the last one."""
         while self._writer.of_tactile_frames and self._first is not None:
             try:
                 number, frame = delivered.take(number, 0)
             except Exception:  # none is there, or the frames have ended
                 break
             if frame.camera_frame.sequence >= self._first:
-                self._writer.add_felt(frame)
-                self.status.depths += 1
+                self._waiting.append(frame)
+        while self._waiting and self._waiting[0].camera_frame.sequence <= self._last:
+            self._writer.add_felt(self._waiting.popleft())
+            self.status.depths += 1
         return number
 
     def _look(self, since_s: float) -> None:
