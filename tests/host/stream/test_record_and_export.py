@@ -303,7 +303,7 @@ def test_every_picture_of_a_folder_is_recorded_and_none_gets_the_bundle_of_anoth
 
 @pytest.mark.nightly
 def test_a_recording_without_a_frame_is_refused_and_leaves_no_file(recording: Path, tmp_path: Path) -> None:
-    slow, out = f"replay://{recording}?speed=0.04", tmp_path / "slow.mcap"
+    slow, out = f"replay://{recording}?speed=0.002", tmp_path / "slow.mcap"
     done = children.gellight("record", "--sensor", slow, "--out", str(out), "--seconds", "1", "--no-publish")
     assert (done.returncode, out.exists()) == (2, False), done.stderr
     assert "no frame came, so there is no" in done.stderr
