@@ -15,5 +15,8 @@ def give_back_large_arrays() -> None:
     Else it learns from the first that is freed to keep up to 32 MB of such memory in the arena of each thread, in
     pieces that no later array fits.
     """
-    if sys.platform == "linux":
-        getattr(ctypes.CDLL(None), "mallopt", max)(M_MMAP_THRESHOLD, LARGE_BYTES)
+    if sys.platform != "linux":
+        return
+    c_library = ctypes.CDLL(None)
+    if hasattr(c_library, "mallopt"):
+        c_library.mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)
