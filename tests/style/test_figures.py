@@ -50,32 +50,19 @@ def quoted() -> Iterator[tuple[str, str, str]]:
             if line[0] in lines:
                 for number in NUMBER.findall(" | ".join(line[1:])):
                     yield f"{title}: {line[0]}", f"python -m tests.benchmarks.{command}", number
-    text = re.sub(r"\s+", " ", (CHECKOUT / "docs/calibration-data.md").read_text())
-    for sentence, command in re.findall(r"([^:;]*?)\([^()]*`(python -m [^`]*)`\)", text):
-        for number in re.findall(r"\d+\.\d+(?=°| times|,)", sentence.rpartition(". ")[2]):
-            yield "calibration-data.md", command, number
 
 
 TABLES = {
     ("Tracking", "tracking.judge DIR"): (
-        "TSTEP slides",
         "TSTEP turns by 40°",
         "CCONVEX slides",
-        "CCONVEX turns",
         "PCONVEX tilts by 5°",
         "BALLVEX tilts",
-        "SCROWN, deeper",
         "peg, all six",
         "wavy bead rolls by 360°",
         "fine bead rolls by 360°",
-        "ball slides",
-        "bar slides",
-        "*WAVE slides*",
-        "*PCONVEX slides*",
         "*key, all six*",
-        "*bead spins by 360°*",
         "*gentle bead rocks by 50°*",
-        "*QUCAVE, all six*",
     ),
     ("Scanning", "scan --kept-apart"): ("0.06", "0.15"),
     ("Scanning", "roughness"): ("0.5 mm", "0.8 mm", "1 mm", "2 mm", "3 mm"),
