@@ -1,5 +1,7 @@
 """`gellight.connect`: a sensor in this process, lit and calibrated, that gives tactile frames."""
 
+from __future__ import annotations
+
 import atexit
 import weakref
 from contextlib import ExitStack, suppress
@@ -24,7 +26,7 @@ def connect(
     mode: str | None = None,
     every: bool = False,
     patience_s: float = PATIENCE_S,
-) -> "Sensor":
+) -> Sensor:
     """Open a sensor, light its LEDs as its calibration says, and start to reconstruct; closing it makes them dark.
 
     `url` is `auto` (the one sensor that is plugged in), `sensor://NAME`, `v4l2:///dev/...`, `sim://`, a recording
@@ -36,7 +38,7 @@ def connect(
     return Sensor(open_session(settings, every=every), every=every, patience_s=patience_s)
 
 
-_OPEN: "weakref.WeakSet[Sensor]" = weakref.WeakSet()
+_OPEN: weakref.WeakSet[Sensor] = weakref.WeakSet()
 
 
 @atexit.register
