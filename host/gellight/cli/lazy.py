@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand, TyperGroup, TyperOption
 from typer.main import get_group
 
 from gellight.base.errors import InputError
@@ -43,6 +43,15 @@ _TITLES = {option: title for title, options in PANELS.items() for option in opti
 
 LARGEST = 1_000_000_000
 """largest number that an option takes, in any unit"""
+_type_of_value = TyperOption.display_type_rich
+
+
+def _shown_type(option: TyperOption, ctx: Any) -> str | None:
+    """Return what help shows as an option's value: nothing for a flag, for `<bool>` would invite `--auto true`."""
+    return None if option.is_flag else _type_of_value(option, ctx)
+
+
+TyperOption.display_type_rich = _shown_type  # type: ignore[method-assign, assignment]
 
 
 class LazyVerb(TyperCommand):
@@ -86,7 +95,7 @@ def refuse_senseless(command: Any) -> Any:
         elif float in kinds or int in kinds:
             check = _check_number
         else:
-            continue
+            check = _check_nothing
         one.process_value = partial(_process, partial(check, name), one.process_value)
     for below in getattr(command, "commands", {}).values():
         refuse_senseless(below)
@@ -103,7 +112,27 @@ def _kinds(annotation: Any) -> Iterator[Any]:
 def _process(check: Callable[[Any], None], process: Callable[[Any, Any], Any], context: Any, typed: Any) -> Any:
     for one in typed if isinstance(typed, list | tuple) else [typed]:
         check(one)
-    return process(context, typed)
+    try:
+        return process(context, typed)
+    except typer.BadParameter as error:
+        _reword(error)
+        raise
+
+
+def _reword(error: typer.BadParameter) -> None:
+    """Say in a user's words what pydantic says of a value that typer has it check."""
+    from pydantic import ValidationError  # a third of the time of `--help`
+
+    from gellight.base.allowed import in_words
+
+    if isinstance(refused := error.__cause__, ValidationError):
+        (first, *_) = refused.errors(include_url=False)
+        said = first["ctx"]["error"] if first["type"] == "value_error" else in_words(refused, "").removeprefix(" = ")
+        error.message = str(said)
+
+
+def _check_nothing(name: str, typed: Any) -> None:
+    """Leave it to the option's type."""
 
 
 def _check_path(name: str, typed: Any) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Self
 
 from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from gellight.base.errors import ConfigError, ServerError, first_line
 from gellight.base.runtime_folder import own_token
@@ -22,6 +23,9 @@ from gellight.dashboard.application import Dashboard
 from gellight.dashboard.scanning import ScanDesk
 
 logger = logging.getLogger(__name__)
+_requests = logging.getLogger(f"{__name__}.requests")
+_requests.addFilter(lambda record: not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError)))
+"""aiohttp's log, without the traceback of a request that it refuses, as one too long: who sent it is told"""
 
 HOST = "127.0.0.1"
 DEFAULT_PORT = 8420
@@ -102,7 +106,8 @@ class PageServer:
 
     async def _serve(self) -> None:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        runner = web.AppRunner(self._application(self.token), access_log=None, shutdown_timeout=1.0)
+        app = self._application(self.token)
+        runner = web.AppRunner(app, access_log=None, logger=_requests, shutdown_timeout=1.0)
         await runner.setup()
         try:
             self._port = await _listen(runner, self._host, self._port, self._tls)

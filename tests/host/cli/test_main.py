@@ -35,6 +35,26 @@ def test_the_version_is_that_of_the_installed_package() -> None:
     assert (result.exit_code, result.output) == (0, f"gellight {gellight.__version__}\n")
 
 
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        ("export a.mcap --out b --as obj", "'obj' is not one of 'npz', 'png', 'ply', 'video', 'hdf5', 'lerobot'."),
+        ("export a.mcap --out b --every 0", "'0' is not allowed: give at least 1"),
+        ("run --frames x", "'x' is not allowed: give a whole number"),
+    ],
+)
+def test_a_value_is_refused_in_our_words(words: str, why: str) -> None:
+    shown = " ".join(invoke(*words.split()).output.replace("│", " ").split())
+    assert f"Invalid value for '{words.split()[-2]}': {why}" in shown
+
+
+def test_a_flag_takes_no_value_and_help_shows_none() -> None:
+    flags = [option for verb in VERBS for option in verb.params if getattr(option, "is_flag", False)]
+    assert len(flags) > 40
+    assert "<bool>" not in "".join(invoke(*words.split()).output for words in ("--help", "calibrate --help"))
+    assert {option.display_type_rich(None) for option in flags} == {None}
+
+
 NO_PYDANTIC = HEAVY | {"pydantic"}
 NEEDS = {
     "--help": NO_PYDANTIC | {f"gellight.cli.{name}" for name in ("demo", "ring", "calibrate")},

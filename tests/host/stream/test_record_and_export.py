@@ -143,6 +143,15 @@ def test_without_its_library_or_frames_no_episode_is_left(tmp_path: Path, monkey
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_export_that_is_refused_leaves_no_folder(recording: Path, tmp_path: Path) -> None:
+    """Nor a word of OpenCV's; a folder that was there stays."""
+    (tmp_path / "mine").mkdir()
+    for name in ("new", "mine"):
+        why = refused(invoke("export", recording, "--as", "video", "--every", 999999, "--out", tmp_path / name))
+        assert why.endswith("pictures a second make no video: leave out fewer frames")
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
 def test_without_the_library_of_arrays_the_remedy_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(InputError, match=r"gellight\[arrays\]"):
