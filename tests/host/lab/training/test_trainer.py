@@ -37,7 +37,7 @@ def test_numpy_trains_and_torch_where_it_is_asked_for(caplog: pytest.LogCaptureF
 @pytest.mark.usefixtures("without_torch")
 def test_without_torch_numpy_trains_and_torch_is_refused() -> None:
     assert checked_trainer("numpy") == "numpy"
-    with pytest.raises(InputError, match=r'pip install "gellight\[torch\]"'):
+    with pytest.raises(InputError, match="pip install torch"):
         checked_trainer("torch")
 
 
