@@ -198,8 +198,7 @@ class SimulatedCamera(Camera):
 
     def _prepare_ahead(self, press: Press) -> None:
         try:
-            with self.stage.computing(press):
-                self._scene.prepare_ahead(press)
+            self._scene.prepare_ahead(press)
         except NotConverged as error:
             self._left_out.add(press)
             logger.warning("the programme leaves out %s, %g mm deep: %s", press.object_name, press.depth_mm, error)
