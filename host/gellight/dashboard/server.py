@@ -142,10 +142,12 @@ def _tls(cert: str, key: str) -> ssl.SSLContext | None:
     if not (cert or key):
         return None
     if not (cert and key):
-        raise ConfigError("--tls-cert and --tls-key belong together: give both, or neither")
+        raise ConfigError("dashboard.tls_cert and dashboard.tls_key belong together: give both, or neither")
     for path in (cert, key):
         if not Path(path).is_file():
-            raise ConfigError(f"{path} is no file: give --tls-cert a certificate and --tls-key its private key, as PEM")
+            raise ConfigError(
+                f"{path} is no file: dashboard.tls_cert is a certificate, dashboard.tls_key its private key, both PEM"
+            )
     context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
     try:
         context.load_cert_chain(cert, key, password="")
@@ -171,5 +173,7 @@ def _cannot_listen(error: OSError, host: str, port: int) -> str:
     if error.errno == errno.EACCES:
         return f"port {port} of {host} needs root: choose one above 1023 with --port"
     if error.errno == errno.EADDRNOTAVAIL or isinstance(error, socket.gaierror):
-        return f"{host} is no address of this computer: choose another one with --host, such as 127.0.0.1 or 0.0.0.0"
+        return (
+            f"{host} is no address of this computer: choose another one as dashboard.host, such as 127.0.0.1 or 0.0.0.0"
+        )
     return f"cannot listen on port {port} of {host} ({error}): choose another port with --port"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import time
 import weakref
 from contextlib import ExitStack, suppress
 
@@ -59,14 +60,21 @@ class Sensor(FrameSource):
         self._until = ExitStack()
         self._frames = self._until.enter_context(daemon.delivered.subscribe(BACKLOG)) if every else daemon.delivered
         self._number = 0
+        self._given = -1
+        """with `every`: the sequence number of the frame that was given last"""
         self._until.enter_context(daemon)
         _OPEN.add(self)
         daemon.go_on_after(-1)
 
     def _take(self, timeout_s: float) -> TactileFrame:
-        self._number, frame = self._frames.take(self._number, timeout_s)
-        self.daemon.go_on_after(frame.camera_frame.sequence)
-        return frame
+        until_s = time.monotonic() + timeout_s
+        while True:
+            self._number, frame = self._frames.take(self._number, max(until_s - time.monotonic(), 0.0))
+            sequence = frame.camera_frame.sequence
+            self.daemon.go_on_after(sequence)
+            if not self._every or sequence > self._given:  # a picture is reconstructed anew where the mode has changed
+                self._given = sequence
+                return frame
 
     def _why_none(self) -> str:
         return str(self.daemon.status()["error"] or "the camera delivers none; see `gellight doctor`")

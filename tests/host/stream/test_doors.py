@@ -130,7 +130,7 @@ def test_who_speaks_at_the_router_of_ros_2_neither_hears_nor_changes_what_goes_t
         attack = threading.Thread(target=lambda: asked.append(as_stranger("speaks", router, str(ready), str(ended))))
         attack.start()
         try:
-            eventually(lambda: ready.exists() or not attack.is_alive(), 30)
+            eventually(lambda: ready.exists() or not attack.is_alive(), 120)
             with subscribe("finger", every=True, token=publisher.token) as frames:
                 told = {frames.next_frame().contact.indentation_mm for _ in range(20)}
                 assert len(told) > 15, "only the daemon's own frames, each deeper than the one before"

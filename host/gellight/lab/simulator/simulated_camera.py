@@ -113,7 +113,7 @@ class SimulatedCamera(Camera):
         if self.ring is not None:
             self.ring.close()
         if self._ahead is not None:
-            self._ahead.join(CLOSE_S)  # Python ends with an abort while a thread is in a library's code
+            self._ahead.join(CLOSE_S)
 
     @property
     def bundle_files(self) -> Mapping[str, bytes]:
@@ -188,7 +188,8 @@ class SimulatedCamera(Camera):
             return press
         if self.stage.plays:
             if press not in self._left_out and (self._ahead is None or not self._ahead.is_alive()):
-                self._ahead = threading.Thread(target=self._prepare_ahead, args=(press,), name="scene", daemon=True)
+                # Python waits for it at its end, and would abort where a thread of a daemon is in a library's code
+                self._ahead = threading.Thread(target=self._prepare_ahead, args=(press,), name="scene", daemon=False)
                 self._ahead.start()
             return self._press
         with self.stage.computing(press):

@@ -1,8 +1,10 @@
 """The simulated sensor: what is pressed is what is seen, and rubbish is refused."""
 
 import itertools
+import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from gellight.lab.simulator.simulated_camera import SimulatedCamera, open_simula
 from gellight.lab.simulator.stage import PROGRAMME, Stage, programme_of_presses
 from gellight.opening import open_camera
 from sim_reference.geometry import SensorGeometry
+from tests.helpers import children
 
 
 def open_quiet(parameters: str = "") -> SimulatedCamera:
@@ -316,3 +319,27 @@ def test_a_pinhole_sees_a_press_farther_out_and_a_window_changes_the_light() -> 
     # Bent light comes more steeply: the same slopes change it less.
     contrast = [np.ptp(frame.image[30:60, 110:145].astype(float), axis=(0, 1)).mean() for frame in frames]
     assert contrast[3] < 0.85 * contrast[2]
+
+
+ENDS = """
+import time, numpy as np, scipy.fft
+from gellight.lab.simulator.scene import Scene
+from gellight.opening import open_camera
+
+def slow(scene, press):
+    until_s = time.monotonic() + 3
+    while time.monotonic() < until_s:
+        scipy.fft.fft2(np.ones((256, 256)))
+
+Scene.prepare_ahead = slow
+camera = open_camera("sim://?board=0")
+while camera._ahead is None:
+    camera.read()
+camera.close()
+"""
+
+
+def test_a_program_ends_well_while_a_press_is_computed_ahead(tmp_path: Path) -> None:
+    """A thread that wants Python back from a library after Python's end would abort the process."""
+    done = children.run([sys.executable, "-c", ENDS], cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
