@@ -29,7 +29,7 @@ TESTS = Path(__file__).parent
 LONGEST = (
     "vm", "test_first_hour.py", "firmware/test_mutants.py", "soak/test_soak.py", "firmware/test_fuzz.py",
     "host/lab/calibration/test_routine.py", "host/daemon/test_matrix.py",
-    "host/cli/test_calibrate.py", "host/dashboard/test_page_scan.py", "host/cli/test_several_sensors.py",
+    "host/cli/test_calibrate.py", "host/dashboard/test_page_scan.py",
     "host/cli/test_signals.py", "host/lab/training/labelling/test_circles.py", "touch/test_environments.py",
     "design/test_studies.py", "host/stream/test_record_and_export.py", "host/lab/calibration/test_like.py",
     "host/daemon/test_running_states.py", "host/sensor/lighting/test_sequenced.py", "host/dashboard/test_page.py",

@@ -11,27 +11,19 @@ class ServiceManager:
         """Find the manager's socket, which the environment names."""
         address = os.environ.get("NOTIFY_SOCKET", "")
         self._address = f"\0{address[1:]}" if address.startswith("@") else address
-        self._frames: dict[int, int] = {}
-        """of each sensor, when it was last heard of"""
-        self._living: set[int] = set()
-        """sensors that were heard of since the manager was told"""
+        self._frames = -1
 
     def ready(self) -> None:
         """Say that the service works from now on."""
         self._tell("READY=1")
 
-    def alive(self, *sensors: tuple[int, bool]) -> None:
-        """Say that the service lives, if it does: frames of each sensor have come since, or it is known to be away.
+    def alive(self, frames: int, *, away: bool) -> None:
+        """Say that the service lives, if it does: frames have come since, or the sensor is known to be away.
 
-        sensors: the frames of each until now, and whether it is away. A service that says nothing for as long as its
-        unit file allows is started anew.
+        frames: until now. A service that says nothing for as long as its unit file allows is started anew.
         """
-        for number, (frames, away) in enumerate(sensors):
-            if away or frames != self._frames.get(number):
-                self._frames[number] = frames
-                self._living.add(number)
-        if len(self._living) == len(sensors):
-            self._living.clear()
+        if away or frames != self._frames:
+            self._frames = frames
             self._tell("WATCHDOG=1")
 
     def _tell(self, message: str) -> None:

@@ -33,7 +33,7 @@ from gellight.stream.foxglove import FoxgloveServer
 from gellight.stream.network import zenoh_settings
 from gellight.stream.publisher import Publisher, name_of_sensor
 from gellight.stream.ros2 import Ros2Publisher
-from gellight.stream.running import starting
+from gellight.stream.running import running, starting
 from gellight.stream.sinks import sent_to
 
 STATUS_S = 1.0
@@ -57,19 +57,29 @@ def opened(settings: Settings, *, every: bool = True, dashboard: bool = True) ->
     Meanwhile who waits for it knows that something starts.
     """
     give_back_large_arrays()
+    check_buses(settings.sensor.url)
     if settings.stream.enabled and settings.stream.zenoh_config:
         zenoh_settings(Path(settings.stream.zenoh_config))  # a wrong file is told before a sensor is opened
     with ExitStack() as stack:
         with starting() if settings.stream.enabled else nullcontext():
             daemon = stack.enter_context(open_session(settings, every=every))
             address = stack.enter_context(served(daemon, settings, dashboard))
-            stack.enter_context(published(daemon, settings))
+            stack.enter_context(published(daemon, settings, address))
         yield daemon, address
+
+
+def check_buses(url: str) -> None:
+    """Refuse a real camera that runs already, or does not fit on its USB bus beside those that run."""
+    others = [daemon.sensor for daemon in running() if daemon.sensor.startswith(REAL)]
+    if others and url.startswith(REAL):
+        from gellight.sensor.bandwidth import check_bandwidth  # Linux alone has what it asks
+
+        check_bandwidth([url, *others])
 
 
 def tell(manager: ServiceManager, as_json: bool, status: SensorStatus) -> None:
     """Print the status, and tell the service manager, where there is one, that the sensor works."""
-    manager.alive((status["frames"], status["error"] is not None))
+    manager.alive(status["frames"], away=status["error"] is not None)
     print_status(status, as_json)
 
 
@@ -97,15 +107,18 @@ def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
 
 
 @contextmanager
-def published(daemon: SensorSession, settings: Settings) -> Iterator[None]:
-    """Publish the frames to other programs, unless the settings say no, to ROS 2 and Foxglove where they say so."""
+def published(daemon: SensorSession, settings: Settings, page: str) -> Iterator[None]:
+    """Publish the frames to other programs, unless the settings say no, to ROS 2 and Foxglove where they say so.
+
+    page: the address of the dashboard, which those of other sensors offer.
+    """
     chosen = settings.stream
     config = Path(chosen.zenoh_config) if chosen.zenoh_config else None
     name = chosen.name or name_of_sensor(daemon.camera)
     with ExitStack() as stack:
         if chosen.enabled:
             publisher = stack.enter_context(
-                Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config, token=chosen.token)
+                Publisher(daemon, name=chosen.name, lan=chosen.lan, config=config, token=chosen.token, page=page)
             )
             there = f"zenoh://<this computer>:{publisher.lan_port}/{publisher.name}" if chosen.lan else publisher.name
             logs.say(f"publishing: gellight.subscribe({there!r})")

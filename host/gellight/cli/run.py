@@ -1,4 +1,4 @@
-"""`gellight run`: one or several real sensors with their dashboard, through unplugging and plugging in."""
+"""`gellight run`: a sensor or a recording with its dashboard, through unplugging and plugging in."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,7 +61,7 @@ def command(
     sensor: Annotated[
         list[str] | None,
         typer.Option(
-            help="auto, sensor://NAME, v4l2:///dev/..., sim://; several times for several sensors",
+            help="auto, sensor://NAME, v4l2:///dev/... or sim://",
             show_default="as in the settings, or auto",
         ),
     ] = None,
@@ -74,17 +74,13 @@ def command(
     anew, with its bundle or that of --calibration. --json: the status every second, or once after --frames.
     """
     from gellight.cli.one_sensor import run_sensor  # not for the help
-    from gellight.cli.several_sensors import run_several
 
     flags = {**light.flags(), **programs.flags(), **options.flags()}
+    given = sensor or []
     if file is not None:
-        if sensor:
-            raise InputError(f"give a recording or --sensor, one of the two: {file}, {sensor[0]}")
-        sensor = [f"replay://{quote(str(file.resolve()))}"]
+        given = [f"replay://{quote(str(file.resolve()))}", *given]
         flags["sensor.calibration"] = flags["sensor.calibration"] or "auto"
-    urls: list[str | None] = [*(sensor or [])] or [None]
-    each = [load_settings({"sensor.url": url, **flags}) for url in urls]
-    if len(each) == 1:
-        run_sensor(each[0], options, dashboard=dashboard, as_json=as_json)
-    else:
-        run_several(each, options, dashboard=dashboard, as_json=as_json)
+    if len(given) > 1:
+        raise InputError(f"`gellight run` runs one of {', '.join(given)}: start it for each, their pages list all")
+    settings = load_settings({"sensor.url": given[0] if given else None, **flags})
+    run_sensor(settings, options, dashboard=dashboard, as_json=as_json)

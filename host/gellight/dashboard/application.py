@@ -30,6 +30,7 @@ from gellight.dashboard.page_files import FOR_EVER, PageFiles
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.scanning import ScanDesk, ScanRoutes
 from gellight.dashboard.wizard import Wizard
+from gellight.stream.running import running
 
 logger = logging.getLogger(__name__)
 
@@ -95,7 +96,7 @@ class Dashboard:
         """
         app = web.Application(middlewares=[guard(token)])
         app.router.add_get("/ws", self._serve_client)
-        app.router.add_get("/sensors", _show_no_others)
+        app.router.add_get("/sensors", _list_sensors)
         app.router.add_get("/status", self._show_status)
         Metrics(self._status_text).add_routes(app)
         self._wizard.add_routes(app)
@@ -302,6 +303,8 @@ async def _answer_error(client: Client, command: str | None, message: str) -> No
     await client.socket.send_json({"type": "error", "command": command, "message": message})
 
 
-async def _show_no_others(request: web.Request) -> web.Response:
-    """Say that there is no other sensor to choose; see chooser.py for several."""
-    return web.json_response([])
+async def _list_sensors(request: web.Request) -> web.Response:
+    """List the sensors of this user that have a page, for a browser on this computer: the addresses have tokens."""
+    here = request.remote in ("127.0.0.1", "::1")
+    daemons = await asyncio.to_thread(running) if here else []
+    return web.json_response([{"name": one.name, "page": one.page} for one in daemons if one.page])

@@ -1,4 +1,4 @@
-"""Whether the cameras of several sensors fit on their USB buses together: asked before any of them is started.
+"""Whether the cameras of several sensors fit on their USB buses together: asked before one more is started.
 
 An isochronous camera reserves time on its bus for as many bytes in each microframe as one of its alternate settings
 has, the smallest that is enough for its pictures. What all devices of a bus reserve may fill 80 % of it (USB 2.0,
@@ -10,7 +10,7 @@ import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from gellight.base.errors import BundleError, InputError
+from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.bundle.bundle import SYNTHETIC, load_bundle
 from gellight.bundle.store import BundleStore
 from gellight.sensor.connection import Surroundings
@@ -49,10 +49,10 @@ class Need:
 
 
 def check_bandwidth(urls: Sequence[str], *, surroundings: Surroundings | None = None) -> None:
-    """Refuse sensors whose cameras do not fit on one bus together, or of which two are the same one.
+    """Refuse a sensor whose camera does not fit on its bus beside those that run, or that runs already.
 
-    urls: of real sensors. Raises InputError, which names the needs and the ways out, and CameraError for a sensor that
-    is not there.
+    urls: of real sensors: the one that is to run, and those that do, which may be unplugged. Raises InputError, which
+    names the needs and the ways out, and CameraError where the first is not there.
     """
     around = surroundings or Surroundings(kernel=LINUX)
     if len(urls) < 2:
@@ -62,9 +62,14 @@ def check_bandwidth(urls: Sequence[str], *, surroundings: Surroundings | None = 
     seen: dict[str, str] = {}
     for url in urls:
         place, options = parse_url(url if "://" in url or url == "auto" else f"v4l2://{url}")
-        sensor = _sensor(found, url, place)
+        try:
+            sensor = _sensor(found, url, place)
+        except CameraError:
+            if seen:
+                continue
+            raise
         if sensor.camera.path in seen:
-            raise InputError(f"{seen[sensor.camera.path]} and {url} are the same sensor: give it once")
+            raise InputError(f"{seen[sensor.camera.path]} and {url} are the same sensor: it runs already")
         seen[sensor.camera.path] = url
         if sensor.camera.usb is not None:
             needs.append(_need(url, sensor, options, around))

@@ -52,13 +52,21 @@ class Publisher:
     """Publishes a daemon that was started; a context manager."""
 
     def __init__(
-        self, daemon: SensorSession, *, name: str = "", lan: bool = False, config: Path | None = None, token: str = ""
+        self,
+        daemon: SensorSession,
+        *,
+        name: str = "",
+        lan: bool = False,
+        config: Path | None = None,
+        token: str = "",
+        page: str = "",
     ) -> None:
         """Publish `daemon` under `name`, by default that of its sensor; lan, config: see `network.publishing_session`.
 
-        token: what who changes something has to bring; by default one is drawn. Programs of this user find it.
+        token: what who changes something has to bring; by default one is drawn. page: address of the dashboard, with
+        its token. Programs of this user find both.
         """
-        self._daemon, self._asked, self._lan, self._config = daemon, name, lan, config
+        self._daemon, self._asked, self._lan, self._config, self._page = daemon, name, lan, config, page
         self.token = token or secrets.token_urlsafe(24)
         self._until = ExitStack()
         self._wanted, self._read_parts = threading.Event(), set[str]()
@@ -121,7 +129,9 @@ class Publisher:
         numbered = not (self._asked or own_name(camera))
         memory = self._memory.path if self._memory else ""
         name = self._asked or name_of_sensor(camera)
-        return announced(name, endpoint, camera.url, memory=memory, token=self.token, numbered=numbered)
+        return announced(
+            name, endpoint, camera.url, memory=memory, token=self.token, page=self._page, numbered=numbered
+        )
 
     def _note_readers(self, part: str, status: zenoh.MatchingStatus) -> None:
         with self._noting:

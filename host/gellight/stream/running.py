@@ -8,7 +8,6 @@ gone.
 """
 
 import json
-import multiprocessing
 import os
 import time
 from collections.abc import Iterator, Sequence
@@ -45,13 +44,13 @@ class RunningDaemon(StrictModel):
     since_unix_s: float
     session: int = 0
     """what all programs that were started from one terminal have in common; 0: not known"""
-    command: int = 0
-    """the process that was started there, which may run several sensors"""
+    page: str = ""
+    """address of its page, with the token; empty where there is none"""
 
 
 @contextmanager
 def announced(
-    name: str, endpoint: str, sensor: str, *, memory: str = "", token: str = "", numbered: bool
+    name: str, endpoint: str, sensor: str, *, memory: str = "", token: str = "", page: str = "", numbered: bool
 ) -> Iterator[RunningDaemon]:
     """Announce the daemon of this process under `name`, as long as the context lasts.
 
@@ -60,7 +59,6 @@ def announced(
     """
     handle, free = _locked(name, numbered)
     with handle:
-        starter = multiprocessing.parent_process()
         daemon = RunningDaemon(
             name=free,
             endpoint=endpoint,
@@ -70,7 +68,7 @@ def announced(
             process=os.getpid(),
             since_unix_s=time.time(),
             session=_session(),
-            command=(starter.pid if starter else None) or os.getpid(),
+            page=page,
         )
         os.fchmod(handle.fileno(), 0o600)  # the token is its owner's, whatever the folder allows
         handle.truncate(0)
@@ -119,8 +117,7 @@ def meant(daemons: Sequence[RunningDaemon]) -> RunningDaemon | None:
     newest = max(here, key=lambda daemon: daemon.since_unix_s, default=None)
     if newest is None:
         return daemons[0] if len(daemons) == 1 else None
-    together = [daemon for daemon in here if daemon.command == newest.command]
-    return newest if len(together) == 1 else None
+    return newest if [daemon.process for daemon in here].count(newest.process) == 1 else None
 
 
 def _session() -> int:

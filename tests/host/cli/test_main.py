@@ -224,5 +224,6 @@ def test_a_setting_that_cannot_be_is_refused(pair: str, said: str) -> None:
     assert said in refused(invoke("demo", "--frames", "1", "--set", pair))
 
 
-def test_a_recording_and_a_sensor_are_not_run_at_once() -> None:
-    assert "one of the two" in refused(invoke("run", "press.mcap", "--sensor", "sim://"))
+@pytest.mark.parametrize("typed", ["press.mcap --sensor sim://", "--sensor sim:// --sensor v4l2:///dev/video9"])
+def test_one_run_runs_one_sensor(typed: str) -> None:
+    assert "start it for each, their pages list all" in refused(invoke("run", *typed.split()))

@@ -36,33 +36,15 @@ def test_a_service_that_delivers_is_alive_and_one_that_stands_still_is_not(
         manager = ServiceManager()
         manager.ready()
         assert systemd.recv(100) == b"READY=1"
-        manager.alive((5, False))
+        manager.alive(5, away=False)
         assert systemd.recv(100) == b"WATCHDOG=1"
-        manager.alive((5, False))  # nothing came since
-        manager.alive((5, True))  # but now it is known why
-        manager.alive((6, False))
+        manager.alive(5, away=False)  # nothing came since
+        manager.alive(5, away=True)  # but now it is known why
+        manager.alive(6, away=False)
         systemd.settimeout(0.1)
         assert [systemd.recv(100), systemd.recv(100)] == [b"WATCHDOG=1"] * 2
         with pytest.raises(TimeoutError):
             systemd.recv(100)
-
-
-def test_one_of_several_sensors_that_stands_still_is_not_hidden_by_the_others(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Neither by their frames nor by one that is away."""
-    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
-    with listening(tmp_path) as systemd:
-        manager = ServiceManager()
-        manager.alive((1, False), (7, False), (0, True))
-        assert systemd.recv(100) == b"WATCHDOG=1"
-        systemd.settimeout(0.1)
-        manager.alive((2, False), (7, False), (0, True))
-        manager.alive((3, False), (7, False), (0, True))
-        with pytest.raises(TimeoutError):
-            systemd.recv(100)
-        manager.alive((3, False), (8, False), (0, True))  # the first one has come on before
-        assert systemd.recv(100) == b"WATCHDOG=1"
 
 
 def test_without_a_manager_nobody_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,9 +9,6 @@ import pytest
 from playwright.sync_api import Browser
 
 from gellight.base.errors import ConfigError
-from gellight.base.settings import load_settings
-from gellight.cli.run_options import RunOptions
-from gellight.cli.several_sensors import SensorProcess
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.browsing import becomes_live, draw
 from tests.helpers.children import run
@@ -83,10 +80,3 @@ def test_files_that_cannot_be_used_are_refused(
     given = [str(files / name) if name else "" for name in (cert, key)]
     with pytest.raises(ConfigError, match=said):
         DashboardServer(source, port=0, tls_cert=given[0], tls_key=given[1])
-
-
-def test_of_several_sensors_the_page_alone_is_encrypted() -> None:
-    """The dashboards of their processes are reached by that page alone, on this computer."""
-    settings = load_settings({"dashboard.tls_cert": "a.pem", "dashboard.tls_key": "a.key"})
-    inner = SensorProcess(1, settings, RunOptions())._settings.dashboard
-    assert (inner.host, inner.tls_cert, inner.tls_key) == ("127.0.0.1", "", "")

@@ -202,7 +202,7 @@ def test_of_several_terminals_the_own_one_is_meant() -> None:
         ([("a", 1, 1)], "a"),
         ([("a", 0, 1), ("b", 0, 2)], None),  # of a system that has no terminals
         ([("a", 1, 1), ("b", 1, 2)], None),
-        ([("a", OWN, 1), ("b", OWN, 2), ("c", OWN, 2)], None),  # two sensors of one command
+        ([("a", OWN, 1), ("b", OWN, 2), ("c", OWN, 2)], None),  # two sensors of one program
     ],
 )
 def test_auto_is_the_last_of_this_terminal_where_that_is_told(
@@ -210,9 +210,8 @@ def test_auto_is_the_last_of_this_terminal_where_that_is_told(
 ) -> None:
     monkeypatch.setattr(os, "getsid", lambda process: OWN)  # 0 where the session began outside of a container
     daemons = [
-        RunningDaemon(name=name, endpoint="", sensor="", memory="", process=1, since_unix_s=command, session=terminal,
-                      command=command)
-        for name, terminal, command in there
+        RunningDaemon(name=name, endpoint="", sensor="", memory="", process=one, since_unix_s=one, session=terminal)
+        for name, terminal, one in there
     ]  # fmt: skip
     found = meant(daemons)
     assert (found and found.name) == chosen
