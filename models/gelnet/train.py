@@ -5,7 +5,9 @@ A table that cannot be learnt from is refused with one line on stderr and exit s
 """
 
 import argparse
+import os
 import sys
+import threading
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -66,6 +68,20 @@ def add_training_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--width", type=int, default=DEFAULT_WIDTH, help="units in each hidden layer")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1, help="of torch; NumPy's are OMP_NUM_THREADS")
+    parser.add_argument("--attached", action=Attached, nargs=0, help="end when standard input is closed")
+
+
+class Attached(argparse.Action):
+    """Ends the process when the program that started it, and holds its standard input, is gone."""
+
+    def __call__(self, *_: object) -> None:
+        """Let a thread wait for that."""
+        threading.Thread(target=self._wait, name="attached", daemon=True).start()
+
+    def _wait(self) -> None:
+        while os.read(sys.stdin.fileno(), 1):
+            pass
+        os._exit(1)
 
 
 def _arguments(arguments: list[str] | None) -> argparse.Namespace:

@@ -117,7 +117,11 @@ def test_a_signal_ends_a_verb(
         assert status == statuses[number], text
         assert "Traceback" not in text
         assert "Error:" not in text
-        eventually(lambda: not family(mark) or pause(), READY_S)  # a child may be ending
+        try:
+            eventually(lambda: not family(mark) or pause(), READY_S)  # a child may be ending
+        except AssertionError:
+            left = {one: Path(f"/proc/{one}/cmdline").read_text().replace("\0", " ") for one in family(mark)}
+            raise AssertionError(f"left: {left}") from None
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
