@@ -25,6 +25,7 @@ from tests.helpers.children import started
 from tests.helpers.command_line import invoke, refused
 from tests.helpers.sensor_bench import Bench
 from tests.helpers.settings import loaded
+from tests.helpers.waiting import eventually
 
 
 def test_a_ring_that_is_not_there_or_in_use_is_told(tmp_path: Path) -> None:
@@ -181,8 +182,7 @@ def test_a_run_goes_on_through_unplugging(tmp_path: Path, monkeypatch: pytest.Mo
         first = run_verb.follow(daemon, 5)
         assert first["frames"] == 5
         bench.unplug("1-2")
-        while "reconnecting" not in str(daemon.status()["error"]):
-            time.sleep(0.01)
+        eventually(lambda: "reconnecting" in str(daemon.status()["error"]))
         run_verb.print_status(daemon.status(), as_json=False)
         assert "reconnecting to sensor GL0001" in capsys.readouterr().err
         bench.plug("1-3", "GL0001")

@@ -21,6 +21,7 @@ from gellight.cli.one_sensor import RunOptions
 from gellight.cli.several_sensors import SensorProcess
 from tests.helpers.children import GELLIGHT, gellight, started
 from tests.helpers.command_line import invoke, refused
+from tests.helpers.waiting import eventually
 
 PATIENCE_S = 90.0
 TWO = ("--sensor", "sim://?board=0&seed=1", "--sensor", "sim://?board=0&seed=2")
@@ -118,10 +119,7 @@ def test_the_processes_end_with_their_parent_however_it_ends(tmp_path: Path) -> 
         wait_for(shown, "publishing: ", 2)
         processes = children(verb.pid)
         verb.kill()
-        end_s = time.monotonic() + 20
-        while any(Path(f"/proc/{process}").exists() for process in processes):
-            assert time.monotonic() < end_s
-            time.sleep(0.1)
+        eventually(lambda: not any(Path(f"/proc/{process}").exists() for process in processes), 20)
 
 
 def test_a_sensor_that_cannot_be_opened_leaves_the_other_alone() -> None:

@@ -118,8 +118,7 @@ def test_a_slow_reconstruction_drops_the_old_and_takes_the_newest() -> None:
     reconstructor = CountingReconstructor()
     reconstructor.gate.clear()
     with daemon_of(camera, reconstructor) as daemon:
-        while camera.sequence < 50:
-            time.sleep(0.001)
+        eventually(lambda: camera.sequence >= 50)
         reconstructor.gate.set()
         newest = daemon.wait_frame(1, 10)
         assert newest.camera_frame.sequence == 50
