@@ -63,7 +63,7 @@ def speaking(endpoint: str) -> Iterator[None]:
         attack = threading.Thread(target=lambda: heard.append(as_stranger("speaks", endpoint, str(ready), str(ended))))
         attack.start()
         try:
-            eventually(lambda: ready.exists() or not attack.is_alive())
+            eventually(lambda: ready.exists() or not attack.is_alive(), 120)
             yield
         finally:
             ended.touch()
