@@ -21,4 +21,4 @@ USER 1000
 WORKDIR /home/gellight
 EXPOSE 8420
 ENTRYPOINT ["gellight"]
-CMD ["demo", "--no-browser", "--host", "0.0.0.0"]
+CMD ["demo", "--no-browser", "--set", "dashboard.host=0.0.0.0"]

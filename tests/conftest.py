@@ -22,6 +22,7 @@ NO_CHROMIUM = "needs Chromium: sudo apt-get install chromium"
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--hardware", metavar="URL", help="run the tests marked `hardware` on the sensor at this URL")
+    parser.addoption("--again", action="store_true", help="run once more what failed last, if all of it is in AGAIN")
 
 
 TESTS = Path(__file__).parent
@@ -43,6 +44,28 @@ LONGEST = (
 """files, and the virtual machine, that take a process longest: several processes begin with them"""
 
 
+AGAIN = {
+    "vm": "a kernel on an emulated processor, whose time limits are those of a real one",
+    "soak": "a sensor through faults, each with a time in which it has to be back",
+    "test_first_hour.py": "programs from a fresh clone, each with a time limit",
+    "host/daemon": "sensors that run in the computer's own time",
+    "host/dashboard": "a browser, which paints when it is given the time",
+    "host/stream": "programs that speak to each other within time limits",
+    "host/sensor/lighting": "light and frames on the computer's own clock",
+    "host/watch/test_monitor.py": "a watch that looks every second",
+    "host/cli": "programs that have to answer, and to end, within seconds",
+    "host/lab/calibration": "a routine that waits for a running sensor",
+    "host/lab/simulator/test_simulated_camera.py": "frames in the computer's own time",
+    "test_privacy.py": "programs that wait 10 s for a frame",
+}
+"""what may be run once more, alone, after it failed beside others on shared processors, and why; nothing else may"""
+
+
+def may_run_again(nodeid: str) -> bool:
+    """Return whether a test is named in AGAIN."""
+    return any(Path(nodeid.split("::")[0]).is_relative_to(Path("tests") / name) for name in AGAIN)
+
+
 class ByFile(LoadFileScheduling):
     """Keep the tests of a file in one process, and all that share the virtual machine; in the order they come."""
 
@@ -62,14 +85,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Mark what a folder says of its tests; leave out what needs hardware, a browser, or images that are not there."""
     for gone in (name for name in LONGEST if not (TESTS / name).exists()):
         raise pytest.UsageError(f"tests/conftest.py names {gone}, which is not there: say where it is")
+    if config.getoption("--again"):
+        failed = config.cache.get("cache/lastfailed", {})
+        if unnamed := [nodeid for nodeid in failed if not may_run_again(nodeid)]:
+            raise pytest.UsageError(f"not run again, for AGAIN does not name it: {', '.join(unnamed)}")
+        items[:] = [item for item in items if item.nodeid in failed]
     if hasattr(config, "workerinput"):  # one process runs a room in its own order, and shows its own fault first
         items.sort(key=place)
     no_browser = not any(map(shutil.which, BROWSERS))
     for item in items:
         if (folder := item.path.relative_to(TESTS).parts[0]) in FOLDER_MARKS:
             item.add_marker(FOLDER_MARKS[folder])
-        if item.get_closest_marker("flaky") and not item.get_closest_marker("flaky").kwargs.get("reason"):
-            raise pytest.UsageError(f"{item.nodeid} may be run again: say why, as `reason`")
         if item.get_closest_marker("hardware") and not config.getoption("--hardware"):
             item.add_marker(pytest.mark.skip(reason="needs real hardware: --hardware URL"))
         if item.get_closest_marker("browser") and no_browser:

@@ -19,18 +19,18 @@ from tests.helpers.places import CHECKOUT
 
 pytestmark = pytest.mark.nightly
 
-README = re.sub(r"## Use it from your robot\n.*?(?=## )", "", (CHECKOUT / "README.md").read_text(), flags=re.DOTALL)
-"""without the section whose programs run side by side: tests/host/stream/test_readme_robot.py runs it"""
+README = (CHECKOUT / "README.md").read_text()
+CLONE = "git clone REPOSITORY_ADDRESS gellight && cd gellight"
+"""the one place that a release gives its address"""
 SIMULATED = "'sim://?board=0'"
 INSTEAD = {
+    CLONE: "true",
     "make demo": "make demo ARGS='--frames 30 --json'",
     "gellight calibrate": f"gellight calibrate --auto --sensor {SIMULATED} --presses 10 --verifications 2 "
     "--recipe fast --largest-depth-error-um 400 --largest-normal-error-deg 20",
     "gellight run": f"gellight run --frames 10 --sensor {SIMULATED} --calibration auto",
     # A rule of this computer is not for a test to change.
     "sudo $(command -v gellight) install-udev": "$(command -v gellight) install-udev --print",
-    # This very test is part of it.
-    "make test": "make --dry-run test",
 }
 """what is typed for a line: sensor and hand are simulated, and few presses are enough to see that all fits"""
 STATUS = {"gellight doctor": (0, 1)}
@@ -127,7 +127,7 @@ def cloned(place: Path) -> Path:
 def test_the_first_hour_in_a_fresh_clone(tmp_path: Path) -> None:
     folder = cloned(tmp_path)
     shown = typed(lines(), folder, tmp_path, f"export PYTHON={sys.executable}")
-    assert ". .venv/bin/activate" in shown.split(">>> ")[1], "`make demo` says how to get the command"
+    assert ". .venv/bin/activate" in shown.split(">>> ")[2], "`make demo` says how to get the command"
     assert "it is in service" in shown
 
 
@@ -147,7 +147,7 @@ def test_the_first_hour_with_the_wheel(wheel: Path, tmp_path: Path) -> None:
     run([pythons()[-1], "-m", "venv", tmp_path / "env"], check=True)
     program = tmp_path / "env/bin/python"
     run([program, "-m", "pip", "install", "--quiet", wheel], check=True, timeout_s=1500, env=environment(tmp_path))
-    left_out = ("make", ". .venv", "gellight calibrate", "gellight run")
+    left_out = ("git clone", "make", ". .venv", "gellight calibrate", "gellight run")
     there = [line for line in lines() if not line.command.startswith(left_out)]
     typed(there, tmp_path, tmp_path, f". {tmp_path}/env/bin/activate")
     check_program(program, tmp_path)
@@ -158,5 +158,10 @@ def test_the_first_hour_with_the_wheel(wheel: Path, tmp_path: Path) -> None:
 
 def test_every_command_that_needs_a_sensor_is_known_here() -> None:
     known = [line.command for line in lines()]
-    assert known[0] == "make demo"
-    assert {*INSTEAD, *STATUS} - set(known) <= {"make test"}
+    assert known[:2] == [CLONE, "make demo"]
+    assert {*INSTEAD, *STATUS} <= set(known)
+
+
+def test_the_address_of_the_repository_is_set_in_one_place() -> None:
+    pages = (path for path in CHECKOUT.rglob("*.md") if not {".venv", "build", "shared"} & {*path.parts})
+    assert [path.name for path in pages for _ in range(path.read_text().count("REPOSITORY_ADDRESS"))] == ["README.md"]

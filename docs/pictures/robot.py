@@ -1,4 +1,4 @@
-"""Make live.png and ros2.png, the pictures of the README's section "Use it from your robot".
+"""Make live.png and ros2.png, the pictures of docs/streaming.md.
 
     .venv/bin/python docs/pictures/robot.py
 

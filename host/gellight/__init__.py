@@ -1,7 +1,23 @@
 """GelLight's host: from camera frames to tactile depth in real time.
 
-The names below are what programs rely on. They are imported when they are first used, so that `import gellight` costs
-nothing that is not needed.
+    import gellight
+
+    with gellight.connect("sim://?object=BALL&depth=1") as sensor:  # a sensor of this program; "auto": plugged in
+        frame = sensor.next_frame()
+        print(frame.contact.indentation_mm, "mm deep", frame.depth_mm.shape)
+
+    with gellight.subscribe("auto", wait_s=60) as frames:  # a sensor that `gellight run` or `gellight demo` opened
+        for frame in frames:
+            print(frame.contact.area_mm2, frame.force and frame.force.normal_n)
+
+connect(url="auto", *, calibration=None, mode=None, every=False, ...) -> Sensor
+subscribe(target="auto", *, every=False, maps=(), wait_s=0, token="", ...) -> Subscription
+    Both give `next_frame()`, iteration, `listen(function)`, `press`, `release`, `light`, `zero`, `mode`, `status`.
+TactileFrame
+    `depth_mm`, `normal_map`, `contact`, `contacts`, `force`, `shear`, `pose`, `confidence`, `camera_frame`.
+
+The other names, below, are what programs rely on too. All are imported when they are first used, so that `import
+gellight` costs nothing that is not needed.
 """
 
 import os

@@ -3,7 +3,7 @@
 A simulated sensor (640 x 480, a ball 1 mm deep, steady light without a board) under `gellight run`, read by a
 subscriber in this process that wants every frame; at 30 and at 60 frames a second. The camera is simulated on the same
 cores, and its picture takes the whole frame time to be exposed and sent, as with a real one. In the same run: garbage
-collection left out, and `gellight run --realtime`, which the system has to allow; for `others` seconds each. 600
+collection left out, and with service.realtime set, which the system has to allow; for `others` seconds each. 600
 seconds give the 99.9th percentile a meaning.
 """
 
@@ -25,7 +25,7 @@ from tests.helpers.children import started
 WAYS: dict[str, tuple[str, list[str]]] = {
     "as it is": ("", []),
     "no garbage collection": ("import gc; gc.disable(); ", []),
-    "--realtime": ("", ["--realtime"]),
+    "realtime": ("", ["--set", "service.realtime=true"]),
 }
 """what the daemon's process does first, and its further options"""
 STAGES = ("taken", "reconstructed", "published", "received")

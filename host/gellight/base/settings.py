@@ -215,7 +215,7 @@ class StreamSettings(StrictModel):
         description="router of ROS 2's rmw_zenoh to publish topics by, made where this computer has none; empty: none",
     )
     ros2_domain: int = Field(default=0, ge=0, le=232, description="ROS_DOMAIN_ID of those topics")
-    foxglove: bool = Field(default=False, description="serve a live view for Foxglove; needs gellight[foxglove]")
+    foxglove: bool = Field(default=False, description="serve a live view for Foxglove; needs the package foxglove-sdk")
     foxglove_port: int = Field(default=8765, ge=0, le=65535, description="port of that; 0: any free one")
     sinks: str = Field(
         default="",
@@ -248,7 +248,7 @@ class Layer:
     """The values of one source, checked."""
 
     source: str
-    """a file, a variable or "--flag", for messages"""
+    """a file, a variable or the command line, for messages"""
     values: Values
 
 
@@ -347,8 +347,9 @@ def _flag_layers(flags: Mapping[str, object]) -> Iterator[Layer]:
     for path, value in flags.items():
         if value is not None:
             section, _, key = path.partition(".")
-            flag = "sensor" if path == "sensor.url" else key.replace("_", "-")
-            yield _checked(f"--{flag}", {section: {key: value}})
+            # as text, also of what is no text: `--set stream.lan=true`
+            validate = Settings.model_validate_strings if isinstance(value, str) else Settings.model_validate
+            yield _checked("the command line", {section: {key: value}}, validate)
 
 
 def _checked(source: str, values: Any, validate: Callable[[Any], Settings] = Settings.model_validate) -> Layer:

@@ -13,6 +13,8 @@ force.json       the constant that turns depth into newtons (optional)
 report.html      all that its calibration measured, as a page (optional)
 """
 
+from __future__ import annotations
+
 import errno
 import hashlib
 import importlib.util
@@ -148,7 +150,7 @@ class Bundle:
                 f"{self.image_shape[1]}x{self.image_shape[0]}: choose the bundle of this sensor"
             )
 
-    def with_reference(self, reference: NDArray[np.floating], *, frames: int) -> "Bundle":
+    def with_reference(self, reference: NDArray[np.floating], *, frames: int) -> Bundle:
         """Return this bundle with another reference image, (H, W, 3) RGB, the mean of `frames` frames; in memory only.
 
         Raises BundleError for grey levels outside 0 to 255 and ValueError for another shape.
@@ -158,7 +160,7 @@ class Bundle:
         other = self.with_files({REFERENCE: encoded_reference(reference)})
         return replace(other, manifest=other.manifest.model_copy(update={"reference_frames": frames}))
 
-    def with_files(self, files: Mapping[str, bytes]) -> "Bundle":
+    def with_files(self, files: Mapping[str, bytes]) -> Bundle:
         """Return this bundle with more files, by name, or newer ones of the same names; in memory only."""
         content = {**self.files, **files}
         manifest = self.manifest.model_copy(update={"files": _digests(content)})

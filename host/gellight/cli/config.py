@@ -1,4 +1,4 @@
-"""`gellight config`: what is set, by whom, and what could be set."""
+"""`gellight config show`: what is set, by whom, and what could be set."""
 
 import json
 from typing import Annotated
@@ -6,35 +6,41 @@ from typing import Annotated
 import tomli_w
 import typer
 
-from gellight.base.settings import Settings, file_paths, merge, read_layers, reference_markdown
+from gellight.base.settings import Settings, file_paths, merge, read_layers
+from gellight.cli.lazy import lazy_group
 from gellight.cli.options import AsJson
 from gellight.cli.showing import show
 
-app = typer.Typer(help="Show the settings, their schema, and the files they are read from.", no_args_is_help=True)
+app = typer.Typer(
+    cls=lazy_group({}, gone=dict.fromkeys(("schema", "path"), "is a part of `gellight config show` now")),
+    help="Show the settings, and what could be set.",
+    no_args_is_help=True,
+)
 
 
 @app.command("show")
-def show_settings(as_json: AsJson = False) -> None:
-    """Print the settings in force and where each comes from."""
+def show_settings(
+    schema: Annotated[
+        bool, typer.Option("--schema", help="Print the JSON schema of gellight.toml: all that can be set.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Print the settings in force, where each comes from, and the files that are read."""
+    if schema:
+        print(json.dumps(Settings.model_json_schema(), indent=2))
+        return
     layers = read_layers()
     settings = merge(layers).model_dump(exclude_none=True)
     origins = {
         f"{section}.{key}": layer.source for layer in layers for section, keys in layer.values.items() for key in keys
     }
-    show({"settings": settings, "origins": origins}, as_json, as_toml(settings, origins))
-
-
-@app.command()
-def schema(markdown: Annotated[bool, typer.Option("--markdown", help="Print tables for people.")] = False) -> None:
-    """Print the JSON schema of gellight.toml."""
-    print(reference_markdown() if markdown else json.dumps(Settings.model_json_schema(), indent=2))
-
-
-@app.command()
-def path() -> None:
-    """Print the files that are read, weakest first; a file that is not there is marked."""
-    for file in file_paths():
-        print(file if file.exists() else f"{file}  (not there)")
+    files = {str(file): file.exists() for file in file_paths()}
+    read = [f"# read: {file}{'' if there else '  (not there)'}" for file, there in files.items()]
+    show(
+        {"settings": settings, "origins": origins, "files": files},
+        as_json,
+        "\n".join([as_toml(settings, origins), "", *read]),
+    )
 
 
 def as_toml(settings: dict[str, dict[str, object]], origins: dict[str, str]) -> str:

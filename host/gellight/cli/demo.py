@@ -22,7 +22,7 @@ def command(
     browser: Annotated[bool, typer.Option(help="Open the dashboard in a browser.")] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Press objects into a simulated sensor and see what it feels."""
+    """Press objects into a simulated sensor, and see what it feels."""
     from gellight.cli.one_sensor import follow, in_words, opened  # not for the help
 
     settings = simulated_settings({"sensor.url": sensor, **options.flags()})

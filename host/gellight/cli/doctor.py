@@ -20,7 +20,7 @@ def command(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check computer, USB, camera, light ring, frames and training.
+    """Check computer, USB, camera, ring, frames and training.
 
     The exit status is 1 when something prevents use.
     """

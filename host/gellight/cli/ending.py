@@ -29,10 +29,10 @@ class Ending(IntEnum):
 
 
 MEANINGS = {
-    Ending.DONE: "done; also where Ctrl-C or SIGTERM ended what runs until then (run, demo, ring set, sim, ...)",
-    Ending.JUDGED_BAD: "done, and what was judged did not pass (doctor, selfcheck, calibrate, reconstruct, scan)",
-    Ending.REFUSED: "not done; the last line says why, and what to do",
-    Ending.FAULT: "a fault of GelLight itself, with a traceback: please report it",
+    Ending.DONE: "done",
+    Ending.JUDGED_BAD: "finished, but a check failed",
+    Ending.REFUSED: "not done, the last line says why",
+    Ending.FAULT: "a fault of GelLight, please report it",
     Ending.INTERRUPTED: "ended by Ctrl-C before it was done",
     Ending.TERMINATED: "ended by SIGTERM before it was done",
 }

@@ -20,7 +20,7 @@ def command(
     track: Annotated[bool, typer.Option("--track", help="Follow the object: hdf5 and lerobot get its pose.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Turn a recording into arrays, pictures, surfaces or a video.
+    """Turn a recording into arrays, pictures or a video.
 
     Depth is computed from the recorded pictures. A file is named after the sequence number of its frame; .npz files
     have what those of `gellight reconstruct` have, .ply files are surfaces in mm.

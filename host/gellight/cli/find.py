@@ -8,7 +8,7 @@ from gellight.sensor.discovery import NOTHING, SEE_SIMULATED, Discovery, Node, d
 
 
 def command(as_json: AsJson = False) -> None:
-    """List the sensors, cameras and light rings that are plugged in."""
+    """List the sensors, cameras and light rings that are there."""
     found = discover()
     show(as_dictionary(found), as_json, "\n".join(lines(found)))
 

@@ -14,7 +14,7 @@ from gellight.ring.firmware.image import image_crc
 from gellight.ring.firmware.targets import CHECKOUT, in_checkout, packaged
 from gellight.ring.protocol import VERSION, schema_crc
 
-app = typer.Typer(help="The firmware of the light ring: what it is, build it, flash it.", no_args_is_help=True)
+app = typer.Typer(help="The firmware of the light ring: see it, build it, flash it.", no_args_is_help=True)
 Checkout = Annotated[Path | None, typer.Option(help="sources; default: the checkout this package runs from")]
 
 

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand, TyperGroup, TyperOption
 from typer.main import get_group
 
 from gellight.base.errors import InputError
@@ -21,10 +21,10 @@ from gellight.base.errors import InputError
 MARKUP: Literal["markdown"] = "markdown"
 """of the help; typer's other mode takes "[default: ...]" for markup and leaves it out"""
 PANELS = {
-    "Page": "port host tls-cert tls-key browser dashboard",
-    "Other programs": "publish lan zenoh-config ros2 foxglove sinks",
+    "Page": "port browser dashboard",
+    "Other programs": "name lan ros2 foxglove",
     "Light": "mode sequence light-mode",
-    "Process": "realtime log threads dense workers seed",
+    "Process": "threads dense workers seed",
     "What is recorded": "depth map",
     "Other tools": "cylinder-diameter-mm balls-to-press",
     "Grids": "grid spacing-px pitch-mm pin-pitch-mm several",
@@ -37,20 +37,49 @@ PANELS = {
     "Pins": "data-pin trigger-pin output-pin status-pin switch-pin",
 }
 """by title: the options, or VERB/OPTION where one name means different things"""
+BESIDE = "Other distributions"
+"""title of the verbs of others that name no panel"""
 MOST = 8
 """options that a verb shows above these groups"""
 _TITLES = {option: title for title, options in PANELS.items() for option in options.split()}
 
+SETTINGS_NOW = {
+    "--host": "dashboard.host",
+    "--tls-cert": "dashboard.tls_cert",
+    "--tls-key": "dashboard.tls_key",
+    "--mode": "reconstruction.mode",
+    "--sequence": "lighting.sequence",
+    "--light-mode": "lighting.light_mode",
+    "--no-publish": "stream.enabled",
+    "--name": "stream.name",
+    "--lan": "stream.lan",
+    "--zenoh-config": "stream.zenoh_config",
+    "--ros2": "stream.ros2",
+    "--foxglove": "stream.foxglove",
+    "--sinks": "stream.sinks",
+    "--log": "service.log",
+    "--realtime": "service.realtime",
+}
+"""options of before 2.0, of all verbs that run a sensor or of all but `run`: the setting that each set"""
 LARGEST = 1_000_000_000
 """largest number that an option takes, in any unit"""
+_type_of_value = TyperOption.display_type_rich
+
+
+def _shown_type(option: TyperOption, ctx: Any) -> str | None:
+    """Return what help shows as an option's value: nothing for a flag, for `<bool>` would invite `--auto true`."""
+    return None if option.is_flag else _type_of_value(option, ctx)
+
+
+TyperOption.display_type_rich = _shown_type  # type: ignore[method-assign, assignment]
 
 
 class LazyVerb(TyperCommand):
     """Stands in a group for a verb, or for a group of verbs, that is not imported yet."""
 
-    def __init__(self, name: str, home: str, text: str) -> None:
+    def __init__(self, name: str, home: str, text: str, panel: str | None = None) -> None:
         """Remember what is imported: `home` is "module:attribute"; text: the first line of its help."""
-        super().__init__(name, help=text, rich_markup_mode=MARKUP)
+        super().__init__(name, help=text, rich_markup_mode=MARKUP, rich_help_panel=panel)
         self.home = home
 
     def load(self) -> Any:
@@ -64,9 +93,19 @@ class LazyVerb(TyperCommand):
             holder.command(self.name)(verb)
         return refuse_senseless(sort_options(get_group(holder).commands[str(self.name)]))
 
-    def make_context(self, *arguments: Any, **options: Any) -> Any:
+    def make_context(self, info_name: Any, args: Any, *more: Any, **options: Any) -> Any:
         """Parse the arguments of the verb: the first thing that a group does with the verb that was typed."""
-        return self.load().make_context(*arguments, **options)
+        verb = self.load()
+        _refuse_settings(verb, args)
+        return verb.make_context(info_name, args, *more, **options)
+
+
+def _refuse_settings(verb: Any, words: list[str]) -> None:
+    """Raise InputError for an option of before 2.0 that is a setting now."""
+    known = {option for one in verb.params for option in (*one.opts, *one.secondary_opts)}
+    for option in (word.partition("=")[0] for word in words):
+        if option in SETTINGS_NOW and option not in known and "--set" in known:
+            raise InputError(f"{option} is a setting now: give --set {SETTINGS_NOW[option]}=VALUE")
 
 
 def refuse_senseless(command: Any) -> Any:
@@ -86,7 +125,7 @@ def refuse_senseless(command: Any) -> Any:
         elif float in kinds or int in kinds:
             check = _check_number
         else:
-            continue
+            check = _check_nothing
         one.process_value = partial(_process, partial(check, name), one.process_value)
     for below in getattr(command, "commands", {}).values():
         refuse_senseless(below)
@@ -103,7 +142,27 @@ def _kinds(annotation: Any) -> Iterator[Any]:
 def _process(check: Callable[[Any], None], process: Callable[[Any, Any], Any], context: Any, typed: Any) -> Any:
     for one in typed if isinstance(typed, list | tuple) else [typed]:
         check(one)
-    return process(context, typed)
+    try:
+        return process(context, typed)
+    except typer.BadParameter as error:
+        _reword(error)
+        raise
+
+
+def _reword(error: typer.BadParameter) -> None:
+    """Say in a user's words what pydantic says of a value that typer has it check."""
+    from pydantic import ValidationError  # a third of the time of `--help`
+
+    from gellight.base.allowed import in_words
+
+    if isinstance(refused := error.__cause__, ValidationError):
+        (first, *_) = refused.errors(include_url=False)
+        said = first["ctx"]["error"] if first["type"] == "value_error" else in_words(refused, "").removeprefix(" = ")
+        error.message = str(said)
+
+
+def _check_nothing(name: str, typed: Any) -> None:
+    """Leave it to the option's type."""
 
 
 def _check_path(name: str, typed: Any) -> None:
@@ -132,31 +191,33 @@ def lazy_group(
     return _group({name: (f"gellight.cli.{home}", text) for name, (home, text) in table.items()}, gone)
 
 
-def open_group(table: Mapping[str, tuple[str, str]], elsewhere: Mapping[str, str]) -> type[TyperGroup]:
-    """Return such a group with the verbs of installed distributions too, by the entry points `gellight.verbs`.
+def open_group(panels: Mapping[str, Mapping[str, tuple[str, str]]], gone: Mapping[str, str]) -> type[TyperGroup]:
+    """Return such a group, in panels of the help, with the verbs of installed distributions too.
 
-    Each names a table as this one, with whole names of modules. elsewhere: what has a verb that may be missing.
+    These are found by the entry points `gellight.verbs`, which name a table each: by name, a place with the whole name
+    of its module, what the help says, and, if wanted, the panel.
     """
-    ours = {name: (f"gellight.cli.{home}", text) for name, (home, text) in table.items()}
-    theirs = [one.load() for one in entry_points(group="gellight.verbs")]
-    remedies = {
-        verb: f"comes with {home}, which is not installed: pip install ./host/{home} from a clone of GelLight"
-        for verb, home in elsewhere.items()
+    verbs = {
+        name: (f"gellight.cli.{home}", text, title)
+        for title, table in panels.items()
+        for name, (home, text) in table.items()
     }
-    return _group({name: known for one in (ours, *theirs) for name, known in one.items()}, remedies)
+    for found in entry_points(group="gellight.verbs"):
+        verbs |= {name: (home, text, *(panel or [BESIDE])) for name, (home, text, *panel) in found.load().items()}
+    return _group(verbs, gone)
 
 
-def _group(table: Mapping[str, tuple[str, str]], missing: Mapping[str, str]) -> type[TyperGroup]:
+def _group(table: Mapping[str, tuple[str, ...]], gone: Mapping[str, str]) -> type[TyperGroup]:
     class Group(TyperGroup):
         def __init__(self, **attributes: Any) -> None:
             super().__init__(**attributes)
-            for name, (home, text) in table.items():
-                self.add_command(LazyVerb(name, home, text))
+            for name, known in table.items():
+                self.add_command(LazyVerb(name, *known))
 
         def get_command(self, ctx: Any, cmd_name: str) -> Any:
             """Return a verb; InputError, with the remedy, for one that is not here."""
-            if cmd_name in missing and cmd_name not in self.commands:
-                raise InputError(f"the verb `{cmd_name}` {missing[cmd_name]}")
+            if cmd_name in gone and cmd_name not in self.commands:
+                raise InputError(f"the verb `{cmd_name}` {gone[cmd_name]}")
             return super().get_command(ctx, cmd_name)
 
     return Group

@@ -11,41 +11,54 @@ import typer
 from gellight.cli.ending import MEANINGS, end
 from gellight.cli.lazy import MARKUP, open_group
 
-ELSEWHERE = {"optimize": "gellight_design", "scan": "gellight_scan", "surface": "gellight_scan"}
+ELSEWHERE = {
+    verb: f"comes with {home}, which is not installed: pip install ./host/{home} from a clone of GelLight"
+    for verb, home in (("optimize", "gellight_design"), ("scan", "gellight_scan"), ("surface", "gellight_scan"))
+}
 """verbs of distributions beside this one"""
+MOVED = {
+    "replay": "is `gellight run FILE` now",
+    "sim": "is `gellight simulate board` now",
+}
+"""what to type instead of verbs of before 2.0"""
 VERBS = open_group(
     {
-        "demo": ("demo:command", "Press objects into a simulated sensor and see what it feels."),
-        "run": ("run:command", "Stream depth from a sensor, also after it was unplugged for a while."),
-        "status": ("status:command", "Show the daemons that run on this computer, and how they are."),
-        "service": ("service:app", "Let systemd run the sensor of this user."),
-        "record": ("record:command", "Record what a sensor gives in a file that ROS 2 tools open too."),
-        "replay": ("replay:command", "Play a recording as if it were a sensor."),
-        "export": ("export:command", "Turn a recording into arrays, pictures, surfaces or a video."),
-        "find": ("find:command", "List the sensors, cameras and light rings that are plugged in."),
-        "doctor": ("doctor:command", "Check computer, USB, camera, light ring, frames and training."),
-        "install-udev": ("install_udev:command", "Let users who are not root use the sensor; needs root."),
-        "reconstruct": ("reconstruct:command", "Reconstruct depth, normals and contact from images of the gel."),
-        "selfcheck": ("selfcheck:command", "Compare the simulated sensor with the reference simulator."),
-        "calibrate": ("calibrate.verbs:app", "Calibrate a sensor, and keep its bundles."),
-        "config": ("config:app", "Show the settings, their schema, and the files they are read from."),
-        "simulate": ("simulate:app", "Press objects into the simulated gel, as files."),
-        "ring": ("ring:app", "The light ring by hand."),
-        "firmware": ("firmware:app", "The firmware of the light ring: what it is, build it, flash it."),
-        "sim": (
-            "simulated_board:command",
-            "Run a simulated board behind a pseudo-terminal.",
-        ),
-        "virtual-sensor": ("virtual_sensor:command", "Plug a simulated sensor into this Linux as a USB device."),
+        "Try": {
+            "demo": ("demo:command", "Press objects into a simulated sensor, and see what it feels."),
+            "simulate": ("simulate:app", "Press objects into the simulated gel, as files."),
+        },
+        "Run": {
+            "run": ("run:command", "Stream depth from a sensor, or from a recording."),
+            "record": ("record:command", "Record what a sensor gives, in an MCAP file."),
+            "export": ("export:command", "Turn a recording into arrays, pictures or a video."),
+            "reconstruct": ("reconstruct:command", "Reconstruct depth and contact from pictures of the gel."),
+        },
+        "Calibrate": {
+            "calibrate": ("calibrate.verbs:app", "Calibrate a sensor, and keep its bundles."),
+            "selfcheck": ("selfcheck:command", "Compare the simulated sensor with the reference simulator."),
+        },
+        "Look after": {
+            "find": ("find:command", "List the sensors, cameras and light rings that are there."),
+            "doctor": ("doctor:command", "Check computer, USB, camera, ring, frames and training."),
+            "status": ("status:command", "Show the daemons of this computer, and how they are."),
+            "config": ("config:app", "Show the settings, and what could be set."),
+            "service": ("service:app", "Let systemd run the sensor of this user."),
+            "install-udev": ("install_udev:command", "Let users who are not root use the sensor; needs root."),
+            "ring": ("ring:app", "The light ring by hand."),
+            "firmware": ("firmware:app", "The firmware of the light ring: see it, build it, flash it."),
+        },
+        "Develop": {
+            "virtual-sensor": ("virtual_sensor:command", "Plug a simulated sensor into this Linux by USB."),
+        },
     },
-    ELSEWHERE,
+    ELSEWHERE | MOVED,
 )
 
 app = typer.Typer(
     name="gellight",
     cls=VERBS,
     rich_markup_mode=MARKUP,
-    epilog="\n\n".join(["Exit status:", *(f"{status}: {meaning}" for status, meaning in MEANINGS.items())]),
+    epilog="Exit status: " + "; ".join(f"{status:d} {meaning}" for status, meaning in MEANINGS.items()),
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

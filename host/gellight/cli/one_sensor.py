@@ -30,6 +30,7 @@ from gellight.frames.status import SensorStatus
 from gellight.opening import REAL
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.stream.foxglove import FoxgloveServer
+from gellight.stream.network import zenoh_settings
 from gellight.stream.publisher import Publisher, name_of_sensor
 from gellight.stream.ros2 import Ros2Publisher
 from gellight.stream.running import starting
@@ -56,6 +57,8 @@ def opened(settings: Settings, *, every: bool = True, dashboard: bool = True) ->
     Meanwhile who waits for it knows that something starts.
     """
     give_back_large_arrays()
+    if settings.stream.enabled and settings.stream.zenoh_config:
+        zenoh_settings(Path(settings.stream.zenoh_config))  # a wrong file is told before a sensor is opened
     with ExitStack() as stack:
         with starting() if settings.stream.enabled else nullcontext():
             daemon = stack.enter_context(open_session(settings, every=every))

@@ -17,7 +17,7 @@ def command(
     as_json: AsJson = False,
     depth_scale_um: Annotated[float, typer.Option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
 ) -> None:
-    """Reconstruct depth, normals and contact from images of the gel.
+    """Reconstruct depth and contact from pictures of the gel.
 
     NAME.npz has gradient_map (H, W, 2), normal_map (H, W, 3), depth_mm (H, W), all float32, contact (H, W) bool,
     confidence (H, W) float32 and quality_flags (H, W) uint8; normal_error_deg and shape_error_mm (H, W) where the

@@ -30,10 +30,10 @@ def command(
     dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Record what a sensor gives in a file that ROS 2 tools open too.
+    """Record what a sensor gives, in an MCAP file.
 
-    The file has the camera's own bytes, times and light of each frame, and the calibration bundle. It ends, whole, at
-    Ctrl-C, after --seconds or --frames, and before the disk is full.
+    ROS 2 tools open it too. It has the camera's own bytes, times and light of each frame, and the calibration bundle.
+    It ends, whole, at Ctrl-C, after --seconds or --frames, and before the disk is full.
     """
     from gellight.cli.running.record import record  # not for the help
 

@@ -10,16 +10,28 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.cli.ending import until_interrupted
-from gellight.cli.options import LONGEST_S, AsJson, Seconds, between
+from gellight.cli.lazy import lazy_group
+from gellight.cli.options import LONGEST_S, AsJson, Seconds
 from gellight.cli.showing import show
 from gellight.ring.boards import BOARDS, LEDS, channel_ua_of, check_wiring, find_board, wired_as
 from gellight.ring.enumerations import ColourOrder, Dark, OutputAt, ResetReason, SyncMode
 from gellight.ring.heat import chip_temperature_c, dimmed_text, ring_temperature_c, warm_text
-from gellight.ring.light_ring import LightRing, Step, connect
+from gellight.ring.light_ring import LightRing, connect
 from gellight.ring.protocol import ACTIVE_LOW, CURRENT_CAP_MA, NO_PIN, Configuration
 from gellight.ring.wire import MOST_LEDS
 
-app = typer.Typer(help="The light ring by hand.", no_args_is_help=True)
+app = typer.Typer(
+    cls=lazy_group(
+        {},
+        gone={
+            "group": "is `gellight ring set COLOUR --leds 0-3,8` now",
+            "off": "is `gellight ring set off` now",
+            "sequence": "is no more: `gellight run --sequence rgb` shows light groups in turn",
+        },
+    ),
+    help="The light ring by hand.",
+    no_args_is_help=True,
+)
 Url = Annotated[str, typer.Option(help="/dev/ttyACM0, serial://, serial://NUMBER, usb:// or sim://")]
 
 
@@ -100,13 +112,26 @@ def _text(b: Board) -> str:
 
 @app.command("set")
 def set_colour(
-    colour: Annotated[str, typer.Argument(help="RRGGBB in hexadecimal, or one for each LED, separated by commas")],
+    colour: Annotated[
+        str, typer.Argument(help="RRGGBB in hexadecimal, or one for each LED, separated by commas; off: dark")
+    ],
+    leds: Annotated[
+        str | None, typer.Option(help="Light these alone, for example 0-3,8.", show_default="all of them")
+    ] = None,
     url: Url = "serial://",
     seconds: Seconds = 0,
 ) -> None:
-    """Light all LEDs in one colour, or each in its own."""
+    """Light the LEDs in one colour, or each in its own."""
     with connect(url) as ring:
-        reply = ring.set_leds(np.array(_colours(colour, ring.led_count), np.uint8))
+        if colour == "off":
+            ring.blank()
+            print("dark")
+            return
+        colours = np.array(_colours(colour, ring.led_count), np.uint8)
+        if leds is not None:
+            dark = np.setdiff1d(np.arange(ring.led_count), _numbers(leds, ring.led_count))
+            colours[dark] = 0
+        reply = ring.set_leds(colours)
         ring.wait_for_light(reply.light_id)
         scaled = "" if reply.scale == 0xFFFF else f", scaled by {reply.scale / 65535:.3f}"
         _wait(f"lit, {reply.current_ma} mA{scaled}", seconds)
@@ -123,21 +148,6 @@ def _colours(text: str, leds: int) -> list[list[int]]:
     return [list(colour) for colour in colours] * (leds if len(colours) == 1 else 1)
 
 
-@app.command("group")
-def group(
-    leds: Annotated[str, typer.Argument(help="LED numbers, for example 0-3,8")],
-    colour: Annotated[str, typer.Option(help="RRGGBB in hexadecimal")] = "808080",
-    url: Url = "serial://",
-    seconds: Seconds = 0,
-) -> None:
-    """Light some LEDs in one colour, the others stay dark."""
-    with connect(url) as ring:
-        chosen = _numbers(leds, ring.led_count)
-        colours = np.zeros((ring.led_count, 3), np.uint8)
-        colours[chosen] = np.array(_colours(colour, 1)[0], np.uint8)
-        _wait(f"LEDs {chosen}, {ring.set_leds(colours).current_ma} mA", seconds)
-
-
 def _numbers(text: str, leds: int) -> list[int]:
     found: list[int] = []
     try:
@@ -149,27 +159,6 @@ def _numbers(text: str, leds: int) -> list[int]:
     if not found or min(found) < 0 or max(found) >= leds:
         raise InputError(f"{text!r} names no LEDs: give numbers from 0 to {leds - 1}, for example 0-3,8")
     return found
-
-
-@app.command("sequence")
-def sequence(
-    dwell_ms: Annotated[
-        float, typer.Option(help="how long each light group is lit, ms", callback=between(2, 60_000, "ms"))
-    ] = 100.0,
-    value: Annotated[int, typer.Option(min=1, max=255, help="brightness, 1 to 255")] = 60,
-    url: Url = "serial://",
-    seconds: Seconds = 0,
-) -> None:
-    """Light the red, the green and the blue third of the ring in turn, timed by the board."""
-    with connect(url) as ring:
-        groups = np.zeros((3, ring.led_count, 3), np.uint8)
-        for number in range(3):
-            groups[number, number * ring.led_count // 3 : (number + 1) * ring.led_count // 3, number] = value
-        ring.load_sequence(list(groups), [Step(group=k, dwell_us=round(dwell_ms * 1e3)) for k in range(3)])
-        ring.set_sync(SyncMode.FREE)
-        ring.start()
-        _wait("red, green and blue in turn", seconds)
-        print(f"{ring.counters().lights} lights, {ring.counters().late_steps} of them late")
 
 
 @app.command("configure")
@@ -238,11 +227,3 @@ def _wiring(c: Configuration, board: str | None) -> str:
         f"saved: {c.led_count} LEDs ({ColourOrder(c.colour_order).name}) at GPIO {c.data_pin}, trigger at GPIO "
         f"{c.trigger_pin}, {output}, {status}{switch}, dimmed above {c.hottest_c} °C{labels}; the board starts anew"
     )
-
-
-@app.command("off")
-def off(url: Url = "serial://") -> None:
-    """Make the LEDs dark."""
-    with connect(url) as ring:
-        ring.blank()
-        print("dark")

@@ -1,17 +1,63 @@
 """`gellight run`: one or several real sensors with their dashboard, through unplugging and plugging in."""
 
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
+from urllib.parse import quote
 
 import typer
 
+from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
-from gellight.cli.options import with_options
+from gellight.cli.options import AsJson, name_option, with_options
 from gellight.cli.run_options import RunOptions
+
+
+@dataclass(frozen=True)
+class LightOptions:
+    """Which light the gel is seen in."""
+
+    mode: Annotated[
+        str | None, typer.Option(help="How slopes are found: network or photometric.", show_default="network")
+    ] = None
+    sequence: Annotated[
+        str | None, typer.Option(help="Light groups shown in turn: rgb, single or a JSON file.", show_default="none")
+    ] = None
+    light_mode: Annotated[
+        str | None, typer.Option(help="What moves the light on: hold, free or ext.", show_default="hold")
+    ] = None
+
+    def flags(self) -> dict[str, object]:
+        """Return the settings that were given as options."""
+        return {
+            "reconstruction.mode": self.mode,
+            "lighting.sequence": self.sequence,
+            "lighting.light_mode": self.light_mode,
+        }
+
+
+@dataclass(frozen=True)
+class ProgramOptions:
+    """Who else receives the frames."""
+
+    name: Annotated[str | None, name_option("Name to publish under.", "that of the sensor")] = None
+    lan: Annotated[bool | None, typer.Option("--lan", help="Publish to other computers too.")] = None
+    ros2: Annotated[str | None, typer.Option(help="Publish ROS 2 topics by this router of rmw_zenoh.")] = None
+    foxglove: Annotated[bool | None, typer.Option("--foxglove", help="Serve a live view for Foxglove.")] = None
+
+    def flags(self) -> dict[str, object]:
+        """Return the settings that were given as options."""
+        return {f"stream.{key}": value for key, value in vars(self).items()}
 
 
 @with_options
 def command(
     options: RunOptions,
+    light: LightOptions,
+    programs: ProgramOptions,
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[FILE]", help="A recording of `gellight record`, instead of a sensor.")
+    ] = None,
     sensor: Annotated[
         list[str] | None,
         typer.Option(
@@ -20,19 +66,24 @@ def command(
         ),
     ] = None,
     dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = True,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the status as JSON: every second, or once after --frames.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Stream depth from a sensor, also after it was unplugged for a while.
+    """Stream depth from a sensor, or from a recording.
 
-    While it is unplugged the status is served, and the sensor is looked for.
+    A sensor may be unplugged: then the status is served, and the sensor is looked for. Of a recording depth is computed
+    anew, with its bundle or that of --calibration. --json: the status every second, or once after --frames.
     """
     from gellight.cli.one_sensor import run_sensor  # not for the help
     from gellight.cli.several_sensors import run_several
 
+    flags = {**light.flags(), **programs.flags(), **options.flags()}
+    if file is not None:
+        if sensor:
+            raise InputError(f"give a recording or --sensor, one of the two: {file}, {sensor[0]}")
+        sensor = [f"replay://{quote(str(file.resolve()))}"]
+        flags["sensor.calibration"] = flags["sensor.calibration"] or "auto"
     urls: list[str | None] = [*(sensor or [])] or [None]
-    each = [load_settings({"sensor.url": url, **options.flags()}) for url in urls]
+    each = [load_settings({"sensor.url": url, **flags}) for url in urls]
     if len(each) == 1:
         run_sensor(each[0], options, dashboard=dashboard, as_json=as_json)
     else:

@@ -56,7 +56,7 @@ def install(
 ) -> None:
     """Write the unit file of a service of this user, which runs `gellight run`.
 
-    What else is to be set stands in the user's config.toml, see `gellight config path`.
+    What else is to be set stands in the user's config.toml, which `gellight config show` names.
     """
     text, path = unit(sensor, name, port), unit_path(name)
     if show:

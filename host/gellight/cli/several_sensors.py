@@ -80,7 +80,7 @@ def _check(each: list[Settings]) -> None:
     if each[0].stream.ros2 and not each[0].stream.enabled and len(nameless) > 1:
         raise ConfigError(
             f"{', '.join(nameless)} have no names of their own, by which their ROS 2 topics could differ: leave out "
-            "--no-publish, then they are numbered"
+            "stream.enabled = false, then they are numbered"
         )
     bundle = each[0].sensor.calibration
     if bundle not in (None, "auto", "synthetic"):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gellight.base.errors import InputError
-from gellight.cli.lazy import MARKUP
+from gellight.cli.lazy import MARKUP, lazy_group
 from gellight.cli.options import AsJson, GeometryFile, Overwrite, check_out
 from gellight.cli.showing import progress, show
 from gellight.cli.sweeping import Workers, many
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from sim_reference.geometry import SensorGeometry
 
 TAKES = "about a minute by finite elements 0.3 mm apart, longer with finer ones"
-app = typer.Typer(rich_markup_mode=MARKUP, no_args_is_help=True)
+BOARD = {"board": ("simulated_board:command", "Run a simulated board behind a pseudo-terminal.")}
+app = typer.Typer(cls=lazy_group(BOARD), rich_markup_mode=MARKUP, no_args_is_help=True)
 
 
 @app.callback()

@@ -1,9 +1,6 @@
-"""`gellight sim`: a simulated board for any program that opens a serial port."""
+"""`gellight simulate board`: a simulated board for any program that opens a serial port."""
 
 import time
-from typing import Annotated
-
-import typer
 
 from gellight.cli.advice import with_program_path
 from gellight.cli.ending import until_interrupted
@@ -11,10 +8,7 @@ from gellight.cli.options import LONGEST_S, Seconds
 from gellight.lab.core_board.terminal import TerminalBoard
 
 
-def command(
-    pty: Annotated[bool, typer.Option("--pty", help="Serve a pseudo-terminal (the default and only way).")] = True,
-    seconds: Seconds = 0,
-) -> None:
+def command(seconds: Seconds = 0) -> None:
     """Run a simulated board behind a pseudo-terminal.
 
     It runs the core of the firmware. Its light is printed whenever it changes.

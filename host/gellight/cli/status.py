@@ -16,7 +16,7 @@ def command(
     name: Annotated[str | None, typer.Argument(help="One daemon.", show_default="all of this user")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show the daemons that run on this computer, and how they are.
+    """Show the daemons of this computer, and how they are.
 
     The exit status is 1 where none runs, or where one has an error.
     """

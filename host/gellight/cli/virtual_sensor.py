@@ -28,7 +28,7 @@ def command(
     listen: Annotated[str | None, typer.Option(help="Offer it to `usbip attach` at HOST:PORT instead.")] = None,
     seconds: Seconds = 0,
 ) -> None:
-    """Plug a simulated sensor into this Linux as a USB device.
+    """Plug a simulated sensor into this Linux by USB.
 
     Camera and light ring are in one device. This needs root and the kernel module vhci-hcd.
     """

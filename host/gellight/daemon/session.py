@@ -5,6 +5,8 @@ bundle that is installed or restored, another mode, another view, a zero, the li
 that way. Where any part fails, what ran before goes on.
 """
 
+from __future__ import annotations
+
 import threading
 import time
 from collections.abc import Callable

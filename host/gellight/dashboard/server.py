@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Self
 
 from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from gellight.base.errors import ConfigError, ServerError, first_line
 from gellight.base.runtime_folder import own_token
@@ -22,6 +23,9 @@ from gellight.dashboard.application import Dashboard
 from gellight.dashboard.scanning import ScanDesk
 
 logger = logging.getLogger(__name__)
+_requests = logging.getLogger(f"{__name__}.requests")
+_requests.addFilter(lambda record: not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError)))
+"""aiohttp's log, without the traceback of a request that it refuses, as one too long: who sent it is told"""
 
 HOST = "127.0.0.1"
 DEFAULT_PORT = 8420
@@ -102,7 +106,8 @@ class PageServer:
 
     async def _serve(self) -> None:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        runner = web.AppRunner(self._application(self.token), access_log=None, shutdown_timeout=1.0)
+        app = self._application(self.token)
+        runner = web.AppRunner(app, access_log=None, logger=_requests, shutdown_timeout=1.0)
         await runner.setup()
         try:
             self._port = await _listen(runner, self._host, self._port, self._tls)
@@ -137,10 +142,12 @@ def _tls(cert: str, key: str) -> ssl.SSLContext | None:
     if not (cert or key):
         return None
     if not (cert and key):
-        raise ConfigError("--tls-cert and --tls-key belong together: give both, or neither")
+        raise ConfigError("dashboard.tls_cert and dashboard.tls_key belong together: give both, or neither")
     for path in (cert, key):
         if not Path(path).is_file():
-            raise ConfigError(f"{path} is no file: give --tls-cert a certificate and --tls-key its private key, as PEM")
+            raise ConfigError(
+                f"{path} is no file: dashboard.tls_cert is a certificate, dashboard.tls_key its private key, both PEM"
+            )
     context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
     try:
         context.load_cert_chain(cert, key, password="")
@@ -166,5 +173,7 @@ def _cannot_listen(error: OSError, host: str, port: int) -> str:
     if error.errno == errno.EACCES:
         return f"port {port} of {host} needs root: choose one above 1023 with --port"
     if error.errno == errno.EADDRNOTAVAIL or isinstance(error, socket.gaierror):
-        return f"{host} is no address of this computer: choose another one with --host, such as 127.0.0.1 or 0.0.0.0"
+        return (
+            f"{host} is no address of this computer: choose another one as dashboard.host, such as 127.0.0.1 or 0.0.0.0"
+        )
     return f"cannot listen on port {port} of {host} ({error}): choose another port with --port"

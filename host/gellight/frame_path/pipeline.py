@@ -1,5 +1,7 @@
 """The frame path: camera frame in, tactile frame out."""
 
+from __future__ import annotations
+
 import logging
 import time
 from dataclasses import replace

@@ -7,6 +7,8 @@ from the centre of the image.
 What holds arrays is equal to itself alone: comparing arrays gives no single answer.
 """
 
+from __future__ import annotations
+
 import copy
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace

@@ -105,7 +105,8 @@ def read_levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
     if is_frame_of_video(path):
         return frame_of_video(path)
     if not path.is_file():
-        raise InputError(f"image {path} does not exist: check the name")
+        what = "is no file" if path.exists() else "does not exist"
+        raise InputError(f"image {path} {what}: check the name")
     if path.suffix.lower() not in IMAGE_SUFFIXES:
         raise InputError(f"{path} is not an image by its name: convert it to one of {' '.join(IMAGE_SUFFIXES)}")
     try:

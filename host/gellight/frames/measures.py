@@ -72,7 +72,7 @@ class Confidence:
 class ErrorBounds:
     """What nine in ten pixels under a ball are off by at most, as far as presses that were not learnt from tell.
 
-    Objects of another shape are farther off: docs/calibration-data.md has figures. inf where nobody knows: outside of
+    Objects of another shape are farther off: docs/figures.md has figures. inf where nobody knows: outside of
     contacts, where the surface is steeper than any of these presses, and where no press lay or had such a colour.
     """
 

@@ -1,5 +1,7 @@
 """Gradient map to normal map."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 

@@ -129,5 +129,5 @@ class ObjectPose:
             return f"object {self.number} is lost"
         x, y, z = self.place_mm.tolist()
         told = f", {len(self.untellable)} of 6 directions untellable" if len(self.untellable) else ""
-        doubt = ", doubtful" if self.doubtful else ""
+        doubt = ", doubtful: press deeper, or where there is more relief" if self.doubtful else ""
         return f"object {self.number} at ({x:.2f}, {y:.2f}, {z:.2f}) mm{told}{doubt}"

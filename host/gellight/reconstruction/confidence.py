@@ -4,9 +4,9 @@ A network is right where it has learnt. A slope beyond the steepest of its press
 press, or of a colour that none of them had. Real sensors that learnt from one half of the picture were off by 1.3 to
 2.7 times as much in the other. A guess, too, is where a colour has lost its light, because the surface turns away from
 those LEDs or something shades it (attached and cast shadow), and where the camera shows its largest value.
-docs/calibration-data.md says by how much errors grow there.
+docs/figures.md says by how much errors grow there.
 
-The integration takes no weights from it: docs/calibration-data.md has the figures.
+The integration takes no weights from it: docs/figures.md has the figures.
 """
 
 from collections.abc import Sequence

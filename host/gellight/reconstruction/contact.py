@@ -1,5 +1,7 @@
 """Depth map to contact: where the gel is touched, how deep, how large."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -9,6 +9,8 @@ The integral along an edge decides whether small contacts keep their height. Ave
 rule, which scales a wave of k rad/px by (k/2) / tan(k/2), about 1 - k^2/12. Here it is integrated from six samples.
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import cv2

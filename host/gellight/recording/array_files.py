@@ -20,7 +20,7 @@ from gellight.frames.frames import TactileFrame
 
 STEP = 2.0**-14
 """mm of depth, and slope: off by 0.03 um and 0.002 degrees at most"""
-REMEDY = 'this needs a package: pip install "gellight[arrays]"'
+REMEDY = "this needs a package: pip install h5py"
 Array = NDArray[Any]
 Actions = Sequence[Sequence[float]] | NDArray[Any]
 """(frames, k)"""

@@ -30,7 +30,7 @@ POSE_SIZES = {MOTION: 16, COVARIANCE: 36}
 INDICES = ("frame_index", "episode_index", "index", "task_index")
 ACTION = "action"
 STEP_M = 2.0**-24
-REMEDY = 'this needs a package: pip install "gellight[lerobot]"'
+REMEDY = "this needs a package: pip install pyarrow"
 _DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 _FIRST = "chunk-000/file-000.parquet"
 

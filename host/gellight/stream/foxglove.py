@@ -43,7 +43,7 @@ class FoxgloveServer:
 
     def __enter__(self) -> Self:
         """Start; raises StreamError where the package is missing or the port is in use."""
-        with needed('Foxglove needs a package: pip install "gellight[foxglove]"', StreamError):
+        with needed("Foxglove needs a package: pip install foxglove-sdk", StreamError):
             import foxglove
         self._context = context = foxglove.Context()  # the server and its channels end with it
 

@@ -7,6 +7,7 @@ gellight/<name>/alive    liveliness: it is there as long as the daemon is
 """
 
 import json
+import re
 import socket
 import time
 from collections.abc import Mapping
@@ -50,7 +51,7 @@ def publishing_session(*, lan: bool, config: Path | None, lan_port: int = LAN_PO
     zenoh's own settings, for TLS and access control. Who connects can read and ask, and neither publish nor answer.
     Raises StreamError where a port is in use or the file is no configuration of zenoh.
     """
-    settings = _settings(config)
+    settings = zenoh_settings(config)
     own = f"tcp/127.0.0.1:{_free_port()}"
     said = json.loads(settings.get_json("listen/endpoints"))  # a list where the file says it, else zenoh's own, by mode
     endpoints = [own, *([f"tcp/[::]:{lan_port}"] if lan else []), *(said if isinstance(said, list) else [])]
@@ -109,7 +110,7 @@ def _is_loopback(endpoint: str) -> bool:
 def subscribing_session(endpoint: str, *, config: Path | None) -> zenoh.Session:
     """Open a session to the daemon at `endpoint`, such as tcp/127.0.0.1:7447; StreamError where none answers."""
     connect = {"connect/endpoints": [endpoint], "connect/timeout_ms": CONNECT_MS, "connect/exit_on_failure": True}
-    return _opened(_settings(config), {"mode": "client", **connect})
+    return _opened(zenoh_settings(config), {"mode": "client", **connect})
 
 
 def routed_session(endpoint: str) -> tuple[zenoh.Session, bool]:
@@ -135,13 +136,23 @@ def close(session: zenoh.Session) -> None:
     session.close()  # type: ignore[no-untyped-call]  # zenoh does not annotate it
 
 
-def _settings(config: Path | None) -> zenoh.Config:
+def zenoh_settings(config: Path | None) -> zenoh.Config:
+    """Return zenoh's own settings, those of a file where one is given; StreamError for what is none."""
     if config is None:
         return zenoh.Config()
     try:
+        config.read_bytes()  # zenoh tells of a missing file by a place in its own source
         return zenoh.Config.from_file(str(config))
+    except OSError as error:
+        raise StreamError(f"{config} cannot be read ({error.strerror}): check the name") from None
     except zenoh.ZError as error:
-        raise StreamError(f"{config} is no configuration of zenoh ({error}): see docs/streaming.md") from error
+        raise StreamError(f"{config} is no configuration of zenoh ({_reason(error)}): see docs/streaming.md") from None
+
+
+def _reason(error: zenoh.ZError) -> str:
+    """Return what zenoh says without places in its source: where a file is wrong, else the first line."""
+    place = re.search(r"--> (\d+):(\d+)", str(error))
+    return f"line {place[1]}, column {place[2]}" if place else first_line(error).split(" at /")[0]
 
 
 def _opened(settings: zenoh.Config, given: Mapping[str, object]) -> zenoh.Session:
@@ -153,9 +164,8 @@ def _opened(settings: zenoh.Config, given: Mapping[str, object]) -> zenoh.Sessio
         return zenoh.open(settings)
     except zenoh.ZError as error:
         endpoints = given.get("connect/endpoints") or given["listen/endpoints"]
-        reason = first_line(error).split(" at /")[0]
         raise StreamError(
-            f"no connection at {endpoints} ({reason}): is the daemon there? has another program the port?"
+            f"no connection at {endpoints} ({_reason(error)}): is the daemon there? has another program the port?"
         ) from error
 
 

@@ -1,6 +1,9 @@
 """`gellight.connect`: a sensor in this process, lit and calibrated, that gives tactile frames."""
 
+from __future__ import annotations
+
 import atexit
+import time
 import weakref
 from contextlib import ExitStack, suppress
 
@@ -24,7 +27,7 @@ def connect(
     mode: str | None = None,
     every: bool = False,
     patience_s: float = PATIENCE_S,
-) -> "Sensor":
+) -> Sensor:
     """Open a sensor, light its LEDs as its calibration says, and start to reconstruct; closing it makes them dark.
 
     `url` is `auto` (the one sensor that is plugged in), `sensor://NAME`, `v4l2:///dev/...`, `sim://`, a recording
@@ -36,7 +39,7 @@ def connect(
     return Sensor(open_session(settings, every=every), every=every, patience_s=patience_s)
 
 
-_OPEN: "weakref.WeakSet[Sensor]" = weakref.WeakSet()
+_OPEN: weakref.WeakSet[Sensor] = weakref.WeakSet()
 
 
 @atexit.register
@@ -57,14 +60,21 @@ class Sensor(FrameSource):
         self._until = ExitStack()
         self._frames = self._until.enter_context(daemon.delivered.subscribe(BACKLOG)) if every else daemon.delivered
         self._number = 0
+        self._given = -1
+        """with `every`: the sequence number of the frame that was given last"""
         self._until.enter_context(daemon)
         _OPEN.add(self)
         daemon.go_on_after(-1)
 
     def _take(self, timeout_s: float) -> TactileFrame:
-        self._number, frame = self._frames.take(self._number, timeout_s)
-        self.daemon.go_on_after(frame.camera_frame.sequence)
-        return frame
+        until_s = time.monotonic() + timeout_s
+        while True:
+            self._number, frame = self._frames.take(self._number, max(until_s - time.monotonic(), 0.0))
+            sequence = frame.camera_frame.sequence
+            self.daemon.go_on_after(sequence)
+            if not self._every or sequence > self._given:  # a picture is reconstructed anew where the mode has changed
+                self._given = sequence
+                return frame
 
     def _why_none(self) -> str:
         return str(self.daemon.status()["error"] or "the camera delivers none; see `gellight doctor`")

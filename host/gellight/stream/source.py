@@ -1,5 +1,7 @@
 """What a program reads tactile frames from, in the daemon's process (sensor.py) or in another (subscription.py)."""
 
+from __future__ import annotations
+
 import asyncio
 import logging
 import threading

@@ -1,5 +1,7 @@
 """`gellight.subscribe`: the tactile frames of a daemon in another process, on this computer or another one."""
 
+from __future__ import annotations
+
 import json
 import logging
 import threading
@@ -67,7 +69,7 @@ def subscribe(
     wait_s: float = 0.0,
     config: str | Path | None = None,
     token: str = "",
-) -> "Subscription":
+) -> Subscription:
     """Receive the frames of a daemon that runs in another process (`gellight run`).
 
     `target` is `auto` (the daemon that was started last from this terminal, else the only one of this user on this

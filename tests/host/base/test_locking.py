@@ -59,7 +59,7 @@ def test_a_lock_is_held_until_its_process_ends(tmp_path: Path, system: str) -> N
 def test_verbs_are_imported_without_what_windows_lacks() -> None:
     loaded = "import asyncio, select, subprocess, typer\n"  # what finds out by itself which system this is
     code = f"{loaded}{AS_ON_WINDOWS}\nfor name in {LINUX_POLL}: delattr(select, name)\n"
-    code += "from gellight.cli import demo, export, record, replay, run, status"
+    code += "from gellight.cli import demo, export, record, run, status"
     done = children.run([sys.executable, "-c", code])
     assert done.returncode == 0, done.stderr
 

@@ -61,12 +61,12 @@ def test_as_text_nothing_is_changed(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_run_logs_json_from_its_first_word_to_its_error(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    run = gellight("run", "--sensor", "sim://?board=0", "--frames", "2", "--log", "json", "--json")
+    run = gellight("run", "--sensor", "sim://?board=0", "--frames", "2", "--set", "service.log=json", "--json")
     assert run.returncode == 0, run.stderr
     said = [json.loads(line)["message"] for line in run.stderr.splitlines()]
     assert any(text.startswith("dashboard: ") for text in said)
     assert any(text.startswith("publishing: ") for text in said)
-    refused = gellight("run", "--sensor", str(tmp_path / "nothing"), "--log", "json")
+    refused = gellight("run", "--sensor", str(tmp_path / "nothing"), "--set", "service.log=json")
     assert refused.returncode == 2
     (line,) = [json.loads(text) for text in refused.stderr.splitlines()]
     assert line["level"] == "error"
@@ -74,4 +74,4 @@ def test_a_run_logs_json_from_its_first_word_to_its_error(tmp_path) -> None:  # 
 
 
 def test_an_unknown_form_is_refused() -> None:
-    assert "service.log" in refused(invoke("run", "--sensor", "sim://", "--log", "xml"))
+    assert "service.log" in refused(invoke("run", "--sensor", "sim://", "--set", "service.log=xml"))

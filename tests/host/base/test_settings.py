@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from gellight.base.errors import ConfigError
-from gellight.base.settings import GeometrySettings, Settings, read_settings, reference, reference_markdown
+from gellight.base.settings import GeometrySettings, Settings, read_settings, reference
 from gellight.bundle.bundle import Bundle, pack_bundle
 from gellight.daemon.assembly import open_session
 from gellight.sensor.sensor_camera import SensorCamera
@@ -138,7 +138,7 @@ def test_a_wrong_environment_variable_is_named(folders: dict[str, Path]) -> None
 
 
 def test_a_wrong_flag_is_named(folders: dict[str, Path]) -> None:
-    with pytest.raises(ConfigError, match=r"^--smoothing-px: reconstruction\.smoothing_px = -1 is not allowed"):
+    with pytest.raises(ConfigError, match=r"^the command line: reconstruction\.smoothing_px = -1 is not allowed"):
         loaded({"reconstruction.smoothing_px": -1}, environment={}, **folders)
 
 
@@ -236,12 +236,12 @@ class TestCommand:
         shown = json.loads(self.run("show", "--json"))
         assert shown["settings"]["dashboard"]["port"] == 8001
         assert shown["origins"]["dashboard.port"] == "environment variable GELLIGHT_DASHBOARD_PORT"
+        assert sorted(shown["files"].values()) == [False, True]
 
     def test_schema_is_json_schema_of_all_sections(self) -> None:
-        assert json.loads(self.run("schema"))["properties"].keys() == Settings.model_fields.keys()
-        assert self.run("schema", "--markdown").strip() == reference_markdown().strip()
+        assert json.loads(self.run("show", "--schema"))["properties"].keys() == Settings.model_fields.keys()
 
-    def test_path_marks_the_files_that_are_not_there(self, folders: dict[str, Path]) -> None:
-        weak, strong = self.run("path").replace("\n  (", "  (").strip().splitlines()
+    def test_show_marks_the_files_that_are_not_there(self, folders: dict[str, Path]) -> None:
+        weak, strong = self.run("show").strip().splitlines()[-2:]
         assert weak.endswith("config.toml  (not there)")
-        assert strong == str(folders["folder"] / "gellight.toml")
+        assert strong == f"# read: {folders['folder'] / 'gellight.toml'}"

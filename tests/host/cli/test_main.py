@@ -22,6 +22,7 @@ from gellight.cli.lazy import open_group
 from gellight.cli.main import app
 from gellight.cli.one_sensor import warn_of_foreign_bundle
 from gellight.cli.options import between
+from gellight.cli.run_options import RunOptions
 from tests.helpers import children
 from tests.helpers.command_line import invoke, refused, verbs
 
@@ -35,6 +36,26 @@ def test_the_version_is_that_of_the_installed_package() -> None:
     assert (result.exit_code, result.output) == (0, f"gellight {gellight.__version__}\n")
 
 
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        ("export a.mcap --out b --as obj", "'obj' is not one of 'npz', 'png', 'ply', 'video', 'hdf5', 'lerobot'."),
+        ("export a.mcap --out b --every 0", "'0' is not allowed: give at least 1"),
+        ("run --frames x", "'x' is not allowed: give a whole number"),
+    ],
+)
+def test_a_value_is_refused_in_our_words(words: str, why: str) -> None:
+    shown = " ".join(invoke(*words.split()).output.replace("│", " ").split())
+    assert f"Invalid value for '{words.split()[-2]}': {why}" in shown
+
+
+def test_a_flag_takes_no_value_and_help_shows_none() -> None:
+    flags = [option for verb in VERBS for option in verb.params if getattr(option, "is_flag", False)]
+    assert len(flags) > 40
+    assert "<bool>" not in "".join(invoke(*words.split()).output for words in ("--help", "calibrate --help"))
+    assert {option.display_type_rich(None) for option in flags} == {None}
+
+
 NO_PYDANTIC = HEAVY | {"pydantic"}
 NEEDS = {
     "--help": NO_PYDANTIC | {f"gellight.cli.{name}" for name in ("demo", "ring", "calibrate")},
@@ -45,7 +66,7 @@ NEEDS = {
     **{
         f"{verb} --help": HEAVY - {"numpy"}
         for verb in (
-            "ring", "run", "demo", "record", "replay", "export", "scan", "reconstruct", "surface", "selfcheck",
+            "ring", "run", "demo", "record", "export", "scan", "reconstruct", "surface", "selfcheck",
             "calibrate", "simulate press", "optimize design",
         )
     },
@@ -158,9 +179,50 @@ def test_the_help_prints_the_groups() -> None:
     assert "--resume" in rest
 
 
-def test_a_verb_of_a_distribution_that_is_not_installed_is_named_with_its_remedy() -> None:
-    known = typer.Typer(cls=open_group({}, {"weigh": "gellight_weigh", "scan": "gellight_scan"}))
+def test_a_verb_that_is_not_here_is_named_with_its_remedy() -> None:
+    known = typer.Typer(cls=open_group({}, {"weigh": "comes with gellight_weigh", "scan": "is never missed"}))
     known.callback()(lambda: None)
-    with pytest.raises(InputError, match=r"the verb `weigh` comes with .*pip install ./host/gellight_weigh"):
+    with pytest.raises(InputError, match=r"the verb `weigh` comes with gellight_weigh"):
         get_command(known).main(["weigh", "--help"], standalone_mode=False)
     assert {"optimize", "scan"} <= set(get_command(known).commands), "by the entry points of those that are here"
+
+
+@pytest.mark.parametrize(
+    ("typed", "now"),
+    [
+        ("replay press.mcap", "`gellight run FILE`"),
+        ("sim", "`gellight simulate board`"),
+        ("ring group 0-2", "`gellight ring set COLOUR --leds 0-3,8`"),
+        ("ring off", "`gellight ring set off`"),
+        ("ring sequence", "`gellight run --sequence rgb`"),
+        ("config path", "`gellight config show`"),
+        ("demo --mode photometric", "give --set reconstruction.mode=VALUE"),
+        ("run --host=0.0.0.0", "give --set dashboard.host=VALUE"),
+    ],
+)
+def test_what_was_typed_before_is_answered_with_what_is_typed_now(typed: str, now: str) -> None:
+    assert now in refused(invoke(*typed.split()))
+
+
+def test_a_setting_is_given_as_an_option() -> None:
+    told = RunOptions(port=1, settings=["stream.lan=true", "dashboard.port=2"]).flags()
+    settings = load_settings(told)
+    assert (settings.stream.lan, settings.dashboard.port) == (True, 2)
+
+
+@pytest.mark.parametrize(
+    ("pair", "said"),
+    [
+        ("stream.lan", "--set 'stream.lan' sets nothing: write SECTION.KEY=VALUE"),
+        ("lan=true", "--set 'lan=true' sets nothing"),
+        ("stream.lan=maybe", "the command line: stream.lan = 'maybe' is not allowed"),
+        ("stream.lam=true", "unknown key stream.lam: "),
+        ("steam.lan=true", "unknown section steam: "),
+    ],
+)
+def test_a_setting_that_cannot_be_is_refused(pair: str, said: str) -> None:
+    assert said in refused(invoke("demo", "--frames", "1", "--set", pair))
+
+
+def test_a_recording_and_a_sensor_are_not_run_at_once() -> None:
+    assert "one of the two" in refused(invoke("run", "press.mcap", "--sensor", "sim://"))

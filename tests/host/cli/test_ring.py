@@ -94,8 +94,8 @@ def test_a_wiring_that_cannot_be_changes_nothing(board: BenchBoard, options: lis
     assert board.resets == 0
 
 
-def test_group_lights_only_the_leds_that_are_named(board: BenchBoard) -> None:
-    invoke("ring", "group", "0-2,7", "--colour", "ff0000", "--seconds", "0.01")
+def test_only_the_leds_that_are_named_are_lit(board: BenchBoard) -> None:
+    invoke("ring", "set", "ff0000", "--leds", "0-2,7", "--seconds", "0.01")
     board_lit = np.array([colours for colours in shown(board) if np.any(colours)][-1])
     assert np.flatnonzero(board_lit.any(axis=1)).tolist() == [0, 1, 2, 7]
 
@@ -108,10 +108,8 @@ def test_group_lights_only_the_leds_that_are_named(board: BenchBoard) -> None:
         (("set", "101010", "--seconds", "-1"), "--seconds -1 is not possible"),
         (("set", "101010", "--seconds", "nan"), "--seconds nan is not possible"),
         (("set", "101010", "--seconds", "1000001"), "--seconds 1e+06 is not possible"),
-        (("group", "12"), "names no LEDs"),
-        (("group", "x"), "names no LEDs"),
-        (("sequence", "--dwell-ms", "0.5"), "give 2 to 60000 ms"),
-        (("sequence", "--dwell-ms", "nan"), "--dwell-ms nan is not possible"),
+        (("set", "101010", "--leds", "12"), "names no LEDs"),
+        (("set", "101010", "--leds", "x"), "names no LEDs"),
         (("set", "ffffff", "--seconds", "0.01"), "OVER_CURRENT"),
     ],
 )

@@ -138,7 +138,7 @@ def test_a_sensor_that_cannot_be_opened_leaves_the_other_alone() -> None:
     [
         (("--name", "left"), "--name names one sensor, several are given"),
         (("--calibration", "my-bundle"), "--calibration my-bundle is of one sensor, several are given"),
-        (("--ros2", "tcp/localhost:7447", "--no-publish"), "have no names of their own"),
+        (("--ros2", "tcp/localhost:7447", "--set", "stream.enabled=false"), "have no names of their own"),
         (("--sensor", "sensor://X", "--sensor", "sensor://X"), "sensor"),
     ],
 )

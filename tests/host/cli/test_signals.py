@@ -65,8 +65,7 @@ CASES = [
     (("run", "--sensor", "sim://?board=0", "--sensor", "sim://", "--no-dashboard", "--json"), UNTIL_THEN,
      printed('"frames"')),
     (("ring", "set", "ff0000", "--url", "sim://"), UNTIL_THEN, printed("lit")),
-    (("ring", "sequence", "--url", "sim://"), UNTIL_THEN, printed("in turn")),
-    (("sim",), UNTIL_THEN, printed("a simulated board at")),
+    (("simulate", "board"), UNTIL_THEN, printed("a simulated board at")),
     (("virtual-sensor", "--listen", "127.0.0.1:0"), UNTIL_THEN, printed("offered")),
     (("selfcheck", "--sensor", "sim://?board=0"), BEFORE_DONE, printed("ok")),
     (("optimize", "coarse", "--workers", "2"), BEFORE_DONE, children(4)),
@@ -77,7 +76,7 @@ CASES = [
 
 pause = partial(time.sleep, 0.05)
 """between looks through all processes"""
-BY_CTRL_C = (CASES[0], CASES[4], CASES[11])
+BY_CTRL_C = (CASES[0], CASES[4], CASES[-1])
 """one that runs until it is ended, one with a board, one with a child: a keyboard's signal takes the same way in all"""
 
 
@@ -123,22 +122,14 @@ def test_a_signal_ends_a_verb(
         eventually(lambda: not family(mark) or pause(), READY_S)  # a child may be ending
 
 
-@pytest.mark.parametrize(
-    ("verb", "number"),
-    [
-        (("set", "102030"), signal.SIGTERM),
-        (("group", "0-3"), signal.SIGINT),
-        (("sequence", "--dwell-ms", "20"), signal.SIGTERM),
-    ],
-    ids=["set", "group", "sequence"],
-)
-def test_a_signal_makes_the_leds_of_a_board_dark(verb: tuple[str, ...], number: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_makes_the_leds_of_a_board_dark(number: int, tmp_path: Path) -> None:
     """The board is another process, which prints what its LEDs show."""
     shown = tmp_path / "shown"
-    with shown.open("wb") as output, started([*GELLIGHT, "sim"], stdout=output) as board:
+    with shown.open("wb") as output, started([*GELLIGHT, "simulate", "board"], stdout=output) as board:
         eventually(lambda: "a simulated board at " in shown.read_text() and "\n" in shown.read_text())
         path = shown.read_text().split()[4].rstrip(":")
-        with started([*GELLIGHT, "ring", *verb, "--url", path], stdout=PIPE, text=True) as ring:
+        with started([*GELLIGHT, "ring", "set", "102030", "--url", path], stdout=PIPE, text=True) as ring:
             eventually(lambda: lit(shown))
             assert "Ctrl-C ends" in ring.stdout.readline()
             ring.send_signal(number)

@@ -347,6 +347,6 @@ def test_a_system_that_lets_nothing_run_first_is_told_of_and_the_camera_is_close
     monkeypatch.setattr(os, "sched_setscheduler", Mock(side_effect=PermissionError(1, "Operation not permitted")))
     camera = ScriptedCamera(period_s=0.01)
     parts: Any = camera, CountingReconstructor()
-    with pytest.raises(InputError, match=r"- rtprio 10` to /etc/security/limits.conf.*leave out --realtime"):
+    with pytest.raises(InputError, match=r"- rtprio 10` to /etc/security/limits.conf.*leave service.realtime out"):
         session_of(*parts, realtime=True).__enter__()
     assert camera.closed

@@ -21,7 +21,7 @@ HELD = "sim://?object=BALL&depth=1.0&x=3&y=-2"
 
 
 def test_the_photometric_demo_works_at_once_and_feels_the_ball() -> None:
-    run = gellight("demo", "--mode", "photometric", "--frames", "2", "--json", "--sensor", HELD)
+    run = gellight("demo", "--set", "reconstruction.mode=photometric", "--frames", "2", "--json", "--sensor", HELD)
     assert run.returncode == 0, run.stderr
     status = json.loads(run.stdout.splitlines()[-1])
     assert status["mode"] == "photometric"

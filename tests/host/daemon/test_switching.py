@@ -115,3 +115,18 @@ def test_the_mode_of_files_that_wait_for_their_reader_is_changed_and_no_picture_
         seen += [frame.camera_frame.sequence for frame in sensor]
     assert len(seen) == 6
     assert seen == sorted(set(seen))
+
+
+def test_a_picture_that_was_given_is_not_given_again_where_it_is_reconstructed_anew(
+    ordinary: Bundle, tmp_path: Path
+) -> None:
+    """A reader may have taken it in the very moment in which the mode is changed."""
+    image = np.clip(np.rint(ordinary.reference), 0, 255).astype(np.uint8)
+    for k in range(3):
+        assert cv2.imwrite(str(tmp_path / f"{k}.png"), image[..., ::-1])
+    with gellight.connect(str(tmp_path), calibration=ordinary.source, every=True, patience_s=20) as sensor:
+        first = sensor.next_frame()
+        sensor.daemon.delivered.put(first)
+        seen = [frame.camera_frame.sequence for frame in sensor]
+    assert first.camera_frame.sequence not in seen
+    assert len(seen) == 2

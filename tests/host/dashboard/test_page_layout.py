@@ -65,10 +65,20 @@ def draw_a_line(page: Page) -> None:
 
 
 def columns(page: Page) -> int:
-    """How many panels begin at different places from left to right; the contact's column beside the pictures counts."""
-    lefts = page.evaluate("""() => ["depth", "raw", "difference", "contact", "press"].map((name) =>
+    """How many panels begin at different places from left to right, beside the large depth; the contact's counts."""
+    lefts = page.evaluate("""() => ["surface", "raw", "difference", "contact", "press"].map((name) =>
         Math.round(document.querySelector(`.panel.${name}`).getBoundingClientRect().left))""")
     return len(set(lefts))
+
+
+def test_the_depth_is_the_largest_picture(opened: tuple[Page, Resize]) -> None:
+    page, resize = opened
+    for name, size in SIZES.items():
+        resize(*size)
+        depth, *others = page.evaluate("""() => ["depth", "truth", "image", "difference", "normal", "surface"]
+            .map((id) => document.getElementById(id).getBoundingClientRect())
+            .map(({ width, height }) => width * height)""")
+        assert depth >= max(others) * (1.1 if columns(page) > 1 else 1), (name, depth, others)
 
 
 def test_every_picture_has_its_place(opened: tuple[Page, Resize], source: FormulaSource) -> None:
@@ -86,8 +96,8 @@ def test_every_picture_has_its_place(opened: tuple[Page, Resize], source: Formul
                 assert box["y"] + box["height"] <= 625, f"{name} is seen without scrolling"
     source.put(two_bumps())
     expect(page.get_by_test_id("truth-panel")).to_be_hidden()
-    depth, camera = (page.locator(f".panel.{name}").bounding_box() for name in ("depth", "raw"))
-    assert depth["width"] > 1.9 * camera["width"], "without a truth its place is the depth's"
+    surface, camera = (page.locator(f".panel.{name}").bounding_box() for name in ("surface", "raw"))
+    assert surface["width"] > 1.9 * camera["width"], "without a truth its place is the surface's"
 
 
 def test_text_can_be_read_and_controls_have_edges(

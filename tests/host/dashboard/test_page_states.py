@@ -5,12 +5,14 @@ import threading
 from typing import Any
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, expect
 
+from gellight.daemon.assembly import open_session
 from gellight.dashboard import messages
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.browsing import Open, draw, wait_until
 from tests.helpers.dashboard_source import FormulaSource, bump
+from tests.helpers.settings import loaded
 
 pytestmark = pytest.mark.browser
 
@@ -56,28 +58,65 @@ def test_a_running_calibration_is_said_and_forbids_presses(
     assert source.stage.calls == []
 
 
-def test_an_object_that_is_being_prepared_is_named(opened: Open, source: FormulaSource) -> None:
+def test_an_object_that_is_being_prepared_is_named_and_moves_nothing(opened: Open, source: FormulaSource) -> None:
     said = source.stage.status
-    source.stage.status = lambda: {**said(), "preparing": "TSTEP"}  # type: ignore[method-assign]
     page = opened()
     draw(page, source, 0.5)
+    count_movements(page)
+    source.stage.status = lambda: {**said(), "preparing": "TSTEP"}  # type: ignore[method-assign]
     expect(page.get_by_test_id("state")).to_have_text("preparing")
-    expect(page.get_by_test_id("banner-preparing")).to_contain_text("TSTEP is being prepared")
+    expect(page.get_by_test_id("stage-now")).to_have_text("preparing TSTEP")
     source.stage.status = lambda: {**said(), "preparing": ""}  # type: ignore[method-assign]
-    expect(page.get_by_test_id("banner-preparing")).to_have_count(0)
+    expect(page.get_by_test_id("stage-now")).to_have_text("programme: nothing pressed")
+    assert page.evaluate("movements") == 0
+    page.set_viewport_size({"width": 700, "height": 800})
+    page.wait_for_function("() => movements > 0")
+
+
+@pytest.mark.nightly
+def test_nothing_moves_in_a_minute_of_the_demo(browser: Browser) -> None:
+    """With its own programme, on whatever computer: a slow link and a press that is computed are told in the pill."""
+    settings = loaded({"sensor.url": "sim://?board=0"})
+    with open_session(settings) as daemon, DashboardServer(daemon, port=0) as server:
+        page = browser.new_page(viewport={"width": 1366, "height": 768})
+        page.goto(server.url)
+        page.wait_for_function("() => gellight.drawn > 3", timeout=60_000)
+        count_movements(page)
+        page.wait_for_timeout(60_000)
+        assert page.evaluate("movements") == 0, page.get_by_test_id("banners").inner_text()
+        assert page.evaluate("gellight.drawn") > 20
+        page.close()
+
+
+def count_movements(page: Any) -> None:
+    """Count from now on the painted frames in which a picture stands elsewhere than in the one before."""
+    page.evaluate("""() => {
+        const places = () => [...document.querySelectorAll(".picture, .stagebox")].map((picture) => {
+            const { x, y, width, height } = picture.getBoundingClientRect();
+            return [x, y + scrollY, width, height].join();
+        }).join("; ");
+        let before = places();
+        window.movements = 0;
+        const look = () => {
+            const now = places();
+            movements += now !== before;
+            before = now;
+            requestAnimationFrame(look);
+        };
+        look();
+    }""")
 
 
 def test_an_object_that_is_being_prepared_can_be_given_up(opened: Open, source: FormulaSource) -> None:
-    stage = source.stage
-    said, done = stage.status, threading.Event()
-    stage.status = lambda: {**said(), "preparing": "TSTEP"}  # type: ignore[method-assign]
+    """Release does not wait for the answer to the press, whatever the status says of it."""
+    stage, done = source.stage, threading.Event()
     stage.press = lambda *_: done.wait(20)  # type: ignore[method-assign, assignment]
     try:
         page = opened()
         draw(page, source, 0.5)
         page.get_by_test_id("object-TSTEP").click()
         page.get_by_test_id("press-here").click()
-        page.get_by_test_id("banner-preparing").get_by_role("button").click()
+        page.get_by_test_id("release").click()
         wait_until(page, lambda: bool(stage.calls))
         assert stage.calls == [None], "released while the press was still being computed"
     finally:

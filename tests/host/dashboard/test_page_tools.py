@@ -198,7 +198,7 @@ def test_the_tracked_object_has_its_axes_and_its_way_on_the_pictures(opened: Ope
         show(page, source, replace(bump(0.9, 3.0, -2.0), pose=pose))
     assert page.evaluate("gellight.pose.number") == 4
     told = "object 4 at (2.00, -1.00, 0.00) mm, 2 of 6 directions untellable, doubtful"
-    expect(page.get_by_test_id("pose")).to_have_text(told)
+    expect(page.get_by_test_id("pose")).to_have_text(f"{told}: press deeper, or where there is more relief")
     marks = page.locator(".marks").first
     assert marks.locator(".axis-x").get_attribute("d") == "M2,-1L2,1", "x has turned towards y, down"
     assert marks.locator("path.under").first.get_attribute("d") == "M0,0L2,-1"

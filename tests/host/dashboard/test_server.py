@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 from unittest.mock import Mock
+from urllib.parse import urlsplit
 
 import aiohttp
 import pytest
@@ -135,6 +136,15 @@ def test_the_page_may_load_nothing_from_elsewhere(server: DashboardServer) -> No
 @pytest.mark.parametrize("path", ["nothing", "../server.py", "%2e%2e/server.py", "vendor/../../server.py", "vendor/"])
 def test_nothing_but_the_page_is_served(server: DashboardServer, path: str) -> None:
     assert get(server.base + path)[0] in (403, 404)
+
+
+def test_a_request_that_is_too_long_is_refused_without_a_traceback(
+    server: DashboardServer, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    with socket.create_connection(("127.0.0.1", urlsplit(server.base).port or 0), 5) as client:
+        client.sendall(b"GET /" + b"a" * 20_000 + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        assert client.recv(100).startswith(b"HTTP/1.0 400 Bad Request")
+    assert (capfd.readouterr().err, caplog.text) == ("", "")
 
 
 @pytest.mark.parametrize("path", ["", "status", "ws", "main.js"])

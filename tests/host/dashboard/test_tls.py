@@ -69,8 +69,8 @@ def test_a_browser_shows_frames_over_tls(browser: Browser, server: DashboardServ
 @pytest.mark.parametrize(
     ("cert", "key", "said"),
     [
-        ("own.pem", "", "--tls-cert and --tls-key belong together"),
-        ("", "own.key", "--tls-cert and --tls-key belong together"),
+        ("own.pem", "", "dashboard.tls_cert and dashboard.tls_key belong together"),
+        ("", "own.key", "dashboard.tls_cert and dashboard.tls_key belong together"),
         ("own.pem", "missing.key", r"missing\.key is no file"),
         ("own.pem", "other.key", "no certificate with its private key"),
         ("own.key", "own.key", "no certificate with its private key"),

@@ -77,6 +77,8 @@ def test_what_does_not_exist_is_refused_with_the_remedy(tmp_path: Path) -> None:
         open_camera(str(tmp_path / "none*.png"))
     with pytest.raises(InputError, match="does not exist: check the name"):
         read_image(tmp_path / "none.png")
+    with pytest.raises(InputError, match="image /dev/null is no file: check the name"):
+        read_image(Path("/dev/null"))
     with pytest.raises(CameraError, match="no camera speaks rtsp://"):
         open_camera("rtsp://host/stream")
 

@@ -110,9 +110,18 @@ def test_a_board_that_starts_anew_is_gone_for_its_host_and_keeps_its_flash(termi
             ring.status()
     with connect(terminal.path) as ring:
         ring.configure(replace(ring.configuration(), name=b"anew".ljust(16, b"\0")), save=True)
+        eventually(lambda: ring.status().time_us > 300_000)
+        _, latest_us = started_us(ring)
         ring.reset()
-        eventually(lambda: ring.status().time_us < 500_000)
+        eventually(lambda: started_us(ring)[0] > latest_us)
         assert ring.configuration().name.rstrip(b"\0") == b"anew"
+
+
+def started_us(ring: LightRing) -> tuple[float, float]:
+    """Return between which times of this computer the clock of a board began."""
+    asked_us = time.monotonic() * 1e6
+    told_us = ring.status().time_us
+    return asked_us - told_us, time.monotonic() * 1e6 - told_us
 
 
 def test_real_pyserial_reaches_it_through_a_terminal(terminal: TerminalBoard) -> None:
@@ -226,9 +235,8 @@ def test_the_verbs_drive_the_ring(terminal: TerminalBoard) -> None:
 
     assert "nothing wrong" in run("info")
     assert "lit, 58 mA" in run("set", "300000", "--seconds", "0.1")
-    assert "[0, 1, 8]" in run("group", "0-1,8", "--seconds", "0.1")
-    assert "0 of them late" in run("sequence", "--dwell-ms", "50", "--seconds", "0.5")
-    assert "dark" in run("off")
+    assert "lit, 24 mA" in run("set", "300000", "--leds", "0-1,8", "--seconds", "0.1")
+    assert "dark" in run("set", "off")
 
 
 def test_a_sequence_runs_in_wall_time(terminal: TerminalBoard) -> None:

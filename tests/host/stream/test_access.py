@@ -7,6 +7,9 @@ from pathlib import Path
 import pytest
 
 from gellight.base.errors import StreamError
+from gellight.base.settings import load_settings
+from gellight.cli.one_sensor import opened
+from gellight.stream.network import zenoh_settings
 from gellight.stream.publisher import Publisher
 from gellight.stream.subscription import subscribe
 from tests.helpers.children import run
@@ -55,7 +58,20 @@ def test_a_reader_with_a_certificate_may_read_and_nothing_else(settings: Path) -
 
 
 def test_a_file_that_is_no_configuration_is_refused(tmp_path: Path) -> None:
+    """With the place in the file, and without one in zenoh's own source."""
     (tmp_path / "wrong.json5").write_text("{ listen: ")
     daemon, _ = bump_daemon()
-    with daemon, pytest.raises(StreamError, match=r"wrong\.json5 is no configuration of zenoh"):
+    with (
+        daemon,
+        pytest.raises(StreamError, match=r"wrong\.json5 is no configuration of zenoh \(line 1, column 11\)"),
+    ):
         Publisher(daemon, config=tmp_path / "wrong.json5").__enter__()
+    for name, why in (("none.json5", "No such file or directory"), (".", "Is a directory")):
+        with pytest.raises(StreamError, match=rf"cannot be read \({why}\): check the name$"):
+            zenoh_settings(tmp_path / name)
+
+
+def test_a_file_that_is_no_configuration_is_told_before_a_sensor_is_opened(tmp_path: Path) -> None:
+    given = {"sensor.url": "v4l2:///dev/nothing-here", "stream.zenoh_config": str(tmp_path / "none.json5")}
+    with pytest.raises(StreamError, match=r"none\.json5 cannot be read"):
+        opened(load_settings(given)).__enter__()

@@ -156,7 +156,7 @@ def test_without_the_package_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch)
         return known(name, *rest)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(StreamError, match=r"pip install \"gellight\[foxglove\]\""):
+    with pytest.raises(StreamError, match="pip install foxglove-sdk"):
         FoxgloveServer(bump_daemon()[0], name="finger", port=0).__enter__()
 
 

@@ -25,8 +25,7 @@ from tests.helpers.weighed import force_files
 pytestmark = pytest.mark.nightly
 PLUGIN = CHECKOUT / "host/lerobot_camera_gellight"
 READER = CHECKOUT / "tests/helpers/lerobot_reader.py"
-README = (CHECKOUT / "README.md").read_text()
-(CAMERAS,) = re.findall(r"--robot\.cameras=\"(.*?)\"", README)
+(CAMERAS,) = re.findall(r"--robot\.cameras=\"(.*?)\"", (CHECKOUT / "docs/streaming.md").read_text())
 """as a user types it"""
 PAGE = (CHECKOUT / "docs/lerobot.md").read_text()
 

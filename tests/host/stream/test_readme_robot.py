@@ -1,4 +1,4 @@
-"""What the README types runs as it stands, but that ports are free ones: each way to a robot, all blocks in order."""
+"""What README and docs/streaming.md type runs as it stands, but on free ports: each way to a robot, in order."""
 
 import os
 import re
@@ -18,7 +18,7 @@ from tests.helpers.streamed import free_port
 
 pytestmark = pytest.mark.nightly
 README = (CHECKOUT / "README.md").read_text()
-SECTION = README.partition("## Use it from your robot")[2].partition("\n## ")[0]
+SECTION = (CHECKOUT / "docs/streaming.md").read_text().partition("## Other computers")[0]
 BLOCKS = re.findall(r"```sh\n(.*?)```", SECTION, re.DOTALL)
 
 
@@ -41,7 +41,7 @@ def test_every_block_is_tried() -> None:
 
 SLOW = "sim://?fps=4"
 """three sensors at 30 frames/s, each of which stays open, ask for more than two processors have"""
-LEFT_OUT = ("make demo", ". .venv/", "pip install", "lerobot-record", "sudo", "gellight calibrate")
+LEFT_OUT = ("git clone", "make demo", ". .venv/", "pip install", "lerobot-record", "sudo", "gellight calibrate")
 """what is open already, what this environment has, what needs one of its own, and what tests/test_first_hour.py runs"""
 ENDED = {
     "--foxglove$": "--frames 5",
@@ -52,9 +52,10 @@ ENDED = {
 
 
 def typed(port: int) -> str:
-    """Return every block of the README, in order, as it is typed into one shell."""
+    """Return every block of the README, then of the ways to a robot, as it is typed into one shell."""
     script = ["set -eu", "trap 'kill $(jobs -p)' EXIT"]
-    for kind, block in re.findall(r"```(sh|python)\n(.*?)```", README, re.DOTALL):
+    blocks = [*re.findall(r"```(sh|python)\n(.*?)```", README, re.DOTALL), *(("sh", block) for block in BLOCKS)]
+    for kind, block in blocks:
         if kind == "python":
             script += ["python - <<'END'", block, "END"]
             continue

@@ -55,7 +55,7 @@ def test_pictures_take_two_fifths_of_their_bytes_at_most(recording: Path) -> Non
 
 
 def test_a_recording_is_replayed_with_its_own_bundle(recording: Path) -> None:
-    done = done_of("replay", recording, "--speed", 0, "--loop", "--frames", 4, "--no-dashboard", "--json")
+    done = done_of("run", recording, "--frames", 4, "--no-dashboard", "--json")
     status = json.loads(done.stdout)
     assert status["indentation_mm"] == pytest.approx(1.0, abs=0.05)
     assert status["calibration"]["identity"] == gellight.load_bundle("synthetic").identity
@@ -70,7 +70,7 @@ def test_no_frame_is_left_out_of_a_replay_that_waits_for_its_reader(recording: P
 
 
 def test_a_replay_that_ends_before_its_frames_says_so_in_words(recording: Path) -> None:
-    done = done_of("replay", recording, "--speed", 0, "--frames", 999, "--no-dashboard")
+    done = done_of("run", "--sensor", f"replay://{recording}?speed=0", "--frames", 999, "--no-dashboard")
     assert re.match(r"\d+ frames of 999: there were no more\.\n", done.stdout)
     assert re.search(r"deepest touch was (0\.9|1\.0)\d+ mm; the last frame feels 1\.\d\d \+- 0\.06 N\.", done.stdout)
     assert "{" not in done.stdout
@@ -138,14 +138,23 @@ def test_without_its_library_or_frames_no_episode_is_left(tmp_path: Path, monkey
     with pytest.raises(InputError, match="no frames"):
         write_lerobot([], tmp_path / "a", fps=30, task="touch", png=bytes)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(InputError, match=r"gellight\[lerobot\]"):
+    with pytest.raises(InputError, match="pip install pyarrow"):
         write_lerobot([full_frame()], tmp_path / "a", fps=30, task="touch", png=bytes)
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_export_that_is_refused_leaves_no_folder(recording: Path, tmp_path: Path) -> None:
+    """Nor a word of OpenCV's; a folder that was there stays."""
+    (tmp_path / "mine").mkdir()
+    for name in ("new", "mine"):
+        why = refused(invoke("export", recording, "--as", "video", "--every", 999999, "--out", tmp_path / name))
+        assert why.endswith("pictures a second make no video: leave out fewer frames")
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
 def test_without_the_library_of_arrays_the_remedy_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "h5py", None)
-    with pytest.raises(InputError, match=r"gellight\[arrays\]"):
+    with pytest.raises(InputError, match="pip install h5py"):
         write_arrays([], tmp_path / "a.h5")
     assert list(tmp_path.iterdir()) == []
 
@@ -293,7 +302,9 @@ def test_every_picture_of_a_folder_is_recorded_and_none_gets_the_bundle_of_anoth
 ) -> None:
     for number in range(count):
         (tmp_path / f"{number}.png").write_bytes(encode_png(np.full((48, 64, 3), 40 * number + 40, np.uint8)))
-    done = children.gellight("record", "--sensor", str(tmp_path), "--out", str(tmp_path / "all.mcap"), "--no-publish")
+    done = children.gellight(
+        "record", "--sensor", str(tmp_path), "--out", str(tmp_path / "all.mcap"), "--set", "stream.enabled=false"
+    )
     assert done.returncode == 0, done.stderr
     assert "these pictures have no bundle, so there is no depth: give that of their sensor by" in done.stderr
     recording = Recording(tmp_path / "all.mcap")
@@ -304,7 +315,9 @@ def test_every_picture_of_a_folder_is_recorded_and_none_gets_the_bundle_of_anoth
 @pytest.mark.nightly
 def test_a_recording_without_a_frame_is_refused_and_leaves_no_file(recording: Path, tmp_path: Path) -> None:
     slow, out = f"replay://{recording}?speed=0.002", tmp_path / "slow.mcap"
-    done = children.gellight("record", "--sensor", slow, "--out", str(out), "--seconds", "1", "--no-publish")
+    done = children.gellight(
+        "record", "--sensor", slow, "--out", str(out), "--seconds", "1", "--set", "stream.enabled=false"
+    )
     assert (done.returncode, out.exists()) == (2, False), done.stderr
     assert "no frame came, so there is no" in done.stderr
 

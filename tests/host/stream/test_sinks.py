@@ -35,7 +35,8 @@ def planted(folder: Path) -> Path:
 
 def runs(tmp_path: Path, place: Path) -> None:
     path = os.pathsep.join([str(place), os.environ.get("PYTHONPATH", "")])
-    told = ["--sensor", "grey://127", "--sinks", "forces", "--name", "mine", "--frames", "20", "--no-publish"]
+    told = ["--sensor", "grey://127", "--name", "mine", "--frames", "20"]
+    told += ["--set", "stream.sinks=forces", "--set", "stream.enabled=false"]
     done = gellight("run", *told, cwd=tmp_path, env={**os.environ, "PYTHONPATH": path})
     assert done.returncode == 0, done.stderr
     lines = (tmp_path / "mine.csv").read_text().splitlines()

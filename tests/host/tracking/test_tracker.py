@@ -133,7 +133,7 @@ def test_a_pose_is_doubtful_where_its_largest_deviation_is(sd: float, doubtful: 
     covariance[block, block] += np.full((3, 3), sd**2 / 3)
     stated = replace(pose, covariance=covariance)
     assert (stated.doubtful, stated.figures().doubtful) == (doubtful, doubtful)
-    assert stated.in_words().endswith(", doubtful") == doubtful
+    assert stated.in_words().endswith(", doubtful: press deeper, or where there is more relief") == doubtful
 
 
 def test_a_pose_travels_as_figures() -> None:

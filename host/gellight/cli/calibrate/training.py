@@ -31,7 +31,7 @@ from gellight.photometric.lights_file import has_lights
 
 LARGEST_ERROR_DEG = 14.0
 """mean of the normals: real sensors say up to 11.2 with all presses and 12.7 of two, wrong labels 15.2 and more; half
-way between, as all sets but one would choose it (docs/calibration-data.md)"""
+way between, as all sets but one would choose it (docs/figures.md)"""
 SMALLER = "smaller_view"
 """in the metrics: of the labelled pictures, where they were too large"""
 LIGHT_FRAMES = 64

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -44,8 +45,7 @@ def export(
     felt, used = felt_frames(recording, bundle), bundle or recording.bundle
     frames = islice(map(ObjectFollower(on=track).follow, felt), 0, None, every)
     known: dict[str, Any] = {"pixel_size_mm": used.pixel_size_mm, "calibration": used.identity, "source": file.name}
-    try:
-        out.mkdir(parents=True, exist_ok=True)
+    with _emptied(out):
         match kind:
             case Kind.VIDEO:
                 count = _video(frames, out, scale_um, fps_of(recording) / every)
@@ -56,12 +56,25 @@ def export(
                                       png=encode_png, tracked=track)  # fmt: skip
             case _:
                 count = sum(_written(frame, out, kind, scale_um, used) for frame in frames)
-    except OSError as error:
-        why = error.strerror or error
-        raise InputError(f"{out} cannot be written ({why}): choose another folder, or free space") from error
     if not recording.whole:
         print(f"gellight: the end of {file} is missing: its recording was cut short", file=sys.stderr)
     show({"frames": count, "whole": recording.whole}, as_json, f"{count} frames in {out}")
+
+
+@contextmanager
+def _emptied(out: Path) -> Iterator[None]:
+    """Make a folder, and take it away again where nothing was written; InputError where it cannot be written."""
+    there = out.exists()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        why = error.strerror or error
+        raise InputError(f"{out} cannot be written ({why}): choose another folder, or free space") from error
+    finally:
+        if not there:
+            with suppress(OSError):  # it holds something
+                out.rmdir()
 
 
 def fps_of(recording: Recording) -> float:

@@ -264,14 +264,16 @@ function judgeState(nowS) {
   stats.state = state.name;
   document.body.dataset.state = state.name;
   write("state", state.text);
+  element("state").title = state.why;
   press.forbid(state.noPress);
-  tellBanners(banners, state, status, { retry: () => connection.retryNow(), resume: () => pause(false), release: () => press.release(), diagnose });
+  tellBanners(banners, state, status, { retry: () => connection.retryNow(), resume: () => pause(false), diagnose });
 }
 
 function diagnose() {
   element("diagnostics").open = true;
-  element("diagnostics").scrollIntoView({ block: "nearest" });
 }
+
+element("diagnostics").addEventListener("toggle", ({ target }) => target.open && target.scrollIntoView({ block: "nearest" }));
 
 // ---- pause, and earlier frames ----
 

@@ -37,7 +37,8 @@ export class PressPanel {
     if (stage.preparing) this.#goOn();
     if (element("objects").childElementCount !== stage.objects.length) this.#fill(stage);
     const who = stage.visitor ? "you" : "programme";
-    write("stage-now", stage.depth_mm > 0 ? `${who}: ${stage.object} ${stage.depth_mm.toFixed(2)} mm` : `${who}: nothing pressed`);
+    if (stage.preparing) write("stage-now", `preparing ${stage.preparing}`);
+    else write("stage-now", stage.depth_mm > 0 ? `${who}: ${stage.object} ${stage.depth_mm.toFixed(2)} mm` : `${who}: nothing pressed`);
   }
 
   /** Whether there is something to press objects into. */
@@ -166,11 +167,11 @@ export class PressPanel {
     this.#flush();
   }
 
-  /** Lift the object off the gel. */
+  /** Lift the object off the gel, without waiting for a press that is being computed. */
   release() {
     this.#active = false;
-    this.#next = { type: "release" };
-    this.#flush();
+    this.#next = null;
+    this.#send({ type: "release" });
   }
 
   #flush() {

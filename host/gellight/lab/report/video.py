@@ -7,12 +7,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.errors import InputError
+
+SLOWEST = 0.01
+"""pictures a second"""
+
 
 class VideoFile:
     """Takes pictures of one size; a context manager that finishes the file."""
 
     def __init__(self, path: Path, fps: float) -> None:
-        """Begin with the first picture."""
+        """Begin with the first picture; InputError for a rate that MPEG-4 cannot have."""
+        if fps < SLOWEST:
+            raise InputError(f"{fps:.3g} pictures a second make no video: leave out fewer frames")
         self._path, self._fps = path, fps
         self._writer: cv2.VideoWriter | None = None
         self._count = 0

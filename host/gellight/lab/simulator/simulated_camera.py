@@ -112,7 +112,7 @@ class SimulatedCamera(Camera):
         if self.ring is not None:
             self.ring.close()
         if self._ahead is not None:
-            self._ahead.join(CLOSE_S)  # Python ends with an abort while a thread is in a library's code
+            self._ahead.join(CLOSE_S)
 
     @property
     def bundle_files(self) -> Mapping[str, bytes]:
@@ -187,7 +187,8 @@ class SimulatedCamera(Camera):
             return press
         if self.stage.plays:
             if press not in self._left_out and (self._ahead is None or not self._ahead.is_alive()):
-                self._ahead = threading.Thread(target=self._prepare_ahead, args=(press,), name="scene", daemon=True)
+                # Python waits for it at its end, and would abort where a thread of a daemon is in a library's code
+                self._ahead = threading.Thread(target=self._prepare_ahead, args=(press,), name="scene", daemon=False)
                 self._ahead.start()
             return self._press
         with self.stage.computing(press):
@@ -197,8 +198,7 @@ class SimulatedCamera(Camera):
 
     def _prepare_ahead(self, press: Press) -> None:
         try:
-            with self.stage.computing(press):
-                self._scene.prepare_ahead(press)
+            self._scene.prepare_ahead(press)
         except NotConverged as error:
             self._left_out.add(press)
             logger.warning("the programme leaves out %s, %g mm deep: %s", press.object_name, press.depth_mm, error)

@@ -7,6 +7,8 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import IO
 
 from gellight.base.errors import TrainingError
 from gellight.base.gelnet_child import gelnet_environment
@@ -47,10 +49,7 @@ def run_module(
 
 def _run_child(command: list[str], progress: Progress, *, threads: int = 1, check: Check = go_on) -> None:
     """Do as `run_module` with any command that prints its progress."""
-    with (
-        tempfile.TemporaryFile("w+") as complaints,
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, env=gelnet_environment(threads)) as child,
-    ):
+    with tempfile.TemporaryFile("w+") as complaints, _started(command, complaints, threads) as child:
         try:
             for line in _lines(child, check):
                 step = json.loads(line)
@@ -63,6 +62,19 @@ def _run_child(command: list[str], progress: Progress, *, threads: int = 1, chec
         text = complaints.read().strip()
     if status:
         raise (RefusedTableError if status == _REFUSED else TrainingError)(_reason(text, status))
+
+
+def _started(command: list[str], complaints: IO[str], threads: int) -> subprocess.Popen[bytes]:
+    """Start a child, in a thread: an interrupt in the midst of it would leave a child that nobody ends."""
+    with ThreadPoolExecutor(1) as starter:
+        starting = starter.submit(
+            subprocess.Popen, command, stdout=subprocess.PIPE, stderr=complaints, env=gelnet_environment(threads)
+        )
+        try:
+            return starting.result()
+        except BaseException:
+            starting.result().kill()
+            raise
 
 
 def _lines(child: subprocess.Popen[bytes], check: Check) -> Iterator[bytes]:

@@ -20,6 +20,6 @@ def checked_trainer(wanted: TrainerName) -> TrainerName:
     """Return what trains; InputError for a torch that is not installed."""
     installed = importlib.util.find_spec("torch") is not None
     if wanted != "numpy" and not installed:
-        raise InputError('PyTorch is not installed: pip install "gellight[torch]", or train with numpy')
+        raise InputError("PyTorch is not installed: pip install torch, or train with numpy")
     logger.info("%s trains the network (PyTorch installed: %s)", wanted, installed)
     return wanted

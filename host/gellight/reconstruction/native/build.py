@@ -54,7 +54,7 @@ def build(name: str) -> bytes:
 def compiled(what: str, folder: Path, arguments: Sequence[str]) -> bytes:
     """Return a library that PyPI's compiler makes in a folder; InputError where it is missing or complains."""
     if importlib.util.find_spec("ziglang") is None:
-        raise InputError('the compiler is missing: pip install "gellight[firmware]"')
+        raise InputError("the compiler is missing: pip install ziglang==0.17.0")
     with tempfile.TemporaryDirectory() as made:
         out = Path(made) / "library.so"
         command = [sys.executable, "-m", "ziglang", "cc", "-target", *arguments, "-o", str(out)]

@@ -48,7 +48,7 @@ def compiler(name: str, target: Target) -> list[str]:
     """Return the command for a target of `zig` (from PyPI's ziglang) or `gcc` (Debian's gcc-arm-none-eabi)."""
     if name == "zig":
         if importlib.util.find_spec("ziglang") is None:
-            raise InputError('the compiler is missing: pip install "gellight[firmware]"')
+            raise InputError("the compiler is missing: pip install ziglang==0.17.0")
         return [sys.executable, "-m", "ziglang", "cc", "-target", "thumb-freestanding-eabi", f"-mcpu={target.zig}",
                 "-fno-sanitize=all", "-fno-builtin", *_INLINE_LITTLE]  # fmt: skip
     if name == "gcc":

@@ -3,10 +3,8 @@
 VERBS = {
     "scan": (
         "gellight_scan.cli.scan_verb:command",
-        "Scan a surface that is larger than the view: press, lift, press beside, over half of a press that was.",
+        "Scan a surface larger than the view, press by press.",
+        "Run",
     ),
-    "surface": (
-        "gellight_scan.cli.surface_verb:command",
-        "Measure the roughness of a surface, or write it for other programs.",
-    ),
+    "surface": ("gellight_scan.cli.surface_verb:command", "Measure the roughness of a surface, or export it.", "Run"),
 }

@@ -33,7 +33,9 @@ def command(
     dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Scan a surface that is larger than the view: press, lift, press beside, over half of a press that was.
+    """Scan a surface larger than the view, press by press.
+
+    Press, lift, press beside, over half of a press that was.
 
     After each press it is said to which ones it could be joined and where no press has been. FOLDER has map.npz, the
     heights with their errors where the gel reached the part, and map.png, a picture of it; both grow with every press.

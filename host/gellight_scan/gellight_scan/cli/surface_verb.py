@@ -21,7 +21,7 @@ def command(
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Measure the roughness of a surface, or write it for other programs.
+    """Measure the roughness of a surface, or export it.
 
     Over the whole map: Sa, Sq, Sz, Ssk and Sku (ISO 25178-2); along a line: Ra, Rq and Rz (ISO 21920-2); all by the
     Gaussian filter of ISO 16610. Of a recording it is what one press felt. What is finer than the coating's blur and

@@ -1,8 +1,10 @@
 """The simulated sensor: what is pressed is what is seen, and rubbish is refused."""
 
 import itertools
+import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from gellight.lab.simulator.simulated_camera import SimulatedCamera, open_simula
 from gellight.lab.simulator.stage import PROGRAMME, Stage, programme_of_presses
 from gellight.opening import open_camera
 from sim_reference.geometry import SensorGeometry
+from tests.helpers import children
 
 
 def open_quiet(parameters: str = "") -> SimulatedCamera:
@@ -249,7 +252,7 @@ def test_frames_go_on_while_a_press_of_the_programme_is_computed() -> None:
         camera._scene.prepare_ahead = lambda press: may_go_on.wait(10) and compute(press)  # type: ignore[method-assign,func-returns-value]
         frames = [camera.read() for _ in range(5)]
         assert all(frame.truth is not None and not frame.truth.contact.any() for frame in frames)
-        assert camera.stage.status()["preparing"] == "BALL"
+        assert camera.stage.status()["preparing"] == "", "nobody waits for it"
         may_go_on.set()
         deadline_s = time.monotonic() + 20
         while time.monotonic() < deadline_s and not camera.read().truth.contact.any():  # type: ignore[union-attr]
@@ -316,3 +319,27 @@ def test_a_pinhole_sees_a_press_farther_out_and_a_window_changes_the_light() -> 
     # Bent light comes more steeply: the same slopes change it less.
     contrast = [np.ptp(frame.image[30:60, 110:145].astype(float), axis=(0, 1)).mean() for frame in frames]
     assert contrast[3] < 0.85 * contrast[2]
+
+
+ENDS = """
+import time, numpy as np, scipy.fft
+from gellight.lab.simulator.scene import Scene
+from gellight.opening import open_camera
+
+def slow(scene, press):
+    until_s = time.monotonic() + 3
+    while time.monotonic() < until_s:
+        scipy.fft.fft2(np.ones((256, 256)))
+
+Scene.prepare_ahead = slow
+camera = open_camera("sim://?board=0")
+while camera._ahead is None:
+    camera.read()
+camera.close()
+"""
+
+
+def test_a_program_ends_well_while_a_press_is_computed_ahead(tmp_path: Path) -> None:
+    """A thread that wants Python back from a library after Python's end would abort the process."""
+    done = children.run([sys.executable, "-c", ENDS], cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")

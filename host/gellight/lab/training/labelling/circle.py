@@ -41,7 +41,7 @@ _RIVAL = 0.3
 _PATIENCE = 16
 _MOST_ERROR_OF_ARC, _MOST_ERROR = 0.07, 0.4
 """of the ball's radius, of the centre: 4 degrees of slope for an arc; whole circles of real gels are told to 0.33 at
-worst, and one beside its contact to 0.67: folds do not decide it (docs/calibration-data.md)"""
+worst, and one beside its contact to 0.67: folds do not decide it (docs/figures.md)"""
 _OTHER_LIGHT, _WHITE_GREY = 0.03, 250
 """by which share the light is off where a refusal names it; grey levels that clip"""
 _FAINTEST = 0.05
