@@ -1,9 +1,9 @@
 """Time the frame path: `python -m tests.benchmarks.frame_times [--calibration BUNDLE] [--rounds N] [--threads N]`.
 
-Its stages and forms, against the network alone, against what is usual (PyTorch), and against what the processor can do:
-all in one run on the same frames, in turn, so that a busy machine slows all of them down. CPU is the processor time of
-the whole process: it also counts a second thread that a linear-algebra library keeps busy. `--press IMAGE`, with
-`--untouched IMAGE` where that is not the gel of the bundle, times a picture of a press too; `make bench` gives one.
+Its stages and forms, and against what is usual (PyTorch): all in one run on the same frames, in turn, so that a busy
+machine slows all of them down. CPU is the processor time of the whole process: it also counts a second thread that a
+linear-algebra library keeps busy. `--press IMAGE`, with `--untouched IMAGE` where that is not the gel of the bundle,
+times a picture of a press too; `make bench` gives one.
 """
 
 import argparse
@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import onnx
-import onnxruntime
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle, load_bundle
@@ -24,7 +23,6 @@ from gellight.frame_path.pipeline import Form, Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.photometric.lights_file import FILE_NAME as LIGHTS
-from gellight.reconstruction.gelnet import BLOCK_ROWS
 from gellight.reconstruction.lens.lens_file import has_lens
 from tests.helpers.analytic_surfaces import Surface, smooth_cap
 
@@ -32,11 +30,6 @@ _GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])
 _BALL_SHARE = 0.21
 _STEEP_PX = 53
 """makes waves of 37 px, steep enough that one pixel in eight goes through the network by itself"""
-_BYTES_PER_PIXEL = 3 + 12 + 12 + 8 + 12 + 4 + 1
-"""picture, reference image, difference image, gradient, normal and depth map, contact: the least that a frame moves"""
-_JACOBIAN_ROWS = 3
-"""A row with its Jacobian costs the network three times: forwards, and backwards for each of two slopes."""
-NETWORK_ONE_BATCH, NETWORK_BLOCKS = "network alone, one batch", "network alone, blocks"
 USUAL = "usual: PyTorch, 64-64-64"
 """the slopes alone, by a network of the usual width"""
 
@@ -64,22 +57,9 @@ class FrameTimes:
     stages: dict[str, Times]
     whole: Times
     others: dict[str, Times]
-    """the other forms, and networks alone on rows of all pixels (difference, x and y stacked first)"""
+    """the other forms, and the usual network on rows of all pixels (difference, x and y stacked first)"""
     ratios: dict[str, float]
     """CPU of the others over that of the whole frame"""
-    peak_fraction: dict[str, float]
-    """`network`: its floating-point operations over what the gradient stage could do at the measured peak of one core;
-    `memory`: what a frame has to move over what one core copies in that time"""
-
-
-@dataclass(frozen=True)
-class Machine:
-    """What one core does at best."""
-
-    flops: float
-    """float32 operations a second, in a product of matrices"""
-    bytes_per_s: float
-    """read and written, in a copy beyond the caches"""
 
 
 def frame_times(
@@ -96,13 +76,12 @@ def frame_times(
     along each axis, unless the bundle has a lens. threads: of the network. press: in the size of the bundle, or in any
     with a picture of the same gel untouched.
     """
-    machine = measure_machine()
     tasks = [(sized, scenes(sized)) for sized in ([bundle] if has_lens(bundle) else [bundle, halved(bundle)])]
     if press is not None:
         tasks.append((bundle if untouched is None else over(bundle, untouched), {"press": press}))
     times = []
     for sized, pictures in tasks:
-        contest = _Contest(sized, threads, machine)
+        contest = _Contest(sized, threads)
         times += [contest.run(name, picture, rounds) for name, picture in pictures.items()]
     return times
 
@@ -163,25 +142,6 @@ def _photograph(bundle: Bundle, surface: Surface) -> NDArray[np.uint8]:
     return np.asarray(np.clip(np.round(image), 0, 255), np.uint8)
 
 
-def measure_machine() -> Machine:
-    """Multiply and copy, and take the best of some rounds."""
-    side, many = 512, 32_000_000
-    a, b = np.random.default_rng(0).random((2, side, side), np.float32)
-    source = np.zeros(many // 4, np.float32)
-    target = np.ones_like(source)
-    product = np.empty_like(a)
-    flops = 2 * side**3 / _least(lambda: np.matmul(a, b, out=product), 30).cpu_ms * 1e3
-    moved = 2 * many / _least(lambda: np.copyto(target, source), 10).cpu_ms * 1e3
-    return Machine(flops=flops, bytes_per_s=moved)
-
-
-def _least(run: Callable[[], object], rounds: int) -> Times:
-    """The least CPU and wall time of some rounds."""
-    seconds = [_timed(run) for _ in range(rounds)]
-    cpu, wall = np.min(seconds, axis=0) * 1e3
-    return Times(cpu_ms=round(float(cpu), 3), wall_ms=round(float(wall), 3))
-
-
 def _timed(run: Callable[[], object]) -> tuple[float, float]:
     wall, cpu = time.perf_counter(), time.process_time()
     run()
@@ -191,9 +151,7 @@ def _timed(run: Callable[[], object]) -> tuple[float, float]:
 class _Contest:
     """Everything that is timed against each other, for images of one size."""
 
-    def __init__(self, bundle: Bundle, threads: int, machine: Machine) -> None:
-        self._machine = machine
-        self._row_flops = network_flops(bundle.network)
+    def __init__(self, bundle: Bundle, threads: int) -> None:
         self._by_wall, self._by_cpu = (
             Reconstructor(bundle, threads=threads, clock=clock) for clock in (time.perf_counter, time.process_time)
         )
@@ -201,18 +159,14 @@ class _Contest:
             f"form {form.value}": Reconstructor(bundle, threads=threads, form=form)
             for form in (Form.CELLS, Form.PIXELS)
         }
-        self._alone = {
-            NETWORK_ONE_BATCH: network_alone(bundle, threads, bundle.reference.shape[0] * bundle.reference.shape[1]),
-            NETWORK_BLOCKS: network_alone(bundle, threads, BLOCK_ROWS),
-            USUAL: usual_network(bundle, threads),
-        }
+        self._usual = usual_network(threads)
 
     def run(self, scene: str, image: NDArray[np.uint8], rounds: int) -> FrameTimes:
         frame = CameraFrame(image=image, time_s=0.0, sequence=0)
         result = self._by_wall.reconstruct(frame)
         runs: dict[str, Callable[[], object]] = {"": lambda: self._by_wall.reconstruct(frame)}
         runs |= {name: lambda form=form: form.reconstruct(frame) for name, form in self._forms.items()}  # type: ignore[misc]
-        runs |= {name: lambda alone=alone: alone(result.difference) for name, alone in self._alone.items()}  # type: ignore[misc]
+        runs[USUAL] = lambda: self._usual(result.difference)
         if (measures := result.measures) is not None:
             runs["confidence, beside"] = lambda: measures.confidence(image, result.gradient_map)
             runs["force, beside"] = lambda: measures.force(result.depth_mm)
@@ -231,7 +185,6 @@ class _Contest:
             whole=whole,
             others=found,
             ratios={name: round(times.cpu_ms / whole.cpu_ms, 2) for name, times in found.items()},
-            peak_fraction=self._peak_fraction(stages, whole, height * width),
         )
 
     def _stages(self, frame: CameraFrame, rounds: int) -> dict[str, Times]:
@@ -242,15 +195,6 @@ class _Contest:
         return {
             stage: Times(*(round(min(seconds[stage] for seconds in times) * 1e3, 3) for times in (cpu, wall)))
             for stage in cpu[0]
-        }
-
-    def _peak_fraction(self, stages: dict[str, Times], whole: Times, pixels: int) -> dict[str, float]:
-        rows = self._by_wall.network_rows
-        flops = self._row_flops * (rows.coarse + rows.pixels + _JACOBIAN_ROWS * rows.cells)
-        gradient_s, whole_s = stages["gradient"].cpu_ms / 1e3, whole.cpu_ms / 1e3
-        return {
-            "network": round(flops / gradient_s / self._machine.flops, 3) if gradient_s else 0.0,
-            "memory": round(_BYTES_PER_PIXEL * pixels / whole_s / self._machine.bytes_per_s, 3),
         }
 
 
@@ -266,26 +210,7 @@ def _in_turn(runs: dict[str, Callable[[], object]], rounds: int) -> dict[str, Ti
     return {name: Times(cpu_ms=round(float(ms[0]), 3), wall_ms=round(float(ms[1]), 3)) for name, ms in least.items()}
 
 
-def network_flops(network: bytes) -> int:
-    """Return the multiplications and additions of one row."""
-    weights = (tensor.dims for tensor in onnx.load_from_string(network).graph.initializer)
-    return sum(2 * dims[0] * dims[1] for dims in weights if len(dims) == 2)
-
-
-def network_alone(bundle: Bundle, threads: int, block: int) -> Callable[[NDArray[np.float32]], object]:
-    """What is done without this pipeline: stack difference, x and y of all pixels, run them in blocks of rows."""
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    session = onnxruntime.InferenceSession(bundle.network, options, providers=["CPUExecutionProvider"])
-
-    def run(difference: NDArray[np.float32]) -> Sequence[object]:
-        pixels = rows_of(difference)
-        return [session.run(None, {"pixels": pixels[at : at + block]}) for at in range(0, len(pixels), block)]
-
-    return run
-
-
-def usual_network(bundle: Bundle, threads: int) -> Callable[[NDArray[np.float32]], object]:
+def usual_network(threads: int) -> Callable[[NDArray[np.float32]], object]:
     """Return what the usual stacks do: the same rows through 5-64-64-64-2 in PyTorch."""
     import torch  # heavy, and nothing for those who want the scenes alone
 
@@ -317,8 +242,6 @@ def table(times: Sequence[FrameTimes]) -> str:
         for name, ms in [*t.stages.items(), ("whole frame", t.whole), *t.others.items()]:
             ratio = f"{t.ratios[name]:9.1f} x the whole frame" if name in t.ratios else ""
             lines.append(f"  {name:26}{ms.cpu_ms:9.2f}{ms.wall_ms:9.2f}{ratio}")
-        shares = ", ".join(f"{name} {share:.0%}" for name, share in t.peak_fraction.items())
-        lines.append(f"  of what one core can do: {shares}")
     return "\n".join(lines)
 
 

@@ -1,17 +1,14 @@
-"""The gel by finite elements: the layer against it on every object, its convergence, and its time by vertices.
+"""The gel by finite elements: the layer against it on every object, and its convergence.
 
     python -m tests.benchmarks.gel objects
     python -m tests.benchmarks.gel record
     python -m tests.benchmarks.gel convergence --depth-mm 0.5
     python -m tests.benchmarks.gel convergence --objects SINWAVE --dense-radius-mm 2.5
-    python -m tests.benchmarks.gel scaling
-    python -m tests.benchmarks.gel scaling --resolutions-mm 0.1 --steps 4
 
 Each press is printed when it is done. Times are processor times of one thread.
 """
 
 import argparse
-import contextlib
 import json
 import multiprocessing
 import resource
@@ -31,7 +28,6 @@ from gellight.lab.simulator.gel_models import source_digest
 from sim_reference import gel
 from sim_reference.deformation import Deformation, NotConverged, grid
 from sim_reference.fem.gel import FemGel, FemPress, coated, solver_of
-from sim_reference.fem.newton import Step
 from sim_reference.geometry import SensorGeometry
 from sim_reference.metrics import angular_error
 from sim_reference.objects import OBJECT_NAMES, object_height
@@ -60,8 +56,6 @@ class Given:
     names: list[str]
     folder: Path
     """of kept presses"""
-    resolutions_mm: list[float]
-    steps: int
 
 
 @dataclass(frozen=True)
@@ -76,7 +70,6 @@ class Figures:
     """Of one press: what it took, and its smallest gap and det F of all steps."""
 
     vertices: int
-    steps: int
     cpu_s: float
     wall_s: float
     peak_gb: float
@@ -209,68 +202,11 @@ def convergence(given: Given) -> None:
           f"error left at 0.15 mm {changes[1] / (2**order - 1):.2f} um")  # fmt: skip
 
 
-class EnoughStepsError(Exception):
-    """As many steps have been taken as were asked for."""
-
-
-@dataclass(frozen=True)
-class Scale:
-    """Of the first steps of a press on one mesh. The first prepares the mesh, and is not in the time of a step."""
-
-    vertices: int
-    steps: int
-    step_cpu_s: float
-    step_wall_s: float
-    whole_wall_s: float
-    """with mesh and preparation"""
-    peak_gb: float
-
-
-def scale(resolution_mm: float, given: Given) -> Scale:
-    """Press the ball until it is done, or has taken the steps that were given: in a process of its own."""
-    model, begun = replace(given.model, resolution_mm=resolution_mm), time.monotonic()
-    times: list[tuple[float, float]] = []
-
-    def on_step(step: Step) -> None:
-        times.append((time.process_time(), time.monotonic()))
-        print(f"    step {step.number} at {times[-1][1] - begun:.0f} s, energy {step.energy:.6f}", flush=True)
-        if len(times) == given.steps:
-            raise EnoughStepsError
-
-    with contextlib.suppress(EnoughStepsError):
-        model.press(heights("BALL"), SPACING, given.depth_mm, GEOMETRY, on_step=on_step)
-    cpu_s, wall_s = (np.diff([at[clock] for at in times]).mean() for clock in (0, 1))
-    return Scale(
-        vertices=len(solver_of(model, GEOMETRY).mesh.free),
-        steps=len(times),
-        step_cpu_s=float(cpu_s),
-        step_wall_s=float(wall_s),
-        whole_wall_s=time.monotonic() - begun,
-        peak_gb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6,
-    )
-
-
-def scaling(given: Given) -> None:
-    """Print a Newton step's time and memory by the number of vertices, and the exponent between them."""
-    before: Scale | None = None
-    for resolution in given.resolutions_mm:
-        found = alone(scale, resolution, given)
-        exponent = np.nan
-        if before:
-            exponent = np.log(found.step_cpu_s / before.step_cpu_s) / np.log(found.vertices / before.vertices)
-        print(f"{found.vertices:7d} vertices: {found.step_cpu_s:.2f} s a step (wall {found.step_wall_s:.2f} s), "
-              f"{found.steps} steps in {found.whole_wall_s:.0f} s, {found.peak_gb:.1f} GB, N^{exponent:.2f}",
-              flush=True)  # fmt: skip
-        before = found
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["objects", "record", "convergence", "scaling"])
+    parser.add_argument("what", choices=["objects", "record", "convergence"])
     parser.add_argument("--depth-mm", type=float, default=0.9)
     parser.add_argument("--resolution-mm", type=float, default=0.3, help="of objects and record")
-    parser.add_argument("--resolutions-mm", type=float, nargs="+", default=[0.6, 0.3, 0.2, 0.15], help="of scaling")
-    parser.add_argument("--steps", type=int, default=0, help="scaling: stop each press after them; default: its end")
     parser.add_argument("--dense-radius-mm", type=float, default=17.5, help="smaller: fewer vertices, for the ball")
     parser.add_argument("--objects", nargs="+", default=list(OBJECT_NAMES), choices=OBJECT_NAMES, metavar="NAME")
     parser.add_argument("--keep", type=Path, default=platformdirs.user_cache_path("gellight") / "benchmarks")
@@ -280,12 +216,8 @@ def main() -> None:
         model=FemGel(resolution_mm=args.resolution_mm, dense_radius_mm=args.dense_radius_mm),
         names=args.objects,
         folder=args.keep,
-        resolutions_mm=args.resolutions_mm,
-        steps=args.steps,
     )
-    run: dict[str, Callable[[Given], None]] = {
-        "objects": objects, "record": record, "convergence": convergence, "scaling": scaling
-    }  # fmt: skip
+    run: dict[str, Callable[[Given], None]] = {"objects": objects, "record": record, "convergence": convergence}
     run[args.what](given)
 
 

@@ -1,6 +1,6 @@
 """Age of a frame on its way, from the start of its exposure: `python -m tests.benchmarks.latency [seconds [others]]`.
 
-A simulated sensor (640 x 480, a ball 1 mm deep, steady light without an emulated board) under `gellight run`, read by a
+A simulated sensor (640 x 480, a ball 1 mm deep, steady light without a board) under `gellight run`, read by a
 subscriber in this process that wants every frame; at 30 and at 60 frames a second. The camera is simulated on the same
 cores, and its picture takes the whole frame time to be exposed and sent, as with a real one. In the same run: garbage
 collection left out, and with service.realtime set, which the system has to allow; for `others` seconds each. 600

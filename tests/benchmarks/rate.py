@@ -1,6 +1,6 @@
 """Frames a second, and who takes the processor: `python -m tests.benchmarks.rate [--seconds 20] [--only WORD]`.
 
-A simulated sensor (640 x 480, steady light without an emulated board) with its page's server in a process of its own:
+A simulated sensor (640 x 480, steady light without a board) with its page's server in a process of its own:
 BALL and WAVE at 60 frames a second, BALL with the page open in Chromium, and nothing that touches at 30, without and
 with the page. The same at rest with pictures as cameras send them, which come through a simulated kernel and are
 decoded: no simulation takes part in that. Rates mean something on a quiet machine alone. Processor time is of the

@@ -1,11 +1,10 @@
-"""What it costs to give frames to other programs, at 640 x 4860 frames a second; one run, ways side by side.
+"""What it costs to give frames to other programs, at 640 x 480 and 60 frames a second.
 
     .venv/bin/python -m tests.benchmarks.stream [seconds]
 
-Three ways are compared, each with 1 and 4 readers in processes of their own: GelLight's publisher with shared memory,
-the same over TCP on this computer, and a plain TCP socket with pickled NumPy arrays, whose reader gets the same maps.
-The latency is from the moment before encoding to the moment when the reader has the arrays, of the slowest reader. The
-processor's share is of one core. Readers take every frame; those that did not come are lost.
+GelLight's publisher with shared memory gives to 1 and to 4 readers in processes of their own. The latency is from the
+moment before encoding to the moment when the reader has the arrays, of the slowest reader. The processor's share is of
+one core. Readers take every frame; those that did not come are lost.
 
 Before that: what recording costs, in processor time and as megabytes a second of one thread, and how old a frame of a
 simulated sensor is when another process has it, counted from the start of its exposure. A run takes two minutes.
@@ -13,12 +12,9 @@ simulated sensor is when another process has it, counted from the start of its e
 
 import json
 import os
-import pickle
-import socket
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
@@ -30,7 +26,6 @@ import numpy as np
 
 import gellight
 from gellight.base.errors import StreamError
-from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import EncodedImage, Provenance, TactileFrame
 from gellight.stream import network
@@ -41,7 +36,6 @@ from gellight.stream.wire import encode, encoded
 from tests.helpers.dashboard_source import bump
 
 FPS = 60.0
-LENGTH = 8
 
 
 def frame_of(sequence: int, base: TactileFrame) -> TactileFrame:
@@ -64,10 +58,10 @@ def processor_s() -> float:
 # ---- readers, each a process of its own ----
 
 
-def read_zenoh(endpoint: str, memory: str, seconds: float) -> None:
+def take(endpoint: str, memory: str, seconds: float) -> None:
     ages: list[float] = []
     session = network.subscribing_session(endpoint, config=None)
-    with Subscription(session, "bench", memory=memory, every=True, patience_s=0.2) as frames:
+    with Subscription(session, "bench", memory_path=memory, every=True, patience_s=0.2) as frames:
         begun = processor_s()
         print("ready", flush=True)
         end_s = time.monotonic() + seconds
@@ -75,22 +69,6 @@ def read_zenoh(endpoint: str, memory: str, seconds: float) -> None:
             with suppress(StreamError):  # none came
                 frame = frames.next_frame()
                 ages.append(time.monotonic() - frame.camera_frame.time_s)
-    report(ages, processor_s() - begun, seconds)
-    os._exit(0)
-
-
-def read_socket(port: int, seconds: float) -> None:
-    ages: list[float] = []
-    with socket.create_connection(("127.0.0.1", port)) as wire, wire.makefile("rb", 1 << 20) as stream:
-        begun = processor_s()
-        print("ready", flush=True)
-        end_s = time.monotonic() + seconds
-        while time.monotonic() < end_s:
-            size = int.from_bytes(stream.read(LENGTH), "little")
-            if size == 0:  # nothing more comes
-                break
-            frame = pickle.loads(stream.read(size))
-            ages.append(time.monotonic() - frame["time_s"])
     report(ages, processor_s() - begun, seconds)
     os._exit(0)
 
@@ -105,65 +83,21 @@ def report(ages: list[float], processor: float, seconds: float) -> None:
 
 
 @contextmanager
-def over_memory() -> Iterator[tuple[str, Callable[[TactileFrame], None]]]:
-    with closing(FrameMemory()) as memory, publishing("note") as (endpoint, put):
-        yield f"zenoh {endpoint} {memory.path}", lambda frame: put(memory.write(encoded(frame)))
-
-
-@contextmanager
-def over_network() -> Iterator[tuple[str, Callable[[TactileFrame], None]]]:
-    with publishing("frame") as (endpoint, put):
-        yield f"zenoh {endpoint} -", lambda frame: put(encode(frame))
-
-
-@contextmanager
-def publishing(part: str) -> Iterator[tuple[str, Callable[[bytes], None]]]:
+def giving() -> Iterator[tuple[list[str], Callable[[TactileFrame], None]]]:
+    """Give what a reader is told, and how a frame is given."""
     session, endpoint = network.publishing_session(lan=False, config=None)
-    publisher = session.declare_publisher(
-        network.key("bench", part), congestion_control=network.zenoh.CongestionControl.DROP
-    )
-    yield endpoint, publisher.put
+    drop = network.zenoh.CongestionControl.DROP
+    publisher = session.declare_publisher(network.key("bench", "note"), congestion_control=drop)
+    with closing(FrameMemory()) as memory:
+        yield ["take", endpoint, memory.path], lambda frame: publisher.put(memory.write(encoded(frame)))
     network.close(session)
 
 
-@contextmanager
-def over_socket() -> Iterator[tuple[str, Callable[[TactileFrame], None]]]:
-    """Send to each reader from a thread of its own, which takes the newest message: careful, but plain."""
-    box: Mailbox[bytes] = Mailbox()
-    with socket.create_server(("127.0.0.1", 0)) as server:
-
-        def serve(wire: socket.socket) -> None:
-            number = 0
-            try:
-                while True:
-                    number, message = box.take(number, 5)
-                    wire.sendall(len(message).to_bytes(LENGTH, "little"))
-                    wire.sendall(message)
-            except (OSError, TimeoutError):
-                wire.close()
-
-        def accept() -> None:
-            while True:
-                try:
-                    threading.Thread(target=serve, args=(server.accept()[0],), daemon=True).start()
-                except OSError:
-                    return
-
-        threading.Thread(target=accept, daemon=True).start()
-
-        def give(frame: TactileFrame) -> None:
-            maps = {"time_s": frame.camera_frame.time_s, "image": frame.camera_frame.image, "depth": frame.depth_mm,
-                    "gradient": frame.gradient_map, "contact": frame.contact.mask}  # fmt: skip
-            box.put(pickle.dumps(maps, protocol=5))
-
-        yield f"socket {server.getsockname()[1]}", give
-
-
-def measure(name: str, way: Callable[[], object], readers: int, seconds: float) -> None:
-    """Give frames in one way to that many readers; print a line of figures."""
+def measure(readers: int, seconds: float) -> None:
+    """Give frames to that many readers; print a line of figures."""
     base = bump(0.8, 1.0, 0.0)
-    with way() as (where, give):  # type: ignore[attr-defined]
-        command = [sys.executable, "-m", "tests.benchmarks.stream", *where.split(), str(seconds + 1.5)]
+    with giving() as (where, give):
+        command = [sys.executable, "-m", "tests.benchmarks.stream", *where, str(seconds + 1.5)]
         children = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(readers)]
         for child in children:
             assert child.stdout
@@ -180,7 +114,7 @@ def measure(name: str, way: Callable[[], object], readers: int, seconds: float) 
     worst = {key: max(one[key] for one in figures) for key in ("p50_ms", "p99_ms", "cpu")}
     lost = max(given - min(one["frames"] for one in figures), 0)
     print(
-        f"{name:24} {readers} readers: p50 {worst['p50_ms']:6.2f} ms, p99 {worst['p99_ms']:6.2f} ms, "
+        f"{readers} readers: p50 {worst['p50_ms']:6.2f} ms, p99 {worst['p99_ms']:6.2f} ms, "
         f"giving {cost:6.1%}, reading {worst['cpu']:6.1%} each, {lost} of {given} frames lost"
     )
 
@@ -234,11 +168,9 @@ def read_ages(frames: int) -> None:
 
 
 def main() -> None:
-    """Measure every way, or be a reader of one."""
-    if sys.argv[1:2] == ["zenoh"]:
-        read_zenoh(sys.argv[2], sys.argv[3].strip("-"), float(sys.argv[4]))
-    if sys.argv[1:2] == ["socket"]:
-        read_socket(int(sys.argv[2]), float(sys.argv[3]))
+    """Measure, or be a reader."""
+    if sys.argv[1:2] == ["take"]:
+        take(sys.argv[2], sys.argv[3], float(sys.argv[4]))
     if sys.argv[1:2] == ["subscribe"]:
         read_ages(int(sys.argv[2]))
         return
@@ -247,9 +179,7 @@ def main() -> None:
     recording_costs()
     ages_at_a_reader()
     for readers in (1, 4):
-        measure("note, shared memory", over_memory, readers, seconds)
-        measure("zenoh, TCP", over_network, readers, seconds)
-        measure("socket, pickled NumPy", over_socket, readers, seconds)
+        measure(readers, seconds)
 
 
 if __name__ == "__main__":

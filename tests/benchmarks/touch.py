@@ -1,106 +1,28 @@
-"""What touch in a robot simulator costs, and how true it is: `python -m tests.benchmarks.touch [PART ...]`.
+"""How true touch in a robot simulator is: `python -m tests.benchmarks.touch [PART ...]`.
 
-speed: gap, layer and picture, ms of processor time, and how many a second on one core. truth: depth, force and picture
-against the simulated sensor's own (512 points a side). lift: a gripper holds balls, boxes, cylinders; hold: over 10^5
-steps. energy: bodies are thrown at a gel; by how much kinetic and potential energy grow from one flight to the next;
-fresh: others are thrown. tasks: in what share of 50 episodes rules with touch and without do what the environments ask
-for. tactile: depth and time beside MuJoCo's own
-sensor. hold and fresh take an hour and more, and run only where they are named.
+lift: a gripper holds balls, boxes, cylinders; hold: over 10^5 steps. energy: bodies are thrown at a gel; by how much
+kinetic and potential energy grow from one flight to the next; fresh: others are thrown. tasks: in what share of 50
+episodes rules with touch and without do what the environments ask for. hold and fresh take an hour and more, and run
+only where they are named.
 """
 
 import argparse
 import itertools
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import mujoco
 import numpy as np
-from scipy.interpolate import RectBivariateSpline
 
-from gellight.lab.simulator.scene import Press, Scene
-from gellight_touch import GRIPPER, Felt, TouchSensor
+from gellight_touch import GRIPPER, TouchSensor
 from gellight_touch.mujoco_carry import Carrying
 from gellight_touch.mujoco_gels import MujocoGels
-from sim_reference.camera import CameraResponse
-from sim_reference.geometry import SensorGeometry
-from sim_reference.objects import OBJECT_NAMES, object_height
 from tests.benchmarks import touch_tasks
 
-DEPTH_MM = 0.9
 STEP_S = 0.002
 SHAPES = {"ball": 'type="sphere" size=".008"', "box": 'type="box" size=".008 .006 .006"',
           "cylinder": 'type="cylinder" size=".008 .006"'}  # fmt: skip
-
-
-def sized(width: int) -> SensorGeometry:
-    return SensorGeometry(image_width_px=width, image_height_px=width * 3 // 4, pixel_size_mm=0.0588 * 640 / width)
-
-
-def least_ms(work: Callable[[], object], times: int = 9) -> float:
-    """Return the least processor time of a call, ms."""
-    taken = []
-    for _ in range(times):
-        begun = time.process_time()
-        work()
-        taken.append(time.process_time() - begun)
-    return min(taken) * 1e3
-
-
-def sphere_mesh(rings: int = 96) -> str:
-    """Return the corners of a ball of 4 mm, some 18,000 faces, as MuJoCo reads them; it makes the hull."""
-    polar, turn = np.linspace(0, np.pi, rings)[:, None], np.linspace(0, 2 * np.pi, rings, endpoint=False)[None, :]
-    corners = np.stack(np.broadcast_arrays(np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)))
-    return " ".join(f"{value:.6f}" for value in (0.004 * corners).reshape(3, -1).T.ravel())
-
-
-def speed() -> Iterator[str]:
-    geoms = {"sphere": 'type="sphere" size=".004"', "box": 'type="box" size=".004 .004 .004"',
-             "mesh": 'type="mesh" mesh="ball"'}  # fmt: skip
-    for width in (320, 640):
-        for name, geom in geoms.items():
-            parts = parts_ms(width, geom)
-            each = ", ".join(f"{ms:.1f}" for ms in parts)
-            yield f"{width} px, {name:<7} gap, layer, picture {each} ms: {1e3 / sum(parts):.0f} a second"
-
-
-def parts_ms(width: int, geom: str) -> list[float]:
-    model = mujoco.MjModel.from_xml_string(
-        f'''<mujoco><asset><mesh name="ball" vertex="{sphere_mesh()}"/></asset><worldbody>
-        <body name="finger"><geom type="box" size=".02 .02 .002" pos="0 0 -.002"/><site name="gel"/></body>
-        <body name="object" pos=".001 0 {0.004 - DEPTH_MM / 1e3}"><freejoint/><geom {geom} mass=".01"/></body>
-        </worldbody></mujoco>'''
-    )
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    gel = MujocoGels(model, ["gel"], touching=["object"], sensor=lambda: TouchSensor(sized(width)))["gel"]
-    gap = gel.gap.gap_mm(data)
-    felt = gel.sensor.feel(gap)
-    gel.sensor.picture(felt)
-    return [
-        least_ms(lambda: gel.gap.gap_mm(data)),
-        least_ms(lambda: gel.sensor.feel(gap)),
-        least_ms(lambda: gel.sensor.picture(felt)),
-    ]
-
-
-def truth() -> Iterator[str]:
-    geometry = sized(320)
-    scene, touch, fine = Scene(geometry, CameraResponse()), TouchSensor(geometry), TouchSensor(geometry, size=512)
-    for name in OBJECT_NAMES:
-        shown, surface = scene.show(Press(name, DEPTH_MM))
-        felt, felt_fine = pressed(touch, name), pressed(fine, name)
-        depth_um = np.abs(touch.depth_map_mm(felt) - surface.depth_mm) * 1e3
-        grey, grey_fine = np.abs(touch.grey(felt) - shown).mean(), np.abs(fine.grey(felt_fine) - shown).mean()
-        yield (
-            f"{name:<9} depth {depth_um.mean():5.1f} um (most {depth_um.max():4.0f}); "
-            f"force {felt.force_n / felt_fine.force_n:.3f}; grey {grey:.2f}, on 512 points {grey_fine:.2f}"
-        )
-
-
-def pressed(touch: TouchSensor, name: str) -> Felt:
-    at = touch.layer.at_mm
-    return touch.feel(-(object_height(name, at[None, :], at[:, None]) + DEPTH_MM))
 
 
 def lift(steps: int = 1500) -> Iterator[str]:
@@ -195,58 +117,8 @@ def tasks() -> Iterator[str]:
         yield f"{name:<11} done with touch in {shares[0]:.0%} of 50 episodes, without in {shares[1]:.0%}"
 
 
-def tactile() -> Iterator[str]:
-    for name, geom in {"sphere": 'type="sphere" size=".004"', "box": 'type="box" size=".004 .004 .004"'}.items():
-        yield f"{name:<7} {beside_taxels(geom)}"
-
-
-def beside_taxels(geom: str, points: int = 64, extent_mm: float = 32.0) -> str:
-    """Return how far MuJoCo's taxels and ours are off the layer on 512 points, where it is moved by 10 um or more."""
-    at = (np.arange(points) - (points - 1) / 2) * extent_mm / points
-    model = with_taxels(geom, at / 1e3)
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    told = data.sensor("taxels").data.reshape(3, points, points)[0] * 1e3
-    fine, ours = (
-        MujocoGels(model, ["gel"], touching=["object"], sensor=sensor)["gel"]
-        for sensor in (lambda: TouchSensor(size=512), lambda: TouchSensor(size=points, extent_mm=extent_mm))
-    )
-    truth = RectBivariateSpline(*[fine.sensor.layer.at_mm] * 2, fine.feel(data).depth_mm)(at, at)
-    off = [np.abs(depth - truth)[np.abs(truth) > 0.01].mean() * 1e3 for depth in (told, ours.feel(data).depth_mm)]
-    taken = [least_ms(lambda: mujoco.mj_forward(model, data)), least_ms(lambda: ours.feel(data))]
-    return (
-        f"MuJoCo's taxels {off[0]:.0f} um off (deepest {told.max():.2f} mm of {truth.max():.2f}), {taken[0]:.2f} ms "
-        f"with its step; ours {off[1]:.0f} um, {taken[1]:.1f} ms"
-    )
-
-
-def with_taxels(geom: str, at_m: np.ndarray) -> mujoco.MjModel:
-    """Return a pad with a tactile sensor of MuJoCo's, and an object in it.
-
-    MuJoCo turns a mesh to its own axes and takes its corners as they then are, so they are put in afterwards.
-    """
-    count = len(at_m)
-    corner = np.arange(count**2).reshape(count, count)
-    faces = np.concatenate(
-        [np.stack([corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:]], -1).reshape(-1, 3),
-         np.stack([corner[:-1, :-1], corner[1:, 1:], corner[1:, :-1]], -1).reshape(-1, 3)]
-    )  # fmt: skip
-    x, y = np.meshgrid(at_m, at_m)
-    places = np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.002)], 1)
-    text = {"vertex": places, "normal": np.tile([0.0, 0.0, 1.0], (count**2, 1)), "face": faces}
-    mesh = " ".join(f'{name}="{" ".join(map(str, values.ravel()))}"' for name, values in text.items())
-    model = mujoco.MjModel.from_xml_string(
-        f"""<mujoco><asset><mesh name="taxels" {mesh} inertia="shell"/></asset><worldbody>
-        <body name="finger"><geom name="pad" type="box" size=".02 .02 .002" pos="0 0 -.002"/><site name="gel"/></body>
-        <body name="object" pos="0 0 {0.004 - DEPTH_MM / 1e3}"><freejoint/><geom {geom} mass=".01"/></body></worldbody>
-        <sensor><tactile name="taxels" geom="pad" mesh="taxels"/></sensor></mujoco>"""
-    )
-    model.mesh_vert[: count**2], model.mesh_normal[: count**2] = places, (0, 0, 1)
-    return model
-
-
-PARTS = {"speed": speed, "truth": truth, "lift": lift, "hold": partial(lift, 100_000), "energy": energy, "tasks": tasks,
-         "tactile": tactile, "fresh": partial(energy, range(2000, 4000))}  # fmt: skip
+PARTS = {"lift": lift, "hold": partial(lift, 100_000), "energy": energy, "tasks": tasks,
+         "fresh": partial(energy, range(2000, 4000))}  # fmt: skip
 
 
 def main() -> None:

@@ -100,7 +100,6 @@ def test_the_watchdog_resets_what_it_is_told(image: bytes, selected: int, restar
 @pytest.mark.nightly
 @pytest.mark.parametrize(("count", "longest"), [(6_000, 1), (14_000, 10)])
 def test_random_blocks_leave_the_same_registers_flags_and_memory(count: int, longest: int) -> None:
-    """More of them: `python -m tests.benchmarks.instructions`."""
     assert differences(count, 29, longest) == []
 
 

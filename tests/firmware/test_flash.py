@@ -3,7 +3,6 @@
 import contextlib
 import shutil
 import struct
-from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -25,8 +24,6 @@ from gellight.ring.firmware.image import (
     to_uf2,
 )
 from gellight.ring.light_ring import LightRing
-from gellight.ring.transport import open_transport
-from tests.firmware.emulator.child import SimulatedBoard
 from tests.firmware.helpers.boot_loader import BootRom
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
@@ -260,13 +257,18 @@ def test_the_board_is_opened_again_and_its_image_compared(image: bytes, monkeypa
     body = header_at(image) + HEADER.size
     other[body] ^= 1
     HEADER.pack_into(other, header_at(image), magic, count, crc32(other[body : body + count]), family)
-    # On a busy machine the emulator needs more than the second in all that `connect` gives a board to answer.
-    monkeypatch.setattr(flash, "connect", lambda url: LightRing(open_transport(url), timeout_s=5.0))
-    with closing(SimulatedBoard(pty=True)) as board:
-        open_port(monkeypatch, board.path)
-        assert flash.check_board(image, {"/dev/other"}) == board.path
-        with pytest.raises(BoardError, match=f"runs image {image_crc(image):08x}, not {image_crc(bytes(other)):08x}"):
-            flash.check_board(bytes(other), {"/dev/other"})
+    emulated, asked = BenchBoard(image), []
+
+    def connect(url: str) -> LightRing:
+        asked.append(url)
+        return LightRing(VirtualTransport(emulated), keep_alive_s=None)
+
+    monkeypatch.setattr(flash, "connect", connect)
+    open_port(monkeypatch, "/dev/ring")
+    flash.check_board(image, {"/dev/other"})
+    assert asked == ["/dev/ring"]
+    with pytest.raises(BoardError, match=f"runs image {image_crc(image):08x}, not {image_crc(bytes(other)):08x}"):
+        flash.check_board(bytes(other), {"/dev/other"})
 
 
 def test_a_flash_that_holds_another_byte_is_noticed(image: bytes, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,6 @@ the core against a library built from the changed sources.
 """
 
 from collections.abc import Iterator
-from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -13,7 +12,6 @@ import pytest
 from gellight.ring.firmware.build import build
 from tests.firmware.helpers.core_tests import CoreTests
 from tests.firmware.helpers.examination import CHECKS, examine
-from tests.firmware.helpers.faults_by_chance import drawn
 from tests.firmware.helpers.mutations import ENABLES, IMAGE, LOGIC, Mutation, planted
 from tests.firmware.helpers.virtual_board import compile_library
 
@@ -59,16 +57,3 @@ def test_a_fault_of_the_core_is_caught(
     done = core_tests.run(library)
     assert done.status == 1, f"survived, or could not be tested: {done.printed[-2000:]}"
     assert "\nERROR " not in done.printed, f"a test did not even begin: {done.printed[-2000:]}"
-
-
-def test_a_seed_draws_the_same_faults_again_each_in_one_place(copied_firmware: Path) -> None:
-    faults = list(islice(drawn(copied_firmware, 3), 100))
-    assert faults == list(islice(drawn(copied_firmware, 3), 100))
-    assert len({fault.name for fault in faults} & {fault.name for fault in islice(drawn(copied_firmware, 4), 100)}) < 50
-    for fault in faults:
-        source = (copied_firmware / fault.file).read_text()
-        with planted(fault, copied_firmware):
-            changed = (copied_firmware / fault.file).read_text()
-        assert (copied_firmware / fault.file).read_text() == source
-        lines = zip(source.splitlines(), changed.splitlines(), strict=True)
-        assert sum(line != other for line, other in lines) == 1, fault.name

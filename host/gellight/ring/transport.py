@@ -3,8 +3,7 @@
 ``/dev/ttyACM0`` or ``COM3``: that serial port. ``serial://WHICH``: the port of the board with this serial number or
 product string, or ``serial://`` of the only one there is. ``usb://`` or ``usb://WHICH``: the same endpoints through
 pyusb, without a serial port. ``sim://``: a simulated board, which runs the core of the firmware;
-``sim://?leds=8``: one that is configured for 8 LEDs; ``sim://?ring_c=70``: one whose ring has an NTC of 70 degrees;
-``sim://?board=rp2040``: one that runs the firmware's image in an emulated chip, from a checkout with its tests.
+``sim://?leds=8``: one that is configured for 8 LEDs; ``sim://?ring_c=70``: one whose ring has an NTC of 70 degrees.
 """
 
 import errno
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 USB_TIMEOUT_MS = 1000
-SIMULATED = r"(leds=\d{1,2}|ring_c=-?\d{1,3}(\.\d+)?|board=rp2040)"
+SIMULATED = r"(leds=\d{1,2}|ring_c=-?\d{1,3}(\.\d+)?)"
 """what a simulated board is told"""
 
 
@@ -50,11 +49,11 @@ def open_transport(url: str) -> Transport:
     """Open the way that a URL names; BoardError if there is no board."""
     scheme, _, rest = url.partition("://")
     if scheme == "sim" and re.fullmatch(rf"(\?{SIMULATED}(&{SIMULATED})*)?", rest):
-        from gellight.lab.core_board.simulated_board import board_of
+        from gellight.lab.core_board.simulated_board import SimulatedBoard
 
         told = dict(pair.split("=") for pair in rest[1:].split("&") if pair)
         ring_c = float(told["ring_c"]) if "ring_c" in told else None
-        return board_of(told.get("board", True), leds=int(told.get("leds", LED_COUNT)), ring_c=ring_c)
+        return SimulatedBoard(leds=int(told.get("leds", LED_COUNT)), ring_c=ring_c)
     if scheme == "serial" and rest != url:
         return SerialTransport(find_port(rest), url=url)
     if scheme == "usb" and rest != url:

@@ -4,5 +4,4 @@ chip.py       the chip with its LED pin; registers.py, clocks.py, ticks.py and b
 flash_bus.py  how the processor reaches its flash; flash_chip.py is that flash
 usb_host.py   the other end of its USB cable; usb_rules.py says how buffers may be handed over
 waveform.py   from the level of the LED pin to light
-process.py    runs it in a process of its own; child.py starts that process and is the transport of sim://?board=rp2040
 """

@@ -1,8 +1,7 @@
 """The flash of a board that was configured: the image, and behind it the record that the firmware would have saved."""
 
-from gellight.lab.core_board.built_board import configuration_of, record_of
+from gellight.lab.core_board.built_board import record_of
 from gellight.ring.protocol import Configuration
-from gellight.ring.wire import LED_COUNT
 
 FLASH_BYTES = 2 << 20
 CONFIGURATION_AT = FLASH_BYTES - 2 * 4096
@@ -11,8 +10,3 @@ CONFIGURATION_AT = FLASH_BYTES - 2 * 4096
 def with_configuration(image: bytes, configuration: Configuration) -> bytes:
     """Return the whole flash: an image, and the first record of the configuration."""
     return image.ljust(CONFIGURATION_AT, b"\xff") + record_of(configuration)
-
-
-def flash_of(image: bytes, leds: int) -> bytes:
-    """Return the flash of a simulated board with `leds`; as it comes, nothing is saved."""
-    return image if leds == LED_COUNT else with_configuration(image, configuration_of(leds))

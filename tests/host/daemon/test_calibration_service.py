@@ -2,20 +2,17 @@
 
 import shutil
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
-import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, CameraError, GellightError, InputError
 from gellight.base.mailbox import Mailbox
 from gellight.base.settings import load_settings
-from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
 from gellight.daemon.assembly import open_session
 from gellight.daemon.calibration_service import CalibrationRequest as Request
@@ -23,46 +20,17 @@ from gellight.daemon.calibration_service import CalibrationService as Service
 from gellight.daemon.frame_threads import SharedCamera
 from gellight.daemon.session import SensorSession
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.lab.calibration.state import discard
 from gellight.opening import open_camera
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.linear_sensor import linear_bundle, verified_bundle
 from tests.helpers.scripted_calibration import snapshot
 from tests.helpers.scripted_camera import flat_camera
+from tests.helpers.scripted_routine import ScriptedRoutine, served
 from tests.helpers.sessions import session_of
+from tests.helpers.waiting import eventually
 
 SHAPE = flat_camera().image_shape
-
-
-class ScriptedRoutine:
-    """A routine that ends when the test says so."""
-
-    def __init__(self, request: Request, install: Callable[[Bundle], object]) -> None:
-        self.request, self.install = request, install
-        self.over = threading.Event()
-        self.acts: list[Any] = []
-
-    @property
-    def ended(self) -> bool:
-        return self.over.is_set()
-
-    def snapshot(self) -> dict[str, Any]:
-        return {"step": "finished" if self.ended else "presses"}
-
-    def pictures(self) -> dict[str, Any]:
-        return {"press": np.zeros((24, 32, 3), np.uint8)}
-
-    def act(self, action: str, **arguments: float) -> None:
-        self.acts.append((action, arguments))
-        if action == "abort":
-            self.over.set()
-
-    def stop(self) -> None:
-        self.act("abort")
-
-    def join(self, timeout_s: float | None = None) -> None:
-        assert self.over.wait(10)
 
 
 @pytest.fixture
@@ -80,15 +48,7 @@ def routines() -> list[ScriptedRoutine]:
 
 @pytest.fixture
 def service(daemon: SensorSession, tmp_path: Path, routines: list[ScriptedRoutine]) -> Iterator[Service]:
-    def make_routine(request: Request, install: Callable[[Bundle], object]) -> ScriptedRoutine:
-        if request.anew:
-            discard(tmp_path / "state")
-        routines.append(ScriptedRoutine(request, install))
-        return routines[-1]
-
-    with Service(
-        daemon, store=BundleStore(tmp_path / "store"), folder=tmp_path / "state", make_routine=make_routine
-    ) as service:
+    with served(daemon, tmp_path, routines) as service:
         yield service
 
 
@@ -268,16 +228,12 @@ def test_the_routine_itself_runs_beside_the_stream_and_is_stopped(tmp_path: Path
     ):
         sequence = daemon.wait_frame(0, 20).camera_frame.sequence
         service.begin(Request(hand=True, presses=8))
-        deadline_s = time.monotonic() + 120
-        while "prepare" not in (routine := service.state().routine)["figures"]:
-            assert routine["step"] in ("idle", "prepare", "reference"), routine["problem"]
-            assert time.monotonic() < deadline_s
-            time.sleep(0.05)
+        eventually(lambda: "prepare" in service.state().routine["figures"], 120)
+        routine = service.state().routine
+        assert routine["step"] in ("prepare", "reference"), routine["problem"]
         assert set(snapshot("presses")) <= set(routine), "the page's tests know what the routine says"
         assert daemon.wait_frame(sequence, 20).camera_frame.sequence > sequence
         service.act("abort")
-        while service.state().routine["step"] != "aborted":
-            assert time.monotonic() < deadline_s
-            time.sleep(0.05)
+        eventually(lambda: service.state().routine["step"] == "aborted", 120)
         assert service.state().interrupted
         assert daemon.bundle.identity == running.identity

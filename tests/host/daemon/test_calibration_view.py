@@ -1,7 +1,5 @@
 """A view of the gel and marker dots that are chosen before a calibration, on a sensor that runs."""
 
-import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +10,6 @@ import pytest
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.bundle.placeholder import placeholder
-from gellight.bundle.store import BundleStore
 from gellight.daemon.calibration_service import CalibrationRequest as Request
 from gellight.daemon.calibration_service import CalibrationService as Service
 from gellight.daemon.calibration_service import ViewFile
@@ -22,12 +19,13 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
-from gellight.lab.calibration.state import discard
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.dotted import sloping_gel, with_dots
 from tests.helpers.linear_sensor import linear_bundle, verified_bundle
 from tests.helpers.scripted_camera import ScriptedCamera
+from tests.helpers.scripted_routine import ScriptedRoutine, served
 from tests.helpers.sessions import session_of
+from tests.helpers.waiting import eventually
 
 SHAPE = (120, 160)
 VIEW = View.of_box((16, 16, 128, 96), SHAPE)
@@ -40,31 +38,12 @@ def gel_camera(*, dots: bool) -> ScriptedCamera:
     return ScriptedCamera(with_dots(gel) if dots else gel, period_s=0.005)
 
 
-class SeeingRoutine:
-    """A routine that looks once at the camera it was given, and ends when the test says so."""
+class SeeingRoutine(ScriptedRoutine):
+    """A routine that looks once at the camera it was given."""
 
-    def __init__(self, camera: Camera, install: Callable[[Bundle], object]) -> None:
-        self.camera, self.install, self.over = camera, install, threading.Event()
-        self.seen = camera.read().image
-
-    @property
-    def ended(self) -> bool:
-        return self.over.is_set()
-
-    def snapshot(self) -> dict[str, Any]:
-        return {"step": "presses"}
-
-    def pictures(self) -> dict[str, Any]:
-        return {}
-
-    def act(self, action: str) -> None:
-        assert action == "start"
-
-    def stop(self) -> None:
-        self.over.set()
-
-    def join(self) -> None:
-        assert self.over.wait(10)
+    def __init__(self, camera: Camera, request: Request, install: Callable[[Bundle], object]) -> None:
+        super().__init__(request, install)
+        self.camera, self.seen = camera, camera.read().image
 
 
 @pytest.fixture(params=[True])
@@ -81,26 +60,13 @@ def routines() -> list[SeeingRoutine]:
 
 @pytest.fixture
 def service(daemon: SensorSession, tmp_path: Path, routines: list[SeeingRoutine]) -> Iterator[Service]:
-    def make_routine(request: Request, install: Callable[[Bundle], object]) -> Any:
-        if request.anew:  # as a routine does, once all else was found to be possible
-            discard(tmp_path / "state")
-        routines.append(SeeingRoutine(daemon.camera, install))
-        return routines[-1]
-
-    store = BundleStore(tmp_path / "store")
-    with Service(daemon, store=store, folder=tmp_path / "state", make_routine=make_routine) as service:
+    with served(daemon, tmp_path, routines, lambda *given: SeeingRoutine(daemon.camera, *given)) as service:
         yield service
-        for routine in routines:
-            routine.over.set()
 
 
-def shape_soon(daemon: SensorSession, shape: tuple[int, int]) -> bool:
-    """Whether the frames have a shape (H, W) within some seconds."""
-    until_s = time.monotonic() + 10
-    while time.monotonic() < until_s:
-        if daemon.wait_frame(-1, 10).depth_mm.shape == shape:
-            return True
-    return False
+def comes(daemon: SensorSession, shape: tuple[int, int]) -> None:
+    """Wait until the frames have a shape (H, W)."""
+    eventually(lambda: daemon.wait_frame(-1, 10).depth_mm.shape == shape, 10)
 
 
 def test_the_calibration_and_the_page_see_the_view_without_its_dots(
@@ -113,10 +79,10 @@ def test_the_calibration_and_the_page_see_the_view_without_its_dots(
     assert seen.shape == (96, 128, 3)
     assert np.abs(seen.astype(int) - plain).max() < 8, "the dots are filled"
     assert "picture.json" in routines[0].camera.bundle_files
-    assert shape_soon(daemon, (96, 128))
+    comes(daemon, (96, 128))
     assert service.state().picture.startswith("a view of 128 x 96 px is taken and ")
     routines[0].over.set()
-    assert shape_soon(daemon, SHAPE), "no bundle came of it: the pictures are as before"
+    comes(daemon, SHAPE)  # no bundle came of it: the pictures are as before
     assert service.state().picture == ""
 
 
@@ -127,7 +93,7 @@ def test_a_bundle_that_passed_keeps_its_view_in_service(
     made = verified_bundle(tmp_path / "made", sensor=service.sensor, shape=VIEW.image_shape)
     routines[0].install(extend_bundle(made, tmp_path / "seen", PictureSteps.with_view(VIEW).files()))
     routines[0].over.set()
-    assert shape_soon(daemon, VIEW.image_shape)
+    comes(daemon, VIEW.image_shape)
     assert daemon.bundle.calibrated
     assert np.isfinite(daemon.wait_frame(-1, 10).depth_mm).all()
     assert service.state().picture == "a view of 128 x 96 px is taken"
@@ -191,7 +157,7 @@ def test_a_damaged_state_takes_the_view_back(service: Service, daemon: SensorSes
     (tmp_path / "state" / "state.json").write_text("{")
     with pytest.raises(BundleError, match="cannot be read"):
         service.begin(Request(anew=True, view=CHOSEN))
-    assert shape_soon(daemon, SHAPE)
+    comes(daemon, SHAPE)
     assert service.state().picture == ""
 
 
@@ -200,9 +166,9 @@ def test_a_running_sensor_with_a_bundle_feels_again_when_nothing_came_of_it(tmp_
     camera: Any = gel_camera(dots=False)
     with session_of(camera, Reconstructor(bundle)) as daemon:
         back = daemon.prepare(PictureSteps.with_view(VIEW))
-        assert shape_soon(daemon, VIEW.image_shape)
+        comes(daemon, VIEW.image_shape)
         assert not daemon.bundle.calibrated
         back()
-        assert shape_soon(daemon, SHAPE)
+        comes(daemon, SHAPE)
         assert daemon.bundle is bundle
         assert np.isfinite(daemon.wait_frame(-1, 10).depth_mm).all()

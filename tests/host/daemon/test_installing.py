@@ -1,7 +1,6 @@
 """Bundles in service: only verified ones of the same sensor, the old ones kept, the board told, nothing half done."""
 
 import json
-import time
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,6 +18,7 @@ from gellight.daemon.installing import install, remember, restore
 from gellight.opening import open_camera
 from gellight.ring.light_ring import connect
 from tests.helpers.linear_sensor import verified_bundle
+from tests.helpers.waiting import eventually
 
 
 @pytest.fixture
@@ -162,9 +162,7 @@ def test_remembering_lights_the_ring_again_and_writes_only_what_is_new(tmp_path:
         ring.light(synthetic.colours)
         remember(ring, identity)
         saves = ring.status().config_saves
-        deadline_s = time.monotonic() + 10
-        while ring.status().current_ma < 100:  # the LEDs are lit as before
-            assert time.monotonic() < deadline_s
+        eventually(lambda: ring.status().current_ma >= 100)  # the LEDs are lit as before
         remember(ring, identity)
         assert ring.status().config_saves == saves
         assert ring.configuration().name.rstrip(b"\0") == b"GelLight", "the rest of the configuration is kept"

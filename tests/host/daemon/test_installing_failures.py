@@ -11,7 +11,7 @@ import pytest
 from gellight.base.errors import BundleError, GellightError
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
-from gellight.daemon.installing import install, restore
+from gellight.daemon.installing import install
 from gellight.daemon.session import SensorSession
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.watch.monitor import SensorWatch
@@ -55,10 +55,6 @@ def service(tmp_path: Path) -> Service:
     return Service(tmp_path, streams=False)
 
 
-def refuse(*arguments: Any) -> None:
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
 STEPS = ["exposure_us", "light 1", "configuration 1", "configuration 2", "blank 1", "configure 1", "configured 1",
          "light 2"]  # fmt: skip
 """what an installation asks of camera and board, in this order"""
@@ -80,15 +76,6 @@ def test_what_fails_at_camera_or_board_changes_nothing(service: Service, step: s
     assert service.camera.ring.memory.bundle.hex() == service.new.identity
 
 
-@pytest.mark.parametrize("place", ["gellight.bundle.bundle.write_folder", "gellight.bundle.store.write_file"])
-def test_what_fails_at_the_disk_changes_nothing(service: Service, place: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = service.state()
-    monkeypatch.setattr(place, refuse)
-    with pytest.raises(BundleError, match="No space left on device"):
-        service.install(service.new)
-    assert service.state() == before
-
-
 def test_a_history_that_was_renamed_but_not_flushed_is_put_back(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -106,15 +93,6 @@ def test_a_history_that_was_renamed_but_not_flushed_is_put_back(
     with pytest.raises(BundleError, match="Input/output error"):
         service.install(service.new)
     assert len(calls) == 2
-    assert service.state() == before
-
-
-def test_restoring_fails_the_same_way(service: Service) -> None:
-    service.install(service.new)
-    before = service.state()
-    service.camera.failures.reset("configure 1")
-    with pytest.raises(GellightError, match=r"^configure failed$"):
-        restore("", sensor=SENSOR, store=service.store, running=service.running, camera=service.camera)
     assert service.state() == before
 
 

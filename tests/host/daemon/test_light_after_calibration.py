@@ -1,7 +1,6 @@
 """However a calibration ends, camera and LEDs are set as the running bundle says; dark once the daemon is stopped."""
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from gellight.watch.monitor import SensorWatch
 from tests.helpers.linear_sensor import verified_bundle
 from tests.helpers.scripted_camera import LitCamera
 from tests.helpers.sessions import session_of
+from tests.helpers.waiting import eventually
 
 WHITE = np.full((12, 3), 200, np.uint8)
 SENSOR = "E660C06213842F2A"
@@ -161,10 +161,8 @@ def test_lighting_that_fails_is_shown_and_tried_again(
         service.begin(CalibrationRequest())
         camera.failures.reset("light")
         service.act("abort")
-        deadline_s = time.monotonic() + 10
-        while not (error := daemon.status()["error"]):
-            assert time.monotonic() < deadline_s
-        assert str(error).startswith("the sensor is not set as its bundle says: light failed")
+        eventually(lambda: daemon.status()["error"])
+        assert str(daemon.status()["error"]).startswith("the sensor is not set as its bundle says: light failed")
         with pytest.raises(InputError, match="its status says why"):
             service.begin(CalibrationRequest())
         camera.failures.reset()

@@ -2,23 +2,18 @@
 
 A ball is pressed 1 mm deep. Each pair feels it, or is refused and what ran before feels it, two frames later.
 
-Trigger (`ext`) and free are lights that nobody waits for; the strobe of `sim://` is a wire to the emulated board. Three
-kinds of rows cannot be with them: network mode refuses them without a sequence, and a bundle with a lens or a view has
-no photometric mode. One with lights of its own is put in. The columns of `FEWER` stand for the others there; the
-environment variable MATRIX=whole tries all. Both lights need a board that keeps time. An emulated one stands still
-while a busy machine keeps it from the processor, as no crystal does: then no frame's light is known, the session ends
-as documented, and the table says `busy`. A machine with a core to spare fills these rows.
+Trigger (`ext`) and free are lights that nobody waits for; the strobe of `sim://` is a wire to its board. Three kinds of
+rows cannot be with them: network mode refuses them without a sequence, and a bundle with a lens or a view has no
+photometric mode. One with lights of its own is put in.
 """
 
-import os
 import time
 from collections.abc import Callable
-from contextlib import ExitStack, closing
 
 import numpy as np
 import pytest
 
-from gellight.base.errors import CameraError, GellightError
+from gellight.base.errors import GellightError
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.placeholder import placeholder
@@ -35,7 +30,7 @@ SMALL = {"image_width_px": small.SHAPE[1], "image_height_px": small.SHAPE[0], "p
 PRESSED_MM = 1.0
 URL = f"sim://?object=BALL&depth={PRESSED_MM}"
 MOVED_ON = {"free": "&fps=10", "ext": "&fps=10&strobe=1"}
-"""an emulated board keeps time to some milliseconds: lights that are not waited for need time between the frames"""
+"""lights that are not waited for need time between the frames on a busy machine"""
 WITHIN = 0.05
 """of what is pressed"""
 PATIENCE_S = 20.0
@@ -62,9 +57,6 @@ BUNDLES = ("ordinary", "lens", "view", "dots", "directions", "none")
 COLUMNS = (
     *BUNDLES, "zero", "light", "calibrated", "aborted", "unplugged", "unheard", "to network", "to photometric"
 )  # fmt: skip
-
-FEWER = ("ordinary", "lens", "directions", "calibrated", "unheard", "to network")
-"""for rows whose light is not waited for, which are slow"""
 
 
 class Unplugged(CameraWrapper):
@@ -227,67 +219,37 @@ PASSING: dict[str, Callable[[SensorSession, Unplugged], None]] = {
 }  # fmt: skip
 
 
-NO_LIGHT = "no frame of each light within"
+def opened(row: str, bundles: dict[str, Bundle]) -> tuple[SensorSession, Unplugged]:
+    """Return the session of a row, not begun, and its camera."""
+    name, mode, light_mode = ROWS[row]
+    url, bundle = URL + MOVED_ON.get(light_mode, ""), bundles[name]
+    settings = Settings.model_validate(
+        {
+            "sensor": {"url": url},
+            "geometry": SMALL,
+            "reconstruction": {"mode": mode},
+            "lighting": {"light_mode": light_mode},
+        }
+    )
+    camera = Unplugged(open_camera(url, geometry=settings.geometry.overrides(), bundle=lambda _: bundle))
+    return SensorSession(camera, bundle, settings), camera
 
 
-class OpenRow:
-    """The session of one row, opened again where it ended as documented: the machine was too busy to tell its light."""
-
-    def __init__(self, row: str, bundles: dict[str, Bundle]) -> None:
-        name, mode, light_mode = ROWS[row]
-        self._url, self._bundle = URL + MOVED_ON.get(light_mode, ""), bundles[name]
-        self._settings = Settings.model_validate(
-            {
-                "sensor": {"url": self._url},
-                "geometry": SMALL,
-                "reconstruction": {"mode": mode},
-                "lighting": {"light_mode": light_mode},
-            }
-        )
-        self.photometric = mode == "photometric" and name != "directions"
-        self._kept = ExitStack()
-        self.times_ended = -1
-        self.open()
-
-    def open(self) -> None:
-        self.times_ended += 1
-        self.close()
-        self.camera = Unplugged(
-            open_camera(self._url, geometry=self._settings.geometry.overrides(), bundle=lambda _: self._bundle)
-        )
-        self.session = self._kept.enter_context(SensorSession(self.camera, self._bundle, self._settings))
-
-    def close(self) -> None:
-        self._kept.close()
-
-
-def cell_of(running: OpenRow, what: str, bundles: dict[str, Bundle], wrong: list[str]) -> str:
+def cell_of(session: SensorSession, camera: Unplugged, what: str, bundles: dict[str, Bundle], wrong: list[str]) -> str:
     """What comes of putting it in; what must not be is added to `wrong`."""
+    photometric = session.mode == "photometric" and session.bundle.source != bundles["directions"].source
     try:
-        return f"ok {put_in(running.session, running.camera, what, bundles)}"
+        return f"ok {put_in(session, camera, what, bundles)}"
     except GellightError as error:
         if "\n" in str(error):
             wrong.append(f"{what}: more than one line: {error}")
         print(f"{what}: {error}")
-        if what == "zero" and running.photometric and "change to network mode" not in str(error):
+        if what == "zero" and photometric and "change to network mode" not in str(error):
             wrong.append(f"{what}: no remedy: {error}")
-        if NO_LIGHT not in str(error):
-            return "refused"
-        running.open()
-        return "no light"
+        return "refused"
     except AssertionError as error:
         wrong.append(f"{what}: {error}")
         return "WRONG"
-
-
-def goes_on(running: OpenRow) -> None:
-    """What ran before feels what is pressed."""
-    try:
-        felt(running.session)
-    except CameraError as error:
-        if NO_LIGHT not in str(error):
-            raise
-        running.open()
 
 
 @pytest.mark.parametrize(
@@ -298,22 +260,17 @@ def test_what_runs_takes_what_is_put_in_or_refuses_it_and_feels_on(
 ) -> None:
     cells = table.setdefault(row, {})
     wrong: list[str] = []
-    running = OpenRow(row, bundles)
-    with closing(running):
-        goes_on(running)
-        waited_for = ROWS[row][2] == "hold" or os.environ.get("MATRIX") == "whole"
-        for what in COLUMNS if waited_for else FEWER:
-            if running.times_ended:
-                cells[what] = "busy"
-                continue
+    running, camera = opened(row, bundles)
+    with running as session:
+        felt(session)
+        for what in COLUMNS:
             begun_s = time.monotonic()
-            cells[what] = cell_of(running, what, bundles, wrong)
+            cells[what] = cell_of(session, camera, what, bundles, wrong)
             try:
-                goes_on(running)
+                felt(session)  # what ran before feels what is pressed
             except AssertionError as error:
                 wrong.append(f"after {what}: {error}")
             print(f"{row}, {what}: {cells[what]}, {time.monotonic() - begun_s:.1f} s")
             if time.monotonic() - begun_s > LONGEST_S:
                 wrong.append(f"{what}: took {time.monotonic() - begun_s:.1f} s")
     assert not wrong, wrong
-    assert not running.times_ended or ROWS[row][2] != "hold"

@@ -37,16 +37,11 @@ def test_a_camera_of_any_size_streams_pictures_without_depth_until_it_has_a_bund
         assert daemon.watch is not None, "the first bundle begins the watch"
 
 
-def test_the_watch_begins_only_where_it_is_wanted(tmp_path: Path) -> None:
-    with assembly.open_session(small("sim://?board=0&fps=200", watch={"enabled": False})) as daemon:
+@pytest.mark.parametrize("wanted", [{"enabled": False}, {"rezero": False}])
+def test_the_settings_of_the_watch_hold_for_the_first_bundle_too(tmp_path: Path, wanted: dict[str, bool]) -> None:
+    with assembly.open_session(small("sim://?board=0&fps=200", watch=wanted)) as daemon:
         daemon.replace_bundle(verified_bundle(tmp_path / "made", sensor="simulated"))
-        assert daemon.watch is None
-
-
-def test_the_zero_is_set_only_when_asked_where_that_is_wanted_of_the_first_bundle_too(tmp_path: Path) -> None:
-    with assembly.open_session(small("sim://?board=0&fps=200", watch={"rezero": False})) as daemon:
-        daemon.replace_bundle(verified_bundle(tmp_path / "made", sensor="simulated"))
-        assert not daemon.watch.rezero
+        assert daemon.watch is None if "enabled" in wanted else not daemon.watch.rezero
 
 
 def test_a_v4l2_camera_with_lights_of_its_own_is_not_taken_for_the_simulated_sensor(

@@ -1,7 +1,6 @@
 """Commands of the page: what reaches the stage, and what happens to nonsense."""
 
 import json
-import time
 from collections.abc import Callable
 from unittest.mock import Mock
 
@@ -12,6 +11,7 @@ from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import HEIGHT, PIXEL_MM, WIDTH, FormulaSource, bump
 from tests.helpers.page_client import Page, pages
 from tests.helpers.scripted_calibration import Scripted
+from tests.helpers.waiting import eventually
 
 PRESS = {"type": "press", "object": "BALL", "depth_mm": 0.5, "x_mm": 0.0, "y_mm": 0.0}
 HALF_VIEW_MM = (WIDTH * PIXEL_MM / 2, HEIGHT * PIXEL_MM / 2)
@@ -53,8 +53,7 @@ def begin_a_press(page: Page, source: FormulaSource) -> None:
     page.frame()
     stage.may_prepare.clear()
     page.send(**PRESS)
-    while not stage.prepared:
-        time.sleep(0.01)
+    eventually(lambda: stage.prepared)
 
 
 def test_a_press_is_computed_before_it_is_made_and_stops_neither_frames_nor_status(

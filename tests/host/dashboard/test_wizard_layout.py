@@ -9,7 +9,6 @@ from playwright.sync_api import Browser, Page
 from gellight.daemon.needs import Need
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.browsing import wait_until
-from tests.helpers.dashboard_source import FormulaSource
 from tests.helpers.scripted_calibration import Scripted, pressing, snapshot, stored
 from tests.helpers.windows import SIZES, Resize, window, wrong
 
@@ -41,12 +40,6 @@ def calibration() -> Scripted:
     calibration.simulated = calibration.interrupted = True
     calibration.bundles = [stored("a" * 16, created="2026-11-01T10:00:00+00:00", report=True)]
     return calibration
-
-
-@pytest.fixture
-def server(source: FormulaSource, calibration: Scripted) -> Iterator[DashboardServer]:
-    with DashboardServer(source, port=0, calibration=calibration) as server:
-        yield server
 
 
 @pytest.fixture

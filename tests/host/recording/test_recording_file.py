@@ -11,7 +11,6 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CaptureStamp
 from gellight.frames.measures import MapOnRequest
 from gellight.opening import open_camera
@@ -24,21 +23,11 @@ from gellight.recording.recording_file import (
     topic_name,
 )
 from gellight.recording.ros_messages import RosImage, encode_compressed, encode_string
-from tests.helpers.recorded import LIGHT, SHAPE, encoded, picture, plain, read_all
+from tests.helpers.recorded import SHAPE, encoded, picture, plain, read_all
 from tests.helpers.streamed import full_frame
 from tests.helpers.weighed import HeavyFrames
 
 Record = Callable[..., Path]
-
-
-def test_frames_come_back_with_time_light_and_label(record: Record) -> None:
-    sent = [plain(number) for number in (3, 4, 7)]
-    got = read_all(f"replay://{record(sent)}?speed=0")
-    assert [frame.sequence for frame in got] == [3, 4, 7]
-    for one, other in zip(got, sent, strict=True):
-        assert np.array_equal(one.image, other.image)
-        assert np.array_equal(one.light, LIGHT)
-        assert one.label == other.label
 
 
 @pytest.mark.parametrize("letters", ["MJPG", "YUYV", "GREY"])
@@ -52,19 +41,6 @@ def test_the_bytes_of_the_camera_are_kept_and_decoded_as_when_they_were_live(rec
         assert np.array_equal(got.image, cv2.imdecode(np.frombuffer(sent.encoded.data, np.uint8), cv2.IMREAD_COLOR_RGB))
     if letters == "GREY":
         assert np.array_equal(got.image[..., 0], sent.image[..., 0])
-
-
-def test_depth_computed_again_equals_the_live_one_bit_for_bit(record: Record, bundle: Bundle) -> None:
-    """The picture, the reference image and the network are those of the time of recording."""
-    live = Reconstructor(bundle)
-    frames = [plain(number) for number in range(3)]
-    felt = [live.reconstruct(frame) for frame in frames]
-    recording = Recording(record(frames))
-    again = Reconstructor(recording.bundle)
-    for frame, before in zip(read_all(f"replay://{recording.path}?speed=0"), felt, strict=True):
-        now = again.reconstruct(frame)
-        assert now.depth_mm.tobytes() == before.depth_mm.tobytes()
-        assert now.gradient_map.tobytes() == before.gradient_map.tobytes()
 
 
 @pytest.mark.parametrize(("kind", "error_mm"), [(DepthKind.FLOAT32, 1e-7), (DepthKind.UINT16, 0.51e-4)])

@@ -1,6 +1,5 @@
 """Daemons of a test are found by that test alone; a recording that several tests read."""
 
-import time
 from pathlib import Path
 
 import pytest
@@ -8,6 +7,7 @@ import pytest
 import gellight
 from gellight.recording.depth_kind import DepthKind
 from gellight.stream.recorder import Recorder
+from tests.helpers.waiting import eventually
 
 
 @pytest.fixture(autouse=True)
@@ -23,7 +23,6 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
         sensor.next_frame()
         with Recorder(sensor.daemon, path, depth=DepthKind.FLOAT32) as recorder:
             assert sensor.daemon.status()["recording"] == path.name
-            while recorder.status.frames < 6 or recorder.status.depths < 3:
-                time.sleep(0.05)
+            eventually(lambda: recorder.status.frames >= 6 and recorder.status.depths >= 3, 120)
         assert sensor.daemon.status()["recording"] is None
     return path

@@ -8,6 +8,8 @@ import os
 import socket
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -44,27 +46,39 @@ def test_zenoh_lets_nobody_speak_for_the_daemon(tmp_path: Path, config: Path | N
             ', "liveliness_token", "declare_liveliness_subscriber", "liveliness_query"]}]}}'
         )
     daemon, _ = bump_daemon()
-    asked = list[object]()
-    with TemporaryDirectory() as shared, daemon, Publisher(daemon, name="finger", config=config) as publisher:
+    with daemon, Publisher(daemon, name="finger", config=config) as publisher:
+        endpoint = running()[0].endpoint
+        with speaking(endpoint):
+            for target in ("finger", endpoint.replace("tcp/", "zenoh://") + "/finger"):
+                only_the_daemon_is_heard(target, publisher.token)
+
+
+@contextmanager
+def speaking(endpoint: str) -> Iterator[None]:
+    """Let a stranger speak at an address all the while, and hear nothing."""
+    heard = list[object]()
+    with TemporaryDirectory() as shared:
         Path(shared).chmod(0o777)  # the test's own folder is closed to others
         ready, ended = Path(shared) / "ready", Path(shared) / "ended"
-        endpoint = running()[0].endpoint
-        attack = threading.Thread(target=lambda: asked.append(as_stranger("speaks", endpoint, str(ready), str(ended))))
+        attack = threading.Thread(target=lambda: heard.append(as_stranger("speaks", endpoint, str(ready), str(ended))))
         attack.start()
         try:
-            while not ready.exists() and attack.is_alive():
-                time.sleep(0.05)
-            for target in ("finger", endpoint.replace("tcp/", "zenoh://") + "/finger"):
-                with subscribe(target, every=True, token=publisher.token) as frames:
-                    told = {frames.next_frame().contact.indentation_mm for _ in range(50)}
-                    assert len(told) > 40, "only the daemon's own frames, each deeper than the one before"
-                    assert frames.status()["mode"] == "formula"
-                    with pytest.raises(InputError, match=r"simulated gel only"):
-                        frames.press("BALL", 1.0)
+            eventually(lambda: ready.exists() or not attack.is_alive(), 120)
+            yield
         finally:
             ended.touch()
             attack.join()
-    assert asked == [[]]
+    assert heard == [[]]
+
+
+def only_the_daemon_is_heard(target: str, token: str) -> None:
+    """Its frames, each deeper than the one before, and its answers."""
+    with subscribe(target, every=True, token=token) as frames:
+        told = {frames.next_frame().contact.indentation_mm for _ in range(50)}
+        assert len(told) > 40
+        assert frames.status()["mode"] == "formula"
+        with pytest.raises(InputError, match=r"simulated gel only"):
+            frames.press("BALL", 1.0)
 
 
 def test_zenoh_gives_frames_to_all_and_changes_nothing_without_the_token() -> None:
@@ -121,25 +135,11 @@ def test_who_speaks_at_the_router_of_ros_2_neither_hears_nor_changes_what_goes_t
 ) -> None:
     """Where this program is the router, too: questions with the token go through the stream's own session alone."""
     daemon, _ = bump_daemon(period_s=0.05)
-    router, asked = f"tcp/127.0.0.1:{free_port()}", list[object]()
-    with TemporaryDirectory() as shared, daemon, Publisher(daemon, name="finger") as publisher, \
-            Ros2Publisher(daemon, router, name="finger") as topics:  # fmt: skip
+    router = f"tcp/127.0.0.1:{free_port()}"
+    with daemon, Publisher(daemon, name="finger") as publisher, Ros2Publisher(daemon, router, name="finger") as topics:
         assert topics.is_router
-        Path(shared).chmod(0o777)
-        ready, ended = Path(shared) / "ready", Path(shared) / "ended"
-        attack = threading.Thread(target=lambda: asked.append(as_stranger("speaks", router, str(ready), str(ended))))
-        attack.start()
-        try:
-            eventually(lambda: ready.exists() or not attack.is_alive(), 120)
-            with subscribe("finger", every=True, token=publisher.token) as frames:
-                told = {frames.next_frame().contact.indentation_mm for _ in range(20)}
-                assert len(told) > 15, "only the daemon's own frames, each deeper than the one before"
-                with pytest.raises(InputError, match=r"simulated gel only"):
-                    frames.press("BALL", 1.0)
-        finally:
-            ended.touch()
-            attack.join()
-    assert asked == [[]]
+        with speaking(router):
+            only_the_daemon_is_heard("finger", publisher.token)
 
 
 def test_a_virtual_sensor_is_taken_by_who_comes_first_and_no_silent_importer_stays(

@@ -56,7 +56,8 @@ def _session(kind: str, folder: Path, synthetic: Bundle) -> SensorSession:
 def figures(frame: TactileFrame) -> tuple[object, ...]:
     light = frame.camera_frame.light
     return (
-        frame.depth_mm.tobytes(), frame.contact.indentation_mm if frame.contact.area_mm2 > 0 else None,
+        frame.depth_mm.tobytes(), frame.gradient_map.tobytes(),
+        frame.contact.indentation_mm if frame.contact.area_mm2 > 0 else None,
         frame.shear and frame.shear.unknown, frame.force and frame.force.normal_n,
         None if light is None else light.tobytes(), frame.camera_frame.label,
     )  # fmt: skip

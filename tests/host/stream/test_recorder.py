@@ -20,6 +20,7 @@ from gellight.recording.replay_camera import open_replay
 from gellight.stream import recorder as recorder_module
 from gellight.stream.recorder import Recorder
 from tests.helpers.streamed import bump_daemon
+from tests.helpers.waiting import eventually
 
 
 def test_every_camera_frame_is_there_and_the_depth_of_each_can_be_computed_again(recording: Path) -> None:
@@ -112,13 +113,11 @@ def test_a_disk_that_refuses_ends_the_recording_and_nothing_else(
 ) -> None:
     with gellight.connect("sim://?object=BALL&depth=1&fps=5", patience_s=120) as sensor:
         with Recorder(sensor.daemon, tmp_path / "a.mcap") as recorder:
-            while not recorder.status.frames:
-                time.sleep(0.05)
+            eventually(lambda: recorder.status.frames, 120)
             monkeypatch.setattr(
                 recorder._writer, "add", Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
             )
-            while not recorder.ended:
-                time.sleep(0.05)
+            eventually(lambda: recorder.ended, 120)
             recorder._thread.join(20)
             assert sensor.daemon.captured._copies == sensor.daemon.delivered._copies == (), "no frame is kept for it"
         assert "disk is full" in recorder.status.ended
@@ -136,8 +135,7 @@ def test_a_recorder_that_is_slower_than_the_camera_ends_all_the_same(
         with Recorder(sensor.daemon, tmp_path / "a.mcap", frames=frames) as recorder:
             add = recorder._writer.add
             monkeypatch.setattr(recorder._writer, "add", lambda *frame, packed: (time.sleep(0.1), add(*frame)))
-            while recorder.status.frames < 3:
-                time.sleep(0.02)
+            eventually(lambda: recorder.status.frames >= 3, 120)
             taken_at_the_end = sensor.daemon.captured.newest
         assert recorder.status.frames == frames or recorder.status.frames <= taken_at_the_end
         assert not recorder._thread.is_alive()

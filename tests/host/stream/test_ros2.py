@@ -281,8 +281,7 @@ def test_sensors_without_names_have_topics_of_their_own(router: tuple[zenoh.Sess
 def test_a_topic_that_nobody_subscribes_to_costs_nothing(router: tuple[zenoh.Session, int]) -> None:
     daemon, made = bump_daemon(period_s=0.005)
     with daemon, Ros2Publisher(daemon, f"tcp/127.0.0.1:{router[1]}", name="finger") as publisher:
-        while len(made.given) < 100:
-            time.sleep(0.01)
+        eventually(lambda: len(made.given) >= 100)
         assert publisher._count < 20, "the diagnostics alone"
 
 

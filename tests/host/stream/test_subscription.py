@@ -128,8 +128,7 @@ def test_a_reader_that_stands_still_slows_nobody() -> None:
 def test_nothing_is_encoded_while_nobody_reads() -> None:
     daemon, made = bump_daemon(period_s=0.005)
     with daemon, Publisher(daemon) as publisher:
-        while len(made.given) < 50:
-            time.sleep(0.01)
+        eventually(lambda: len(made.given) >= 50)
         assert publisher.frames == 0
 
 

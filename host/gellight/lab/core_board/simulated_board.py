@@ -1,9 +1,7 @@
 """``sim://``: the compiled core on the clock of this computer, as a stream of bytes and a timeline of light."""
 
-import importlib
 import threading
 import time
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -194,21 +192,3 @@ class SimulatedBoard:
             self._lock.wait_for(lambda: not self._there, max(self._zero_s + end_us * 1e-6 - time.monotonic(), 0.0))
             self._advance()
             return self._timeline.interval(start_us, end_us)
-
-
-def board_of(kind: bool | str, *, leds: int = LED_COUNT, ring_c: float | None = None) -> SimulatedBoard:
-    """Switch on a simulated board; `kind` "rp2040": the firmware's image in an emulated chip, which the tests have.
-
-    Raises BoardError as SimulatedBoard, and for an emulated chip where the tests are not.
-    """
-    if kind != "rp2040":
-        return SimulatedBoard(leds=leds, ring_c=ring_c)
-    try:
-        emulator: Any = importlib.import_module("tests.firmware.emulator.child")
-    except ImportError as error:
-        raise BoardError(
-            f"board=rp2040 runs in an emulator that is not here ({error}): run it from a checkout of GelLight, with "
-            'pip install ".[test]", or leave it out'
-        ) from error
-    board: SimulatedBoard = emulator.SimulatedBoard(leds=leds, ring_c=ring_c)  # which behaves alike
-    return board

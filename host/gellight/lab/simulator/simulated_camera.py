@@ -7,14 +7,13 @@ while the scene rests; a scene that changes takes as long as it takes to compute
 it was ready, so their age is true.
 
 Parameters of the URL, all optional: `fps`, `seed`, `noise` (grey levels), `object`, `depth`, `x`, `y` (mm; a press held
-from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board), `board=rp2040` (the
-firmware's very image, in an emulated chip; from a checkout with its tests, and slow), `strobe=1` (each frame
+from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board), `strobe=1` (each frame
 begins with a strobe on the trigger pin of the board, for `--light-mode ext`), `ring_c` (the ring has an NTC of so many
-degrees Celsius; by default it has none); and what makes one sensor differ from
-another: `crosstalk` (share of the other colours in a channel), `led_spread` (standard deviation of
-the LEDs' brightness, as a share), `dim` (all LEDs darker by this share). `dots=9x7` prints columns and rows of marker
-dots on the gel, `dot_pitch` and `dot_diameter` mm, of `dot_albedo`, of which the share `dots_missing` has come off;
-`friction` is its coefficient for what is dragged over such a gel.
+degrees Celsius; by default it has none); and what makes one sensor differ from another: `crosstalk` (share of the other
+colours in a channel), `led_spread` (standard deviation of the LEDs' brightness, as a share), `dim` (all LEDs darker by
+this share). `dots=9x7` prints columns and rows of marker dots on the gel, `dot_pitch` and `dot_diameter` mm, of
+`dot_albedo`, of which the share `dots_missing` has come off; `friction` is its coefficient for what is dragged over
+such a gel.
 `camera=pinhole` sees the gel from the height of the camera, not along parallel rays, and `window=acrylic` lights and
 sees it through gel and acrylic, which bend light.
 `sequence=FILE` moves an object as the file says, a step a frame, there and back: see `sequence.py`.
@@ -43,7 +42,7 @@ from gellight.frames.frames import CameraFrame, GroundTruth
 from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.frames.picture import PictureSteps
 from gellight.frames.timing import CameraTiming
-from gellight.lab.core_board.simulated_board import SimulatedBoard, board_of
+from gellight.lab.core_board.simulated_board import SimulatedBoard
 from gellight.lab.simulator.known_force import known_force
 from gellight.lab.simulator.read_noise import ReadNoise
 from gellight.lab.simulator.scene import Array, Press, Scene
@@ -297,7 +296,7 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
     if wanted.board and unit is None:
         check_drivable(len(scene.light))
     colours = np.round(scene.light * 255).astype(np.uint8)
-    ring = lit_ring(colours, wanted.ring_c, wanted.board) if wanted.board and unit is None else None
+    ring = lit_ring(colours, wanted.ring_c) if wanted.board and unit is None else None
     return SimulatedCamera(scene, stage, ring=ring, url=url, fps=wanted.fps, seed=wanted.seed,
                            strobe=wanted.strobe, bundle=unit.bundle if unit else None)  # fmt: skip
 
@@ -321,10 +320,9 @@ def check_drivable(leds: int) -> None:
         )
 
 
-def lit_ring(colours: NDArray[np.uint8], ring_c: float | None = None, kind: bool | str = True) -> LightRing:
-    """Start a board of a kind with as many LEDs as (n, 3) `colours`, and an NTC so warm, and light them."""
-    # A busy computer may keep an emulated chip from the processor for a while.
-    ring = LightRing(board_of(kind, leds=len(colours), ring_c=ring_c), timeout_s=1.0)
+def lit_ring(colours: NDArray[np.uint8], ring_c: float | None = None) -> LightRing:
+    """Start a board with as many LEDs as (n, 3) `colours`, and an NTC so warm, and light them."""
+    ring = LightRing(SimulatedBoard(leds=len(colours), ring_c=ring_c), timeout_s=1.0)
     try:
         ring.light(colours)
     except BaseException:

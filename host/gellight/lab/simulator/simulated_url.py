@@ -1,7 +1,6 @@
 """The parameters of a `sim://` URL; the top of `simulated_camera.py` says what they mean."""
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -32,7 +31,7 @@ class SimulatedUrl(BaseModel):
     x: float = 0.0
     y: float = 0.0
     programme: bool = True
-    board: bool | Literal["rp2040"] = Field(True, json_schema_extra={"allowed": "true, false or rp2040"})
+    board: bool = True
     strobe: bool = False
     ring_c: float | None = Field(None, ge=COLDEST_C, le=HOTTEST_C)
     crosstalk: float = Field(0.1, ge=0, le=0.5)

@@ -36,7 +36,7 @@ _opened = contextlib.ExitStack()
 
 @pytest.fixture(autouse=True)
 def closing() -> Iterator[None]:
-    """Close the cameras of a test's routines: an emulated board costs a third of a core for as long as it is there."""
+    """Close the cameras of a test's routines."""
     with _opened:
         yield
 

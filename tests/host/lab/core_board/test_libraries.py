@@ -7,11 +7,9 @@ from pathlib import Path
 import pytest
 
 from gellight.base.errors import BoardError
-from gellight.lab.core_board import build, core, simulated_board
+from gellight.lab.core_board import build, core
 from gellight.lab.core_board.simulated_board import SimulatedBoard
-from gellight.opening import open_camera
 from gellight.reconstruction.native.library import check_whole
-from gellight.ring.light_ring import connect
 
 HERE = f"{sys.platform}-{platform.machine()}"
 
@@ -50,17 +48,3 @@ def test_a_machine_without_a_library_has_steady_light(another_library: pytest.Mo
     another_library.setattr(platform, "machine", lambda: "riscv64")
     with pytest.raises(BoardError, match=r"on riscv64: give sim://\?board=0"):
         SimulatedBoard()
-
-
-def test_the_emulated_chip_without_the_tests_is_refused_with_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "tests.firmware.emulator.child", None)
-    for open_it in (connect, open_camera):
-        with pytest.raises(BoardError, match="run it from a checkout of GelLight"):
-            open_it("sim://?board=rp2040")
-
-
-def test_the_emulated_chip_is_opened_by_the_url() -> None:
-    with connect("sim://?board=rp2040&leds=8") as ring:
-        assert type(ring.transport).__module__ == "tests.firmware.emulator.child"
-        assert ring.led_count == 8
-        assert ring.hello.unique_id == simulated_board.UNIQUE_ID

@@ -1,6 +1,5 @@
-"""The doctor, the list of sensors and the udev rule: every finding with its remedy, on a computer made of nothing."""
+"""The doctor: every finding with its remedy, on a computer made of nothing."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,75 +8,20 @@ from unittest.mock import Mock
 
 import pytest
 
-from gellight.base.errors import BoardError, CameraError, InputError
+from gellight.base.errors import BoardError, CameraError
 from gellight.lab.doctor import examination, sensor_checks
-from gellight.lab.doctor.examination import examine
 from gellight.lab.doctor.sensor_checks import check_shutter, check_stamps
-from gellight.lab.doctor.shutter_meter import ShutterEstimate
-from gellight.sensor import udev
 from gellight.sensor.discovery import discover
-from gellight.sensor.findings import Finding, Level, ok, problem
+from gellight.sensor.findings import Level
 from gellight.sensor.v4l2 import controls as c
 from gellight.sensor.v4l2 import structures as v
 from gellight.sensor.v4l2.options import parse_url
 from gellight.sensor.v4l2.stamps import StampMeaning
 from gellight.sensor.v4l2.stream import Picture
 from gellight.sensor.v4l2.video_camera import V4l2Camera
-from tests.helpers.command_line import invoke
-from tests.helpers.sensor_bench import Bench, BenchRing
+from tests.helpers.clinic import MEASURED, WEBCAM, Clinic, TalkingRing, wrong
 from tests.helpers.v4l2_pictures import jpeg, scene
 from tests.helpers.virtual_sensor import virtual_sensor
-
-WEBCAM = (0x046D, 0x0825)
-
-
-class TalkingRing(BenchRing):
-    """Answers what the doctor asks; a round trip takes `answer_s`."""
-
-    answer_s, temperature = 0.001, 655
-
-    def counters(self) -> Any:
-        return SimpleNamespace(packets=7)
-
-    def clock(self, host_us: int = 0) -> None:
-        self.kernel.sleep(self.answer_s)
-
-
-class Clinic(Bench):
-    """A computer whose pictures are as bright as its LEDs."""
-
-    blind = False
-
-    def plug(self, port: str, serial: str, **changes: Any) -> Any:
-        camera = super().plug(port, serial, **{"formats": {"YUYV": {(32, 24): [30]}}, **changes})
-        camera.payload = self.look
-        return camera
-
-    def look(self, number: int) -> bytes:
-        lit = max((int(ring.lit.mean()) for ring in self.rings), default=0)
-        return bytes([20 + (0 if self.blind else lit), number % 251] * 32 * 24)
-
-    def open_ring(self, url: str) -> Any:
-        self.rings.append(TalkingRing(self.kernel, url))
-        return self.rings[-1]
-
-    def examine(self, tmp_path: Path, name: str | None = None) -> list[Finding]:
-        return list(examine(name, surroundings=self.surroundings, folder=tmp_path, rules=tmp_path))
-
-
-MEASURED = ShutterEstimate(exposure_s=0.008, readout_s=0.012, delay_s=-0.021, scatter_s=2e-4, bands=90)
-
-
-@pytest.fixture
-def clinic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Clinic:
-    monkeypatch.setattr(sensor_checks, "measure_shutter", lambda camera, groups, timing: MEASURED)  # no rolling shutter
-    udev.install(folder=tmp_path, run=lambda command: None)
-    return Clinic(tmp_path / "computer")
-
-
-def wrong(findings: list[Finding]) -> dict[str, Finding]:
-    assert all(bool(finding.remedy) == (finding.level is not Level.OK) for finding in findings)
-    return {finding.check: finding for finding in findings if finding.level is not Level.OK}
 
 
 def test_a_healthy_sensor_has_no_finding_that_needs_a_remedy(clinic: Clinic, tmp_path: Path) -> None:
@@ -322,162 +266,3 @@ def test_a_camera_without_a_ring_can_be_examined_by_its_node(clinic: Clinic, tmp
     assert "rate" in {finding.check for finding in findings}
     assert "board" not in {finding.check for finding in findings}
     assert "shares a USB parent" in wrong(clinic.examine(tmp_path))["sensors"].text
-
-
-# ---- just within a bound, and just beyond ----
-
-MODE = SimpleNamespace(fps=30.0)
-STEADY = {"period_s": 1 / 30, "left_out": 0, "wander_s": 0.001, "farthest_s": 0.001}
-COUNTS = dict.fromkeys(("wrong_stamps", "identical", "lost", "damaged", "duplicated"), 0) | {"delivered": 60}
-
-
-def level_of(finding: Finding) -> str:
-    return finding.level.value
-
-
-@pytest.mark.parametrize(("fps", "level"), [(28.6, "ok"), (28.4, "warning"), (31.4, "ok"), (31.6, "warning")])
-def test_a_rate_may_be_off_by_a_twentieth(fps: float, level: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sensor_checks, "cadence", lambda pictures: SimpleNamespace(period_s=1 / fps))
-    assert level_of(sensor_checks.check_rate(Mock(mode=MODE), [])) == level
-
-
-@pytest.mark.parametrize(("size", "level"), [(655_360, "ok"), (655_361, "warning")])
-def test_a_camera_may_take_four_fifths_of_what_usb_2_reserves(size: int, level: str) -> None:
-    """3 x 1024 x 8000 bytes a second."""
-    assert level_of(sensor_checks.check_bandwidth(Mock(mode=MODE), [Mock(data=bytes(size))])) == level
-
-
-@pytest.mark.parametrize(
-    ("counts", "found", "level"),
-    [
-        ({"identical": 3}, {}, "ok"),
-        ({"identical": 4}, {}, "warning"),
-        ({"lost": 1, "damaged": 1, "duplicated": 1}, {}, "ok"),
-        ({"lost": 1, "damaged": 2, "duplicated": 1}, {}, "warning"),
-        ({}, {"left_out": 3}, "ok"),
-        ({}, {"left_out": 4, "wander_s": 0.0041}, "warning"),
-        ({}, {"left_out": 4, "wander_s": 0.0043}, "ok"),
-        ({"wrong_stamps": 1}, {}, "problem"),
-    ],
-)
-def test_three_frames_of_sixty_may_be_amiss(
-    counts: dict[str, int], found: dict[str, float], level: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sensor_checks, "cadence", lambda pictures: SimpleNamespace(**{**STEADY, **found}))
-    camera = Mock(counts=SimpleNamespace(**{**COUNTS, **counts}))
-    assert level_of(sensor_checks.check_losses(camera, [])) == level
-
-
-@pytest.mark.parametrize(("answer_s", "level"), [(0.0199, "ok"), (0.0201, "warning")])
-def test_a_board_may_take_20_ms_to_answer(answer_s: float, level: str, clinic: Clinic) -> None:
-    ring = SimpleNamespace(clock=lambda: clinic.kernel.sleep(answer_s))
-    assert level_of(sensor_checks.check_ring_clock(ring, clinic.surroundings)) == level
-
-
-@pytest.mark.parametrize(("lit_grey", "level"), [(11.9, "problem"), (12.1, "ok")])
-def test_leds_brighten_the_picture_by_two_grey_levels(
-    lit_grey: float, level: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    grey, ring = iter([10.0, lit_grey]), Mock(led_count=12)
-    monkeypatch.setattr(sensor_checks, "_mean_grey", lambda camera: next(grey))
-    assert level_of(sensor_checks.check_leds(ring, Mock())) == level
-    assert (ring.light.call_args.args[0] == 40).all()
-
-
-@pytest.mark.parametrize(("leds", "lit"), [(3, 1), (12, 3), (20, 5), (24, 5)])
-def test_the_shutter_is_measured_by_few_leds_on_opposite_sides(
-    leds: int, lit: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    measure = Mock(side_effect=CameraError("none"))
-    monkeypatch.setattr(sensor_checks, "measure_shutter", measure)
-    check_shutter(Mock(ring=Mock(led_count=leds)), Mock(), Mock())
-    red, blue = (group.any(axis=1).nonzero()[0].tolist() for group in measure.call_args.args[1])
-    assert (red, blue) == (list(range(lit)), list(range(leds // 2, leds // 2 + lit)))
-
-
-@pytest.mark.parametrize(
-    ("free", "year", "levels"),
-    [(1_000_000_000, 2025, ["ok", "ok"]), (999_999_999, 2024, ["warning", "problem"])],
-)
-def test_a_gigabyte_has_to_be_free_and_the_date_to_be_plausible(
-    free: int, year: int, levels: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(examination.shutil, "disk_usage", lambda folder: SimpleNamespace(free=free))
-    monkeypatch.setattr(examination.time, "gmtime", lambda: SimpleNamespace(tm_year=year))
-    found = [examination.check_disk(tmp_path), *examination.check_clock(tmp_path)]
-    assert [level_of(finding) for finding in found] == levels
-
-
-@pytest.mark.parametrize(
-    ("mbps", "others", "levels"),
-    [(479.0, 0, ["problem"]), (480.0, 0, ["ok"]), (480.0, 1, ["ok", "warning"]), (5000.0, 1, ["ok"])],
-)
-def test_a_camera_needs_480_mbit_s_and_shares_no_slow_bus(mbps: float, others: int, levels: list[str]) -> None:
-    cameras = [SimpleNamespace(usb=SimpleNamespace(speed_mbps=mbps, port=f"1-{n}")) for n in range(1 + others)]
-    found = Mock(with_cameras=lambda: [SimpleNamespace(camera=camera) for camera in cameras])
-    sensor = SimpleNamespace(camera=cameras[0], name="one")
-    assert [level_of(finding) for finding in examination.check_speed(found, sensor)] == levels
-
-
-# ---- the verbs ----
-
-
-def test_find_lists_sensors_and_what_is_left_over(clinic: Clinic, monkeypatch: pytest.MonkeyPatch) -> None:
-    clinic.plug("1-2", "GL0001")
-    clinic.usb.plug("1-7", serial="CAM", ids=WEBCAM, cameras=1)
-    clinic.usb.plug("1-8", serial="RING", rings=1)
-    usb = clinic.usb
-    monkeypatch.setattr("gellight.cli.find.discover", lambda: discover(sysfs=usb.sysfs, dev=usb.dev))
-    shown = invoke("find")
-    assert shown.exit_code == 0
-    assert "sensor://GL0001   USB 1-2, camera " in shown.output
-    assert "camera without a ring: " in shown.output
-    assert "ring without a camera: " in shown.output
-    listed = json.loads(invoke("find", "--json").output)
-    assert [sensor["url"] for sensor in listed["sensors"]] == ["sensor://GL0001"]
-    assert listed["sensors"][0]["camera"]["speed_mbps"] == 480
-    assert [len(listed[kind]) for kind in ("cameras", "rings", "ambiguities")] == [1, 1, 0]
-
-
-def test_find_says_what_to_do_where_nothing_is_plugged_in(clinic: Clinic, monkeypatch: pytest.MonkeyPatch) -> None:
-    usb = clinic.usb
-    monkeypatch.setattr("gellight.cli.find.discover", lambda: discover(sysfs=usb.sysfs, dev=usb.dev))
-    found = invoke("find")
-    assert (found.exit_code, invoke("find", "--json").exit_code) == (0, 0), found.exception
-    assert "no light ring are plugged in: check the cable; `" in found.output
-    assert " demo` shows a simulated sensor" in found.output
-    assert "--sensor" not in found.output, "it takes no such option"
-
-
-def test_the_doctor_takes_every_name_that_is_printed_for_a_sensor(clinic: Clinic, tmp_path: Path) -> None:
-    clinic.plug("1-2", "GL0001")
-    clinic.plug("1-3", "GL0002")
-    found = discover(sysfs=clinic.usb.sysfs, dev=clinic.usb.dev)
-    first = found.called("GL0001")
-    lit = f"v4l2://{first.camera.path}?ring={first.ring.path}"
-    for name in ("sensor://GL0001", "sensor://1-2", "GL0001", "1-2", first.camera.path, first.camera.stable, lit):
-        clinic.rings.clear()
-        told = clinic.examine(tmp_path, name)
-        assert set(wrong(told)) <= {"usb"}, f"{name}: only that two share a bus"
-        assert [finding.check for finding in told].count("leds") == 1, name
-        assert len(clinic.rings) == 1, name
-    assert len([finding for finding in clinic.examine(tmp_path, "auto") if finding.check == "leds"]) == 2
-    told = wrong(clinic.examine(tmp_path, f"v4l2://{first.camera.path}?ring=/dev/ttyACM77"))
-    assert "no light ring is at /dev/ttyACM77" in told["sensors"].text
-    with pytest.raises(InputError, match="sim:// is no real sensor"):
-        clinic.examine(tmp_path, "sim://")
-
-
-def test_doctor_prints_findings_and_exits_with_1_where_one_prevents_use(monkeypatch: pytest.MonkeyPatch) -> None:
-    findings = [ok("disk", "1 GB"), problem("usb", "slow", "use another cable")]
-    monkeypatch.setattr("gellight.lab.doctor.examination.examine", lambda name, surroundings, folder: iter(findings))
-    training = ok("training", "numpy trains networks")
-    monkeypatch.setattr("gellight.lab.training.training.check_trainer", lambda: training)
-    shown = invoke("doctor")
-    assert shown.exit_code == 1
-    assert shown.output.splitlines()[1:3] == ["problem  usb         slow", f"{'':21}-> use another cable"]
-    assert shown.output.splitlines()[3].split(maxsplit=2) == ["ok", "training", "numpy trains networks"]
-    listed = json.loads(invoke("doctor", "--json").output)["findings"]
-    assert listed[1] == {"level": "problem", "check": "usb", "text": "slow", "remedy": "use another cable"}
-    findings.pop()
-    assert invoke("doctor").exit_code == 0

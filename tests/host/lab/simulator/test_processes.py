@@ -4,7 +4,6 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,6 +12,7 @@ from gellight.base.errors import InputError
 from gellight.lab.simulator.processes import call_all
 from tests.helpers.children import started
 from tests.helpers.places import CHECKOUT
+from tests.helpers.waiting import eventually
 
 
 def square(number: int) -> int:
@@ -56,14 +56,7 @@ def test_workers_end_with_the_program_that_is_killed(tmp_path: Path) -> None:
     (tmp_path / "calls.py").write_text(CALLS)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(CHECKOUT), str(CHECKOUT / "host")])}
     with started([sys.executable, tmp_path / "calls.py", tmp_path], env=environment) as program:
-        wait_until(lambda: len(list(tmp_path.glob("[01]/*"))) == 2)
+        eventually(lambda: len(list(tmp_path.glob("[01]/*"))) == 2, 60)
         program.kill()
         workers = [Path("/proc") / path.name for path in tmp_path.glob("[01]/*")]
-        wait_until(lambda: not any(worker.exists() for worker in workers))
-
-
-def wait_until(done: Callable[[], bool]) -> None:
-    end_s = time.monotonic() + 60
-    while not done():
-        assert time.monotonic() < end_s
-        time.sleep(0.05)
+        eventually(lambda: not any(worker.exists() for worker in workers), 60)

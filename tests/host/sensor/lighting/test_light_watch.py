@@ -1,9 +1,5 @@
-"""Labels on boards that really run: on virtual time, and in a process of its own on a machine that is busy."""
+"""Labels on boards that really run: on virtual time, and on the clock of this computer."""
 
-import os
-import signal
-import threading
-import time
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -24,7 +20,6 @@ from gellight.sensor.lighting.label import label_frame
 from gellight.sensor.lighting.light_watch import LightWatch
 from gellight.sensor.lighting.sequenced import SequencedCamera
 from gellight.sensor.lighting.timeline import KnownLight
-from tests.firmware.emulator.child import SimulatedBoard
 from tests.helpers.clock_bounds import board_us
 from tests.helpers.virtual_sensor import RING, virtual_sensor
 
@@ -77,14 +72,6 @@ def test_every_light_of_a_fast_sequence_is_heard_of_with_its_time(monkeypatch: p
     camera.close()
 
 
-def disturb(board: SimulatedBoard, stop: threading.Event) -> None:
-    """Let the board's process stand still for 40 ms now and then, as a busy machine does."""
-    while not stop.wait(0.23):
-        os.kill(board._process.pid, signal.SIGSTOP)
-        time.sleep(0.04)
-        os.kill(board._process.pid, signal.SIGCONT)
-
-
 NOISE_GREY = 0.5
 ROW_PX = 640
 ROW_ERROR_GREY = 7 * np.hypot(NOISE_GREY, np.sqrt(1 / 12)) / np.sqrt(ROW_PX)
@@ -92,15 +79,8 @@ ROW_ERROR_GREY = 7 * np.hypot(NOISE_GREY, np.sqrt(1 / 12)) / np.sqrt(ROW_PX)
 exceeded once in 1e11 rows"""
 
 
-@pytest.mark.parametrize("stands_still", [False, pytest.param(True, marks=pytest.mark.nightly)])
-def test_on_the_simulated_sensor_no_clean_label_is_wrong_even_if_the_board_stands_still(
-    monkeypatch: pytest.MonkeyPatch, stands_still: bool
-) -> None:
-    """Wall time, so nothing is said of how many frames are clean; but those that are show one light alone.
-
-    Where the clock of an emulated chip stood still and caught up between two pings, no ping tells: the bounds of the
-    clock do not hold then, and those frames are left out. That is known here alone, by the emulator's own time.
-    """
+def test_on_the_simulated_sensor_no_clean_label_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wall time, so nothing is said of how many frames are clean; but those that are show one light alone."""
     bounds: dict[float, Interval] = {}
 
     def label(clock: ClockMap, light: KnownLight, timing: CameraTiming, time_s: float, rows: int) -> LightLabel:
@@ -109,28 +89,16 @@ def test_on_the_simulated_sensor_no_clean_label_is_wrong_even_if_the_board_stand
         return label_frame(clock, light, timing, time_s, rows)
 
     monkeypatch.setattr(light_watch, "label_frame", label)
-    chip = "&board=rp2040" if stands_still else ""
-    with open_camera(f"sim://?programme=0&noise={NOISE_GREY}{chip}") as camera:
+    with open_camera(f"sim://?programme=0&noise={NOISE_GREY}") as camera:
         board = camera.ring.transport
-        stop = threading.Event()
-        busy = threading.Thread(target=disturb, args=(board, stop))
         pure = [camera._scene.show(None, group / 255)[0].mean(axis=1) for group in TRIPLES]
         with SequencedCamera(camera, TRIPLES, timing=TIMING, frames=3) as sequenced:
-            if stands_still:
-                busy.start()
-            try:
-                frames = [sequenced.read() for _ in range(30)]
-            finally:
-                stop.set()
-                if stands_still:
-                    busy.join()
+            frames = [sequenced.read() for _ in range(30)]
             offsets_us = {frame.time_s: board.virtual_us(frame.time_s) - frame.time_s * 1e6 for frame in frames}
     for frame in (frame for frame in frames if frame.label.state == LightState.CLEAN):
         low_us, high_us = bounds[frame.time_s]
-        known = low_us <= offsets_us[frame.time_s] <= high_us
-        assert known or stands_still
-        if known:
-            assert np.abs(frame.image.mean(axis=1) - pure[frame.label.group]).max() < ROW_ERROR_GREY
+        assert low_us <= offsets_us[frame.time_s] <= high_us
+        assert np.abs(frame.image.mean(axis=1) - pure[frame.label.group]).max() < ROW_ERROR_GREY
 
 
 def test_a_row_that_saw_one_pulse_of_another_light_is_seen_as_mixed() -> None:

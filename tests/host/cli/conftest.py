@@ -1,0 +1,21 @@
+"""Pictures of presses, and the bundle that was learnt from them: several files of tests read both."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.helpers.pressed_pictures import press_into, run, sources
+
+
+@pytest.fixture(scope="session")
+def pressed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return press_into(tmp_path_factory.mktemp("pressed"))
+
+
+@pytest.fixture(scope="session")
+def bundle(pressed: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("bundles") / "sensor"
+    options = ["--recipe", "fast", "--width", "16", "--sensor", "S1"]
+    result = run("fit", *sources(pressed), "--out", out, *options)
+    assert result.exit_code == 0, result.output
+    return out

@@ -1,0 +1,122 @@
+"""What a bundle is worth: `gellight calibrate evaluate`, and `fit --folds`."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gellight.base.errors import InputError
+from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.training import cross_validation, folds
+from gellight.lab.training.cross_validation import cross_validate
+from gellight.lab.training.label_file import read_presses
+from gellight.lab.training.presses import Ball
+from gellight.lab.training.training import Learning, TrainingOptions, read_reference
+from sim_reference.camera import CameraResponse
+from tests.helpers.places import real
+from tests.helpers.pressed_pictures import GEOMETRY, photograph, run, sources
+
+
+def test_the_bundle_feels_balls_it_was_not_trained_on(bundle: Path, pressed: Path) -> None:
+    result = run("evaluate", "--calibration", bundle, "--presses", pressed / "others.csv", "--json")
+    assert result.exit_code == 0, result.output
+    figures = json.loads(result.stdout)
+    assert [image["image"] for image in figures["images"]] == ["10.png", "11.png", "12.png", "13.png"]
+    # Under a flat answer it would be 22 degrees; what is left is noise and the gel that leaves the ball at the rim.
+    assert 0 < figures["normal_error_deg"]["median"] <= figures["normal_error_deg"]["mean"] < 3.5
+    assert figures["normal_error_deg"]["p95"] < 9
+    assert 0 < figures["depth_mae_mm"] < 0.05
+    assert 0.5 < figures["contact_iou"] <= 1
+    assert figures["felt_ball_radius_mm"] == pytest.approx(4.0, rel=0.1)
+
+
+def test_evaluate_prints_a_line_an_image(bundle: Path, pressed: Path) -> None:
+    result = run("evaluate", "--calibration", bundle, "--presses", pressed / "others.csv")
+    assert result.exit_code == 0
+    assert len([line for line in result.stdout.splitlines() if ".png" in line]) == 4
+    assert "depth error in contact" in result.stdout
+    known, kept = map(int, re.search(r"tell of (\d+)% .* at most; (\d+)% of those", result.stdout).groups())
+    assert known > 60
+    assert kept > 60
+
+
+def test_evaluate_says_where_nothing_was_pressed(bundle: Path, pressed: Path, tmp_path: Path) -> None:
+    x, y = 15.0, 11.0
+    contact = photograph(Scene(GEOMETRY, CameraResponse()), Press("BALL", 1.0, x, y), 50, tmp_path / "corner.png")
+    circle = f"corner.png,{x / 0.2352 + 79.5},{y / 0.2352 + 59.5},{np.sqrt(contact.sum() / np.pi):.2f}"
+    (tmp_path / "corner.csv").write_text(f"image,center_x_px,center_y_px,contact_radius_px\n{circle}\n")
+    given = ("evaluate", "--calibration", bundle, "--presses", tmp_path / "corner.csv")
+    figures = json.loads(run(*given, "--json").stdout)
+    assert figures["not_learnt"] > 0.5
+    assert f"the calibration never saw the place or colour of {figures['not_learnt']:.1%}" in run(*given).stdout
+
+
+def test_wrong_circles_make_a_larger_error(bundle: Path, pressed: Path, tmp_path: Path) -> None:
+    lines = (pressed / "others.csv").read_text().splitlines()
+    name, x, *rest = lines[1].split(",")
+    (pressed / "shifted.csv").write_text("\n".join([lines[0], ",".join([name, str(float(x) + 4), *rest])]))
+    errors = []
+    for csv in ("shifted.csv", "others.csv"):
+        result = run("evaluate", "--calibration", bundle, "--presses", pressed / csv, "--json")
+        errors.append(json.loads(result.stdout)["images"][0]["normal_error_deg"]["mean"])
+    assert errors[0] > errors[1] + 5
+
+
+def test_folds_measure_every_press_once(pressed: Path, tmp_path: Path) -> None:
+    how = ["--folds", "2", "--epochs", "100", "--width", "8", "--refine", "--out", tmp_path / "out", "--json"]
+    result = run("fit", *sources(pressed), *how)
+    assert result.exit_code == 0, result.output
+    figures = json.loads(result.stdout)["metrics"]["cross_validation"]
+    assert len(figures["refined"]["images"]) == 10
+    assert [image["image"] for image in figures["images"]] == [f"{number:02}.png" for number in range(10)]
+    assert len(figures["training_cpu_seconds"]) == figures["folds"] == 2
+    assert 0 < figures["normal_error_deg"]["mean"] < 14  # answering "flat" gives 25
+
+
+def test_each_fold_is_measured_by_a_network_that_never_saw_it(pressed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[tuple[set[str], set[str]]] = []
+    fit, errors_of = folds.fit, cross_validation.press_errors
+
+    def spying_fit(presses, *rest, **options):  # type: ignore[no-untyped-def]
+        seen.append(({press.image.name for press in presses}, set()))
+        return fit(presses, *rest, **options)
+
+    def spying_errors(bundle, presses, ball):  # type: ignore[no-untyped-def]
+        seen[-1][1].update(press.image.name for press in presses)
+        return errors_of(bundle, presses, ball)
+
+    monkeypatch.setattr(folds, "fit", spying_fit)
+    monkeypatch.setattr(cross_validation, "press_errors", spying_errors)
+    ball, reference = Ball(radius_mm=4, pixel_size_mm=0.2352), read_reference(pressed / "untouched")
+    presses = read_presses(pressed / "presses.csv", ball=ball, image_shape=reference.image_shape)
+    short = Learning(options=TrainingOptions(epochs=1, width=4))
+    cross_validate(presses, reference, ball, folds=2, how=short)
+    assert len(seen) == 2
+    for trained, measured in seen:
+        assert measured
+        assert not trained & measured
+        assert len(trained | measured) == 10
+    with pytest.raises(InputError, match="6 folds of 10 presses: give between 2 and 5"):
+        cross_validate(presses, reference, ball, folds=6)
+
+
+REAL = real("gelsight_mini_ball")
+
+
+@pytest.mark.nightly
+@pytest.mark.timeout(900)
+@pytest.mark.real_images("gelsight_mini_ball")
+def test_on_real_presses_the_error_is_what_it_is_worth(tmp_path: Path) -> None:
+    """33 hand-labelled presses of a GelSight Mini, whose light drifts by tens of grey levels between frames."""
+    given = ["--presses", REAL / "presses.csv", "--reference", REAL / "background.png", "--refine", "--folds", "3"]
+    size = ["--ball-radius-mm", "2.35", "--pixel-size-mm", "0.05107"]
+    result = run("fit", *given, *size, "--out", tmp_path / "out", "--json")
+    assert result.exit_code == 0, result.output
+    figures = json.loads(result.stdout)["metrics"]["cross_validation"]
+    assert len(figures["images"]) == 33
+    assert max(figures["training_cpu_seconds"]) < 60
+    assert figures["normal_error_deg"]["mean"] < 6.8
+    assert figures["refined"]["normal_error_deg"]["mean"] < 5.4
+    assert figures["contact_iou"] > 0.75
