@@ -36,7 +36,6 @@ VERBS = open_group(
             "simulated_board:command",
             "Run a simulated board behind a pseudo-terminal.",
         ),
-        "virtual-sensor": ("virtual_sensor:command", "Plug a simulated sensor into this Linux as a USB device."),
     },
     ELSEWHERE,
 )
