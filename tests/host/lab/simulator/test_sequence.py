@@ -64,7 +64,7 @@ def test_a_press_that_is_not_turned_has_a_pose_too() -> None:
     [
         ({"object": "PIG"}, "no object 'PIG': choose one of PEG"),
         ({"object": "BEAD", "within_mm": 3.0}, "BEAD is a whole bead"),
-        ({"steps": []}, "steps = .* is not allowed: give at least 1 entry"),
+        ({"steps": []}, "steps = .* is not allowed: give a list of at least 1 entry"),
         ({"steps": [[9, 0, 0, 0, 0, 0]]}, "step 0 is 9 mm deep"),
         ({"steps": [[0.5, 99, 0, 0, 0, 0]]}, r"at \(99, 0\) mm: give 0 to 3 mm, within 25 mm of the centre"),
         ({"steps": [[0.5, 0, 0]]}, "steps.0.3 is missing; give"),
