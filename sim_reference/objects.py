@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_reference.deformation import NO_OBJECT
-from sim_reference.reliefs import FORM, names_relief, relief_plate
 
 Array = NDArray[np.float64]
 
@@ -189,18 +188,14 @@ def object_height(name: str, x_mm: Array, y_mm: Array, parameters: ObjectParamet
     Raises ValueError for an unknown name.
     """
     check_name(name)
-    if names_relief(name):
-        return relief_plate(name)(x_mm, y_mm)
     return (OBJECTS | PROBES)[name](x_mm, y_mm, parameters or ObjectParameters())
 
 
-def check_name(name: str, others: tuple[str, ...] = ()) -> None:
-    """Raise ValueError unless a name is that of an object, a probe, a relief or one of `others`."""
-    known = (*others, *OBJECTS, *PROBES)
-    if names_relief(name):
-        relief_plate(name)
-    elif name not in known:
-        raise ValueError(f"no object {name!r}: choose one of {', '.join(known)}, or {FORM}")
+def check_name(name: str) -> None:
+    """Raise ValueError unless a name is that of an object or a probe."""
+    known = (*OBJECTS, *PROBES)
+    if name not in known:
+        raise ValueError(f"no object {name!r}: choose one of {', '.join(known)}")
 
 
 def _cap(r: Array, radius: float) -> Array:

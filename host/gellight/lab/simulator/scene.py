@@ -10,17 +10,18 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gellight.frames.shear import ShearTruth
+from gellight.lab.simulator.bodies import BODY_NAMES, body
 from gellight.lab.simulator.dragging import Motion, Sheared, sheared
 from gellight.lab.simulator.measured_light import MeasuredLight
 from gellight.lab.simulator.printed_dots import PrintedDots, paint, seen_px
+from gellight.lab.simulator.reliefs import press_object
 from sim_reference import gel
-from sim_reference.bodies import BODY_NAMES, body
 from sim_reference.camera import WHITE, CameraResponse, exposure_for, linear_grey
 from sim_reference.deformation import Deformation, GelModel
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.imaging import led_irradiance, ring_light
-from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE, Surface, depth_at, press_object, sample, untouched
+from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE, Surface, depth_at, sample, untouched
 
 Array = NDArray[np.float64]
 BRIGHTEST_GREY = 200.0

@@ -12,7 +12,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_reference.deformation import NO_OBJECT, grid
+from sim_reference import objects
+from sim_reference.deformation import NO_OBJECT, Deformation, GelModel, grid
+from sim_reference.geometry import SensorGeometry
+from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE
 
 Array = NDArray[np.float64]
 FLAT_MM, PLATE_MM, ROUNDING_MM = 12.0, 15.0, 6.0
@@ -32,6 +35,28 @@ _ROUGH = re.compile(rf"ROUGH-{_NUMBER}-{_NUMBER}-{_NUMBER}")
 def names_relief(name: str) -> bool:
     """Whether a name is meant to be that of a relief."""
     return name.startswith(("SINE-", "ROUGH-"))
+
+
+def object_height(name: str, x_mm: Array, y_mm: Array) -> Array:
+    """Return the height of an object as the function of the reference, also of a relief; raises as `check_name`."""
+    check_name(name)
+    return relief_plate(name)(x_mm, y_mm) if names_relief(name) else objects.object_height(name, x_mm, y_mm)
+
+
+def check_name(name: str, others: tuple[str, ...] = ()) -> None:
+    """Raise ValueError unless a name is that of an object or a probe of the reference, a relief or one of `others`."""
+    known = (*others, *objects.OBJECT_NAMES, *objects.PROBE_NAMES)
+    if names_relief(name):
+        relief_plate(name)
+    elif name not in known:
+        raise ValueError(f"no object {name!r}: choose one of {', '.join(known)}, or {FORM}")
+
+
+def press_object(name: str, press_depth_mm: float, geometry: SensorGeometry, model: GelModel) -> Deformation:
+    """Press an object into the gel of `model`, as `surface.press_object`; raises as that and as `check_name`."""
+    spacing_mm = GRID_EXTENT_MM / GRID_SIZE
+    at = grid(GRID_SIZE, spacing_mm)
+    return model(object_height(name, at[None, :], at[:, None]), spacing_mm, press_depth_mm, geometry)
 
 
 def relief_plate(name: str) -> Callable[[Array, Array], Array]:
