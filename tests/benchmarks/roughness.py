@@ -18,7 +18,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
-from gellight.lab.simulator.reliefs import FLAT_MM, rough_plate, sine_plate
+from gellight.lab.simulator.objects import FLAT_MM, rough_plate, sine_plate
 from gellight.lab.simulator.scene import Scene
 from gellight_scan.height_map import HeightMap, map_of_press
 from gellight_scan.roughness import (

@@ -9,7 +9,7 @@ memory.py              whether finite elements fit the memory
 one_press.py           one object pressed, as files
 dataset.py             many presses as files, for training other networks
 processes.py           many calls of one function, spread over processes
-reliefs.py             objects by name: those of the reference, and plates of known roughness
+objects.py             objects by name: those of the reference, probes, and plates of known roughness
 bodies.py, solids.py   bodies that can be turned, and STL files, as objects
 scene.py               what it looks at, computed once for a press
 unit.py                a real unit as its bundle tells of it

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.lab.simulator.reliefs import check_name, object_height
+from gellight.lab.simulator.objects import check_name, object_height
 from gellight.lab.simulator.solids import highest
 from sim_reference.deformation import NO_OBJECT, grid
 

@@ -13,8 +13,8 @@ from gellight.frames.shear import ShearTruth
 from gellight.lab.simulator.bodies import BODY_NAMES, body
 from gellight.lab.simulator.dragging import Motion, Sheared, sheared
 from gellight.lab.simulator.measured_light import MeasuredLight
+from gellight.lab.simulator.objects import press_object
 from gellight.lab.simulator.printed_dots import PrintedDots, paint, seen_px
-from gellight.lab.simulator.reliefs import press_object
 from sim_reference import gel
 from sim_reference.camera import WHITE, CameraResponse, exposure_for, linear_grey
 from sim_reference.deformation import Deformation, GelModel

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gellight.lab.simulator.reliefs import FLAT_MM, PLATE_MM, object_height
+from gellight.lab.simulator.objects import FLAT_MM, PLATE_MM, object_height
 from sim_reference.deformation import NO_OBJECT, grid
 
 AT = grid(601, 0.05)
