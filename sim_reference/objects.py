@@ -7,14 +7,12 @@ reproduces the paper's best incident angle (they decide its steepness).
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from math import radians, tan
+from math import radians
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_reference.deformation import NO_OBJECT
-from sim_reference.reliefs import FORM, names_relief, relief_plate
 
 Array = NDArray[np.float64]
 
@@ -25,16 +23,6 @@ class ObjectParameters:
 
     calibration_ball_radius_mm: float = 4.0
     """section 3.2.3: a ball of 8 mm diameter"""
-    cylinder_radius_mm: float = 4.0
-    """section 3.2.3: a probe of 8 mm diameter, its end flat"""
-    pin_radius_mm: float = 0.35
-    pin_pitch_mm: float = 2.0
-    pin_grid_mm: tuple[float, float] = (44.0, 34.0)
-    """width and height of the plate of the pin grid: more than the view"""
-    prism_mm: tuple[float, float] = (20.0, 10.0)
-    """length of the edge and width of both faces together"""
-    prism_turn_deg: float = 25.0
-    """of the edge, from x towards y"""
     relief_mm: float = 1.0
     region_diameter_mm: float = 35.0
     wavelength_mm: float = 2.5
@@ -51,26 +39,6 @@ class ObjectParameters:
 def ball(x: Array, y: Array, p: ObjectParameters) -> Array:
     """Return the calibration ball; below its equator there is nothing."""
     return _cap(np.hypot(x, y), p.calibration_ball_radius_mm)
-
-
-def cylinder(x: Array, y: Array, p: ObjectParameters) -> Array:
-    """Return the flat end of the cylinder probe; beside it there is nothing."""
-    return np.where(np.hypot(x, y) < p.cylinder_radius_mm, 0.0, NO_OBJECT)
-
-
-def pin_grid(x: Array, y: Array, p: ObjectParameters) -> Array:
-    """Return PINS: round pins `relief` high in a square grid on a plate, one of them in the middle."""
-    off = [c - p.pin_pitch_mm * np.rint(c / p.pin_pitch_mm) for c in (x, y)]
-    on_plate = (np.abs(x) < p.pin_grid_mm[0] / 2) & (np.abs(y) < p.pin_grid_mm[1] / 2)
-    return np.where(on_plate, np.where(np.hypot(*off) < p.pin_radius_mm, 0.0, -p.relief_mm), NO_OBJECT)
-
-
-def prism(angle_deg: float, x: Array, y: Array, p: ObjectParameters) -> Array:
-    """Return a prism, edge towards the gel, both faces at `angle_deg` to the gel at rest; a cube on its edge has 45."""
-    along, across = _turned(x, y, radians(p.prism_turn_deg))
-    length, width = p.prism_mm
-    inside = (np.abs(along) < length / 2) & (np.abs(across) < width / 2)
-    return np.where(inside, -np.abs(across) * tan(radians(angle_deg)), NO_OBJECT)
 
 
 def triangular_step(x: Array, y: Array, p: ObjectParameters) -> Array:
@@ -174,13 +142,6 @@ OBJECTS: dict[str, Callable[[Array, Array, ObjectParameters], Array]] = {
 }
 OBJECT_NAMES = tuple(OBJECTS)
 BENCHMARK_NAMES = OBJECT_NAMES[1:]
-PROBES: dict[str, Callable[[Array, Array, ObjectParameters], Array]] = {
-    "CYLINDER": cylinder,
-    "PINS": pin_grid,
-    **{f"PRISM{angle}": partial(prism, angle) for angle in (15, 30, 45)},
-}
-"""tools of the calibration, no objects of the benchmark"""
-PROBE_NAMES = tuple(PROBES)
 
 
 def object_height(name: str, x_mm: Array, y_mm: Array, parameters: ObjectParameters | None = None) -> Array:
@@ -189,18 +150,13 @@ def object_height(name: str, x_mm: Array, y_mm: Array, parameters: ObjectParamet
     Raises ValueError for an unknown name.
     """
     check_name(name)
-    if names_relief(name):
-        return relief_plate(name)(x_mm, y_mm)
-    return (OBJECTS | PROBES)[name](x_mm, y_mm, parameters or ObjectParameters())
+    return OBJECTS[name](x_mm, y_mm, parameters or ObjectParameters())
 
 
-def check_name(name: str, others: tuple[str, ...] = ()) -> None:
-    """Raise ValueError unless a name is that of an object, a probe, a relief or one of `others`."""
-    known = (*others, *OBJECTS, *PROBES)
-    if names_relief(name):
-        relief_plate(name)
-    elif name not in known:
-        raise ValueError(f"no object {name!r}: choose one of {', '.join(known)}, or {FORM}")
+def check_name(name: str) -> None:
+    """Raise ValueError unless a name is that of an object."""
+    if name not in OBJECTS:
+        raise ValueError(f"no object {name!r}: choose one of {', '.join(OBJECTS)}")
 
 
 def _cap(r: Array, radius: float) -> Array:

@@ -74,8 +74,8 @@ def test_each_room_has_an_equal_share_of_the_draw_as_far_as_it_has_places(tmp_pa
 
 
 def test_a_room_is_a_folder_of_the_host_and_of_the_lab() -> None:
-    files = ("base/errors.py", "cli/calibrate/lens.py", "lab/simulator/usb/camera.py", "lab/__init__.py", "opening.py")
-    assert [room_of(HOST / file) for file in files] == ["base", "cli", "lab/simulator", "lab", "opening"]
+    files = ("base/errors.py", "cli/calibrate/lens.py", "lab/core_board/terminal.py", "lab/__init__.py", "opening.py")
+    assert [room_of(HOST / file) for file in files] == ["base", "cli", "lab/core_board", "lab", "opening"]
 
 
 def test_a_file_is_judged_by_the_tests_that_import_it_its_own_first() -> None:

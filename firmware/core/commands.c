@@ -55,21 +55,6 @@ enum status handle_clock(struct call *call)
     return STATUS_OK;
 }
 
-enum status handle_set_limits(struct call *call)
-{
-    struct controller *controller = call->controller;
-    const struct set_limits *request = call->request;
-    if (running(call))
-        return STATUS_BUSY;
-    if (outside(call, request->limit_ma, 100, controller->granted.limit_ma) || outside(call, request->policy, 0, POLICY_SCALE))
-        return STATUS_OUT_OF_RANGE;
-    controller->limits.limit_ma = request->limit_ma;
-    controller->limits.policy = request->policy;
-    if (lights_above_limit(controller))
-        lights_go_dark(controller, DARK_COMMAND);
-    return STATUS_OK;
-}
-
 enum status handle_status(struct call *call)
 {
     status_now(call->controller, call->reply);
@@ -83,13 +68,6 @@ enum status handle_counters(struct call *call)
     controller->counters.triggers_missed = controller->trigger.missed;
     controller->counters.flash_retries = controller->config.retries;
     bytes_copy(call->reply, &controller->counters, sizeof controller->counters);
-    return STATUS_OK;
-}
-
-enum status handle_telemetry(struct call *call)
-{
-    const struct telemetry *request = call->request;
-    call->controller->telemetry_ms = request->period_ms;
     return STATUS_OK;
 }
 
@@ -164,16 +142,6 @@ enum status handle_save_config(struct call *call)
     if (wait_s)
         return refuse(call, STATUS_SAVED_TOO_OFTEN, wait_s);
     return config_save(&controller->config, controller->port) ? STATUS_OK : STATUS_FLASH_FAILED;
-}
-
-enum status handle_factory(struct call *call)
-{
-    struct controller *controller = call->controller;
-    if (!quiet(controller))
-        return STATUS_BUSY;
-    config_factory(&controller->config);
-    take_effect(controller);
-    return STATUS_OK;
 }
 
 static enum status restart(struct call *call, uint32_t expected, bool bootloader)

@@ -42,7 +42,6 @@ void config_factory(struct config *config)
         .quiescent_ua = 1000,
         .channel_ua = CHANNEL_USB_UA,
         .latch_us = 300,
-        .policy = POLICY_REJECT,
         .name = "GelLight",
         .data_pin = DATA_PIN,
         .trigger_pin = TRIGGER_PIN,
@@ -97,8 +96,7 @@ bool config_valid(const struct configuration *candidate, uint32_t *value)
            within(candidate->external_supply, 0, 1, value) && within(candidate->limit_ma, 100, cap_ma, value) &&
            within(candidate->quiescent_ua, 0, 5000, value) &&
            within(candidate->channel_ua, CHANNEL_LEAST_UA, 60000, value) &&
-           within(candidate->latch_us, 50, 500, value) && within(candidate->policy, 0, POLICY_SCALE, value) &&
-           within(candidate->led_count, 1, MOST_LEDS, value) &&
+           within(candidate->latch_us, 50, 500, value) && within(candidate->led_count, 1, MOST_LEDS, value) &&
            within(candidate->colour_order, 0, COLOUR_ORDER_RGBW, value) &&
            within(candidate->output_at, 0, OUTPUT_AT_MIDDLE, value) &&
            within(candidate->hottest_c, 40, 85, value) && pins_valid(candidate, value);

@@ -37,7 +37,6 @@ void controller_poll(struct controller *controller)
     lights_plan(controller);
     if (finished)
         event_light(controller, &latched);
-    event_telemetry(controller);
     if (!controller->slot.busy && !lights_will_shine(controller))
         supply_open(&controller->supply, controller->port);
 }
@@ -46,7 +45,6 @@ void controller_link(struct controller *controller, bool open, enum dark reason)
 {
     packet_reset(&controller->receiver);
     controller->request_kept = false;
-    controller->telemetry_ms = 0;
     controller->open = open;
     controller->packet_us = controller_now_us(controller);
     if (!open) {

@@ -67,22 +67,10 @@ void status_now(const struct controller *controller, struct status_reply *status
         .events_dropped = (uint16_t)controller->counters.events_dropped,
         .state = controller->sequencer.running ? STATE_RUNNING : STATE_STILL,
         .dark = controller->dark,
-        .policy = controller->limits.policy,
         .mode = controller->sequencer.mode,
         .step = controller->shown.step,
         .dimmed = controller->heat.dimmed,
         .mean_ma = heat_mean_ma(&controller->heat),
         .ring_temperature = heat_ring_temperature(&controller->heat),
     };
-}
-
-void event_telemetry(struct controller *controller)
-{
-    struct status_reply status;
-    uint64_t now = controller_now_us(controller);
-    if (!controller->telemetry_ms || now - controller->reported_us < controller->telemetry_ms * 1000u)
-        return;
-    controller->reported_us = now;
-    status_now(controller, &status);
-    send_event(controller, EVENT_TELEMETRY, &status, sizeof status);
 }

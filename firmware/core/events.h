@@ -9,12 +9,11 @@ struct latched {
     uint64_t first_bit_us, latched_us;
 };
 
-/* The record of STATUS and TELEMETRY. */
+/* The record of STATUS. */
 void status_now(const struct controller *controller, struct status_reply *status);
 
 void event_light(struct controller *controller, const struct latched *latched);
 void event_dark(struct controller *controller);
 void event_dimmed(struct controller *controller);
-void event_telemetry(struct controller *controller); /* where its period is over */
 
 #endif

@@ -4,17 +4,17 @@
 #include "bytes.h"
 #include "lights.h"
 
-/* Bring the colours under the limit; current and scale are those of the light as it is dimmed now. */
-static enum status limit(struct call *call, uint8_t colours[COLOUR_BYTES], uint16_t *current_ma, uint16_t *scale)
+/* Refuse colours above the limit; current and scale are those of the light as it is dimmed now. */
+static enum status limit(struct call *call, const uint8_t colours[COLOUR_BYTES], uint16_t *current_ma, uint16_t *scale)
 {
     const struct ring_limits *limits = &call->controller->limits;
     uint8_t halvings = call->controller->heat.dimmed, dimmed[COLOUR_BYTES];
-    if (!ring_limit(limits, colours, scale))
+    if (!ring_within(limits, colours))
         return refuse(call, STATUS_OVER_CURRENT, ring_current_ma(limits, colours));
     bytes_copy(dimmed, colours, COLOUR_BYTES);
     ring_dim(halvings, dimmed);
     *current_ma = ring_current_ma(limits, dimmed);
-    *scale = (uint16_t)(*scale >> halvings);
+    *scale = (uint16_t)(FULL_SCALE >> halvings);
     return STATUS_OK;
 }
 
@@ -91,7 +91,7 @@ static enum status playable(struct call *call, const struct sequencer_table *tab
         const uint8_t *colours = table->groups[step->group];
         if (!step->repeat || (controller->sync.mode == SYNC_MODE_FREE && !step->dwell_us))
             return refuse(call, STATUS_OUT_OF_RANGE, i);
-        if (limits->policy == POLICY_REJECT && !ring_within(limits, colours))
+        if (!ring_within(limits, colours))
             return refuse(call, STATUS_OVER_CURRENT, ring_current_ma(limits, colours));
     }
     return STATUS_OK;
@@ -165,33 +165,6 @@ enum status handle_start(struct call *call)
     sequencer_start(sequencer, ready_us + DWELL_MIN_US);
     trigger_restart(&controller->trigger, now_us);
     port->trigger(port->context, sequencer->mode == SYNC_MODE_EXT, controller->sync.edge == EDGE_FALLING);
-    return STATUS_OK;
-}
-
-enum status handle_step(struct call *call)
-{
-    struct controller *controller = call->controller;
-    struct sequencer *sequencer = &controller->sequencer;
-    struct light_reply *reply = call->reply;
-    uint8_t colours[COLOUR_BYTES] = {0};
-    uint16_t current_ma = 0, scale = FULL_SCALE;
-    if (!running(call))
-        return STATUS_NOT_RUNNING;
-    if (sequencer->mode != SYNC_MODE_HOLD)
-        return STATUS_WRONG_MODE;
-    if (sequencer->stepped || controller->slot.busy)
-        return STATUS_BUSY;
-    const uint8_t *upcoming = sequencer_upcoming(sequencer);
-    if (upcoming)
-        bytes_copy(colours, upcoming, COLOUR_BYTES);
-    enum status status = limit(call, colours, &current_ma, &scale);
-    if (status != STATUS_OK)
-        return status;
-    sequencer->stepped = true;
-    controller->step_id = ++controller->next_id;
-    reply->light_id = controller->step_id;
-    reply->current_ma = current_ma;
-    reply->scale = scale;
     return STATUS_OK;
 }
 

@@ -21,16 +21,15 @@ static void hand_over(struct controller *controller)
 static bool load(struct controller *controller, const uint8_t colours[COLOUR_BYTES])
 {
     struct controller_slot *slot = &controller->slot;
-    uint8_t limited[COLOUR_BYTES];
-    uint16_t scale;
-    bytes_copy(limited, colours, COLOUR_BYTES);
-    if (!ring_limit(&controller->limits, limited, &scale))
+    uint8_t dimmed[COLOUR_BYTES];
+    if (!ring_within(&controller->limits, colours))
         return false;
-    bytes_copy(slot->colours, limited, COLOUR_BYTES);
+    bytes_copy(slot->colours, colours, COLOUR_BYTES);
+    bytes_copy(dimmed, colours, COLOUR_BYTES);
     slot->dimmed = controller->heat.dimmed;
-    ring_dim(slot->dimmed, limited);
-    ring_wire_order(controller->colour_order, limited, slot->wire);
-    uint32_t current_ua = ring_current_ua(&controller->limits, limited);
+    ring_dim(slot->dimmed, dimmed);
+    ring_wire_order(controller->colour_order, dimmed, slot->wire);
+    uint32_t current_ua = ring_current_ua(&controller->limits, dimmed);
     slot->current_ma = ring_ma(current_ua);
     slot->shines = current_ua > (uint32_t)controller->limits.led_count * controller->limits.quiescent_ua;
     slot->pulse_us = slot->shines ? 0 : PORT_NO_PULSE;
@@ -51,7 +50,7 @@ void lights_end_sequence(struct controller *controller)
     sequencer_stop(&controller->sequencer);
     controller->port->trigger(controller->port->context, false, false);
     lights_withdraw(controller);
-    controller->slot.role = SEQUENCER_WAIT; /* a transfer that goes on is no part of the next sequence */
+    controller->slot.role = SEQUENCER_NONE; /* a transfer that goes on is no part of the next sequence */
 }
 
 void lights_show(struct controller *controller, const uint8_t colours[COLOUR_BYTES])
@@ -91,14 +90,6 @@ bool lights_will_shine(const struct controller *controller)
     if (controller->still_wanted)
         return !bytes_equal(controller->still, black, COLOUR_BYTES);
     return controller->slot.busy ? controller->slot.shines : controller->shown_shines;
-}
-
-bool lights_above_limit(const struct controller *controller)
-{
-    const struct controller_slot *slot = &controller->slot;
-    return !ring_within(&controller->limits, controller->shown_colours) ||
-           (slot->busy && !ring_within(&controller->limits, slot->colours)) ||
-           (controller->still_wanted && !ring_within(&controller->limits, controller->still));
 }
 
 static void tell_sequencer(struct controller *controller, uint64_t first_bit_us)
@@ -152,7 +143,7 @@ static void plan_still(struct controller *controller)
     }
     slot->light_id = controller->still_id;
     slot->start_us = 0;
-    slot->role = SEQUENCER_WAIT;
+    slot->role = SEQUENCER_NONE;
     hand_over(controller);
 }
 
@@ -164,16 +155,13 @@ static void plan_sequence(struct controller *controller)
     struct sequencer_plan plan;
     if (sequencer->mode == SYNC_MODE_EXT && controller_now_us(controller) < controller->supply.settled_us)
         return; /* the LEDs have no power yet: an edge is missed, as with any step that is not ready */
-    bool asked = sequencer->stepped;
     enum sequencer_next next = sequencer_next(sequencer, &plan);
-    if (next == SEQUENCER_WAIT)
-        return;
     if (!load(controller, next == SEQUENCER_LIT ? sequencer->active.groups[plan.at.group] : black)) {
         lights_darken(controller, DARK_FAULT);
         return;
     }
     slot->at = plan.at;
-    slot->light_id = asked && !sequencer->stepped ? controller->step_id : ++controller->next_id;
+    slot->light_id = ++controller->next_id;
     slot->start_us = plan.start_us;
     slot->role = (uint8_t)next;
     if (slot->shines && controller->pulse_middle)

@@ -22,7 +22,4 @@ void lights_withdraw(struct controller *controller); /* the light that waits, un
 /* Whether the LEDs will be lit when all that is under way has been latched. */
 bool lights_will_shine(const struct controller *controller);
 
-/* What is lit, on its way or wanted needs more than a limit that has just become lower, once it is not dimmed. */
-bool lights_above_limit(const struct controller *controller);
-
 #endif

@@ -5,9 +5,9 @@
 
 #include <stdint.h>
 
-#define PROTOCOL_MAJOR 2u
-#define PROTOCOL_MINOR 2u
-#define SCHEMA_CRC 0x37c52c29u
+#define PROTOCOL_MAJOR 3u
+#define PROTOCOL_MINOR 0u
+#define SCHEMA_CRC 0x9f73514fu
 #define LED_COUNT 12u
 #define MOST_LEDS 24u
 #define COLOUR_BYTES 72u
@@ -59,23 +59,16 @@ enum status {
     STATUS_SAVED_TOO_OFTEN = 11,
 };
 
-/* What moves the sequence on: the host's STEP, the board's clock, or the trigger pin. */
+/* What moves the sequence on: the board's clock, or the trigger pin. */
 enum sync_mode {
-    SYNC_MODE_HOLD = 0,
-    SYNC_MODE_FREE = 1,
-    SYNC_MODE_EXT = 2,
+    SYNC_MODE_FREE = 0,
+    SYNC_MODE_EXT = 1,
 };
 
 /* Which edge of the trigger pin counts. */
 enum edge {
     EDGE_RISING = 0,
     EDGE_FALLING = 1,
-};
-
-/* What happens to a light above the current limit. */
-enum policy {
-    POLICY_REJECT = 0,
-    POLICY_SCALE = 1,
 };
 
 /* In which order an LED takes its colours. RGBW: SK6812 RGBW, green first, whose white stays dark. */
@@ -151,17 +144,13 @@ enum command {
     COMMAND_SET_SYNC = 0x07,
     COMMAND_TRIM = 0x08,
     COMMAND_START = 0x09,
-    COMMAND_STEP = 0x0a,
     COMMAND_STOP = 0x0b,
     COMMAND_BLANK = 0x0c,
-    COMMAND_SET_LIMITS = 0x0d,
     COMMAND_STATUS = 0x0e,
     COMMAND_COUNTERS = 0x0f,
-    COMMAND_TELEMETRY = 0x10,
     COMMAND_GET_CONFIG = 0x11,
     COMMAND_SET_CONFIG = 0x12,
     COMMAND_SAVE_CONFIG = 0x13,
-    COMMAND_FACTORY = 0x14,
     COMMAND_RESET = 0x15,
     COMMAND_BOOTLOADER = 0x16,
     COMMAND_SELFTEST = 0x17,
@@ -171,7 +160,6 @@ enum command {
 enum event {
     EVENT_LIGHT = 0x40,
     EVENT_DARK = 0x41,
-    EVENT_TELEMETRY = 0x42,
     EVENT_DIMMED = 0x43,
 };
 
@@ -223,7 +211,7 @@ _Static_assert(sizeof(struct set_leds) == 72, "set_leds");
 struct RECORD light_reply {
     uint32_t light_id; /* the LIGHT event of this light carries it */
     uint16_t current_ma; /* by the current model, after scaling */
-    uint16_t scale; /* 0xFFFF: as asked; less: every colour was multiplied by scale / 0xFFFF, by limit and heat */
+    uint16_t scale; /* 0xFFFF: as asked; less: every colour is multiplied by scale / 0xFFFF, because of heat */
 };
 _Static_assert(sizeof(struct light_reply) == 8, "light_reply");
 
@@ -236,7 +224,7 @@ _Static_assert(sizeof(struct set_group) == 73, "set_group");
 
 /* What the group draws. */
 struct RECORD group_reply {
-    uint16_t current_ma; /* after scaling, where the policy is SCALE */
+    uint16_t current_ma; /* after scaling */
     uint16_t scale; /* as in LightReply */
 };
 _Static_assert(sizeof(struct group_reply) == 4, "group_reply");
@@ -246,7 +234,7 @@ struct RECORD set_step {
     uint8_t step;
     uint8_t group;
     uint16_t repeat; /* how often the step is shown, at least 1 */
-    uint32_t dwell_us; /* how long it is lit; 0 (HOLD, EXT): until the next step */
+    uint32_t dwell_us; /* how long it is lit; 0 (EXT): until the next step */
     uint32_t blank_us; /* how long it is dark after that (FREE); 0: not at all */
 };
 _Static_assert(sizeof(struct set_step) == 12, "set_step");
@@ -276,14 +264,7 @@ struct RECORD trim {
 };
 _Static_assert(sizeof(struct trim) == 8, "trim");
 
-/* The current limit; refused while a sequence runs. */
-struct RECORD set_limits {
-    uint16_t limit_ma; /* 100 to that of the last start */
-    uint8_t policy; /* enum policy */
-};
-_Static_assert(sizeof(struct set_limits) == 3, "set_limits");
-
-/* What the board is doing; also the payload of TELEMETRY events. */
+/* What the board is doing. */
 struct RECORD status_reply {
     uint64_t time_us;
     uint32_t light_id; /* of the last light latched */
@@ -296,14 +277,13 @@ struct RECORD status_reply {
     uint16_t events_dropped;
     uint8_t state; /* enum state */
     uint8_t dark; /* enum dark */
-    uint8_t policy; /* enum policy */
     uint8_t mode; /* enum sync_mode */
     uint8_t step; /* 0xFF: no sequence */
     uint8_t dimmed; /* how often every colour is halved because chip, ring or housing is hot, 0 to DIMMINGS */
     uint16_t mean_ma; /* of the last seven minutes; above HOUSING_MA the LEDs are dimmed */
     int16_t ring_temperature; /* of the ring's NTC, in 0.1 degrees Celsius; NO_TEMPERATURE: there is none, or it is broken or short */
 };
-_Static_assert(sizeof(struct status_reply) == 38, "status_reply");
+_Static_assert(sizeof(struct status_reply) == 37, "status_reply");
 
 /* What went wrong since the start, and how often. */
 struct RECORD counters_reply {
@@ -327,12 +307,6 @@ struct RECORD counters_reply {
 };
 _Static_assert(sizeof(struct counters_reply) == 68, "counters_reply");
 
-/* Ask for a TELEMETRY event every so often. */
-struct RECORD telemetry {
-    uint16_t period_ms; /* 0: none */
-};
-_Static_assert(sizeof(struct telemetry) == 2, "telemetry");
-
 /* What the board remembers without power. What lets its LEDs draw more counts from the next start on. */
 struct RECORD configuration {
     uint16_t host_timeout_ms; /* silence after which the LEDs go dark, 100 to 60000 */
@@ -340,7 +314,7 @@ struct RECORD configuration {
     uint16_t quiescent_ua; /* of a dark LED */
     uint16_t channel_ua; /* of one colour of one LED at 255: CHANNEL_USB_UA or more; less as SET_SUPPLY says */
     uint16_t latch_us; /* low time after which the LEDs take their data, 50 to 500 */
-    uint8_t policy; /* enum policy */
+    uint8_t unused; /* taken as it comes: what older firmware saved has something here */
     uint8_t external_supply; /* 1: the LEDs have their own supply and limit_ma may exceed 450; set by SET_SUPPLY */
     uint8_t name[16]; /* of the sensor, UTF-8, padded with zeros */
     uint8_t bundle[8]; /* identity of the calibration bundle of the sensor; all 0x00 or all 0xFF: none */
@@ -422,17 +396,13 @@ _Static_assert(sizeof(struct dimmed_event) == 17, "dimmed_event");
     X(SET_SYNC, set_sync, sizeof(struct set_sync), 0u) \
     X(TRIM, trim, sizeof(struct trim), 0u) \
     X(START, start, 0u, 0u) \
-    X(STEP, step, 0u, sizeof(struct light_reply)) \
     X(STOP, stop, 0u, 0u) \
     X(BLANK, blank, 0u, 0u) \
-    X(SET_LIMITS, set_limits, sizeof(struct set_limits), 0u) \
     X(STATUS, status, 0u, sizeof(struct status_reply)) \
     X(COUNTERS, counters, 0u, sizeof(struct counters_reply)) \
-    X(TELEMETRY, telemetry, sizeof(struct telemetry), 0u) \
     X(GET_CONFIG, get_config, 0u, sizeof(struct configuration)) \
     X(SET_CONFIG, set_config, sizeof(struct configuration), 0u) \
     X(SAVE_CONFIG, save_config, 0u, 0u) \
-    X(FACTORY, factory, 0u, 0u) \
     X(RESET, reset, sizeof(struct magic), 0u) \
     X(BOOTLOADER, bootloader, sizeof(struct magic), 0u) \
     X(SELFTEST, selftest, 0u, sizeof(struct self_test_reply)) \

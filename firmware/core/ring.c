@@ -5,7 +5,6 @@ void ring_configure(struct ring_limits *limits, const struct configuration *conf
     limits->limit_ma = configuration->limit_ma;
     limits->quiescent_ua = configuration->quiescent_ua;
     limits->channel_ua = configuration->channel_ua;
-    limits->policy = configuration->policy;
     limits->hottest_c = configuration->hottest_c;
 }
 
@@ -61,30 +60,6 @@ bool ring_within(const struct ring_limits *limits, const uint8_t colours[COLOUR_
     uint32_t limit_ua = limits->limit_ma * 1000u;
     return quiescent_ua(limits) <= limit_ua &&
            sum(limits, colours) * limits->channel_ua <= (limit_ua - quiescent_ua(limits)) * 255u;
-}
-
-/* The factor that brings a sum of values to what the limit leaves for them, in 1 / FULL_SCALE. */
-static uint16_t scale_for(const struct ring_limits *limits, uint32_t values)
-{
-    uint32_t limit_ua = limits->limit_ma * 1000u;
-    if (limit_ua <= quiescent_ua(limits))
-        return 0;
-    uint32_t left_ua = limit_ua - quiescent_ua(limits);
-    uint32_t allowed = left_ua / limits->channel_ua * 255u + left_ua % limits->channel_ua * 255u / limits->channel_ua;
-    return (uint16_t)(allowed < values ? allowed * FULL_SCALE / values : FULL_SCALE);
-}
-
-bool ring_limit(const struct ring_limits *limits, uint8_t colours[COLOUR_BYTES], uint16_t *scale)
-{
-    *scale = FULL_SCALE;
-    if (ring_within(limits, colours))
-        return true;
-    if (limits->policy == POLICY_REJECT)
-        return false;
-    *scale = scale_for(limits, sum(limits, colours));
-    for (uint32_t i = 0; i < 3u * limits->led_count; i++)
-        colours[i] = (uint8_t)(colours[i] * (uint32_t)*scale / FULL_SCALE);
-    return true;
 }
 
 void ring_dim(uint8_t halvings, uint8_t colours[COLOUR_BYTES])

@@ -13,7 +13,6 @@ struct ring_limits {
     uint16_t limit_ma;
     uint16_t quiescent_ua;
     uint16_t channel_ua;
-    uint8_t policy; /* enum policy */
     uint8_t hottest_c;
 };
 
@@ -29,12 +28,6 @@ uint16_t ring_ma(uint32_t current_ua); /* rounded up */
 
 /* Whether the light needs no more than the limit: exactly where ring_current_ua() says so. */
 bool ring_within(const struct ring_limits *limits, const uint8_t colours[COLOUR_BYTES]);
-
-/*
- * Bring colours under the limit: false if they are above it and the policy is to reject.
- * *scale tells what they were multiplied by, FULL_SCALE where they were left alone.
- */
-bool ring_limit(const struct ring_limits *limits, uint8_t colours[COLOUR_BYTES], uint16_t *scale);
 
 /* Halve every colour `halvings` times, rounded up: what is lit stays lit. */
 void ring_dim(uint8_t halvings, uint8_t colours[COLOUR_BYTES]);

@@ -37,7 +37,6 @@ void sequencer_start(struct sequencer *sequencer, uint64_t now_us)
     sequencer->fraction = 0;
     sequencer->due_us = now_us;
     sequencer->lit = false;
-    sequencer->stepped = false;
     sequencer->running = true;
 }
 
@@ -79,15 +78,6 @@ static bool over(const struct sequencer *sequencer)
 static bool swaps(const struct sequencer *sequencer)
 {
     return sequencer->swap && !sequencer->lit && !sequencer->next.step && !sequencer->next.repetition;
-}
-
-const uint8_t *sequencer_upcoming(const struct sequencer *sequencer)
-{
-    bool pending = swaps(sequencer);
-    const struct sequencer_table *table = pending ? &sequencer->pending : &sequencer->active;
-    if (!pending && over(sequencer))
-        return NULL;
-    return table->groups[table->steps[pending ? 0 : sequencer->next.step].group];
 }
 
 /* Count on to the next showing. */
@@ -145,26 +135,22 @@ static enum sequencer_next next_free(struct sequencer *sequencer, struct sequenc
     return SEQUENCER_LIT;
 }
 
-static enum sequencer_next next_asked(struct sequencer *sequencer, struct sequencer_plan *plan)
+static enum sequencer_next next_triggered(struct sequencer *sequencer, struct sequencer_plan *plan)
 {
     if (sequencer->lit) {
         sequencer->lit = false;
         return plan_dark(plan, sequencer->due_us, SEQUENCER_DARK);
     }
-    if (sequencer->mode == SYNC_MODE_HOLD && !sequencer->stepped)
-        return SEQUENCER_WAIT;
-    uint64_t start_us = sequencer->mode == SYNC_MODE_EXT ? PORT_ON_TRIGGER : 0;
-    sequencer->stepped = false;
     if (!over(sequencer))
-        return plan_lit(sequencer, plan, start_us);
-    return plan_dark(plan, start_us, SEQUENCER_END);
+        return plan_lit(sequencer, plan, PORT_ON_TRIGGER);
+    return plan_dark(plan, PORT_ON_TRIGGER, SEQUENCER_END);
 }
 
 enum sequencer_next sequencer_next(struct sequencer *sequencer, struct sequencer_plan *plan)
 {
     if (swaps(sequencer))
         take_over(sequencer);
-    return sequencer->mode == SYNC_MODE_FREE ? next_free(sequencer, plan) : next_asked(sequencer, plan);
+    return sequencer->mode == SYNC_MODE_FREE ? next_free(sequencer, plan) : next_triggered(sequencer, plan);
 }
 
 void sequencer_began(struct sequencer *sequencer, uint64_t first_bit_us)

@@ -2,8 +2,8 @@
  * Light groups in time. The sequencer only says which light comes next and when; it knows no hardware.
  *
  * A pass shows step 0 `repeat` times, step 1 `repeat` times and so on; each showing is lit for dwell_us and, in FREE
- * mode, dark for blank_us. In HOLD a showing begins with the host's STEP, in EXT with the trigger; there it is lit
- * for dwell_us, or until the next one if dwell_us is 0. What ends the last pass is the next STEP or trigger after it.
+ * mode, dark for blank_us. In EXT a showing begins with the trigger; it is lit for dwell_us, or until the next one if
+ * dwell_us is 0. What ends the last pass is the next trigger after it.
  */
 #ifndef GELLIGHT_SEQUENCER_H
 #define GELLIGHT_SEQUENCER_H
@@ -29,7 +29,7 @@ struct sequencer_position {
 };
 
 enum sequencer_next {
-    SEQUENCER_WAIT, /* for the host's STEP */
+    SEQUENCER_NONE, /* no part of a sequence */
     SEQUENCER_LIT,  /* the next light is planned */
     SEQUENCER_DARK, /* darkness is planned */
     SEQUENCER_END,  /* darkness is planned; once it is latched the sequence is to be stopped */
@@ -46,13 +46,12 @@ struct sequencer {
     struct sequencer_table active;
     struct sequencer_position next;
     struct trim trim;
-    uint64_t due_us;       /* when the next change is due (FREE) or the lit step ends (HOLD, EXT) */
+    uint64_t due_us;       /* when the next change is due (FREE) or the lit step ends (EXT) */
     uint32_t fraction;     /* of a microsecond, carried from one duration to the next, in 2^-32 */
     uint8_t mode;          /* enum sync_mode */
     bool running;
     bool swap;             /* the pending table takes over when this pass ends */
     bool lit;              /* a showing is on and its end is still to be planned */
-    bool stepped;          /* the host asked for the next showing */
 };
 
 uint32_t sequencer_table_crc(const struct sequencer_table *table, uint8_t step_count, uint8_t led_count);
@@ -65,10 +64,7 @@ void sequencer_stop(struct sequencer *sequencer);
 /* Say what comes next; to be called again only when that has been latched. */
 enum sequencer_next sequencer_next(struct sequencer *sequencer, struct sequencer_plan *plan);
 
-/* HOLD: the colours that the next STEP will show; NULL: darkness, because all passes have been shown. */
-const uint8_t *sequencer_upcoming(const struct sequencer *sequencer);
-
-/* HOLD and EXT: tell when the showing began, from which its dwell counts. */
+/* EXT: tell when the showing began, from which its dwell counts. */
 void sequencer_began(struct sequencer *sequencer, uint64_t first_bit_us);
 
 #endif

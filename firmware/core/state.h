@@ -30,7 +30,7 @@ struct controller_slot {
     bool busy;
     bool shines;       /* any LED is lit */
     uint32_t pulse_us; /* of the trigger output, from the first bit on */
-    uint8_t role;      /* enum sequencer_next: what it is to the sequence; SEQUENCER_WAIT: nothing */
+    uint8_t role;      /* enum sequencer_next: what it is to the sequence; SEQUENCER_NONE: nothing */
 };
 
 /* 100 000 erases of either sector take three years at one save a minute. */
@@ -62,7 +62,6 @@ struct controller {
     uint32_t still_id;
     bool still_wanted;
     bool still_again; /* it is what is lit, dimmed otherwise */
-    uint32_t step_id; /* of the light that the last STEP asked for */
     uint32_t next_id;
 
     struct sequencer_position shown;
@@ -76,9 +75,7 @@ struct controller {
     uint64_t packet_us;   /* when the last valid packet came */
     bool open;            /* somebody listens */
     bool silent;          /* the host was silent, and the LEDs were darkened */
-    uint64_t reported_us; /* when telemetry was sent last */
     uint64_t restart_us;  /* 0: no restart was asked for */
-    uint16_t telemetry_ms;
     bool restart_bootloader;
     uint8_t event_sequence;
     struct counters_reply counters;

@@ -3,7 +3,7 @@
 #define GELLIGHT_VERSION_H
 
 #define FIRMWARE_MAJOR 0u
-#define FIRMWARE_MINOR 2u
+#define FIRMWARE_MINOR 3u
 #define FIRMWARE_PATCH 0u
 
 #endif

@@ -46,16 +46,13 @@ static void fill_well(uint8_t code, void *payload)
             .dwell_us = duration_us(), .blank_us = duration_us()};
     if (code == COMMAND_SET_SYNC)
         *(struct set_sync *)payload = (struct set_sync){
-            .mode = (uint8_t)chance(3), .edge = (uint8_t)chance(2), .divider = (uint16_t)(1u + chance(2)),
+            .mode = (uint8_t)chance(2), .edge = (uint8_t)chance(2), .divider = (uint16_t)(1u + chance(2)),
             .delay_us = duration_us(), .timeout_us = duration_us()};
-    if (code == COMMAND_SET_LIMITS)
-        *(struct set_limits *)payload =
-            (struct set_limits){.limit_ma = (uint16_t)(100u + chance(351)), .policy = (uint8_t)chance(2)};
     if (code == COMMAND_SET_CONFIG)
         *(struct configuration *)payload = (struct configuration){
             .host_timeout_ms = (uint16_t)(100u + chance(2000)), .limit_ma = (uint16_t)(100u + chance(351)),
             .quiescent_ua = (uint16_t)chance(5001), .channel_ua = 20000, .latch_us = 300,
-            .policy = (uint8_t)chance(2), .data_pin = 2, .trigger_pin = (uint8_t)(3u + chance(2)),
+            .unused = (uint8_t)chance(2), .data_pin = 2, .trigger_pin = (uint8_t)(3u + chance(2)),
             .led_count = (uint8_t)(1u + chance(24)), .colour_order = (uint8_t)chance(3),
             .status_pin = (uint8_t)(chance(2) ? NO_PIN : 25u), .output_pin = (uint8_t)(chance(2) ? NO_PIN : 4u),
             .output_at = (uint8_t)chance(2), .switch_pin = (uint8_t)(chance(2) ? NO_PIN : 6u),

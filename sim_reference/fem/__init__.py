@@ -13,6 +13,7 @@
 | a press, from depth or load to force and surface | `gel.FemGel` |
 | then a drag, a twist, a roll | `dragging` |
 | the surface on a grid | `sampling` |
+| beside them: an elastic layer of small strain along itself, with friction | `tangential` |
 
 Lengths are mm, and stresses are in units of the gel's shear modulus, so forces are in shear moduli times mm2.
 """

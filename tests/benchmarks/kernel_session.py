@@ -10,7 +10,6 @@ import numpy as np
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
 from gellight.daemon.session import SensorSession
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.lab.simulator.usb.encoding import Mark, to_jpeg, to_yuyv
 from gellight.reconstruction.image_noise import measure_noise
 from gellight.sensor.v4l2.decoding import decode
 from gellight.sensor.v4l2.options import CaptureOptions
@@ -18,6 +17,7 @@ from gellight.sensor.v4l2.video_camera import V4l2Camera
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.sessions import session_of
 from tests.helpers.simulated_kernel import CameraDevice, SimulatedKernel
+from tests.virtual_usb.encoding import Mark, to_jpeg, to_yuyv
 
 PICTURES = 32
 """that come in turn"""

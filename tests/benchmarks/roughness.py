@@ -18,6 +18,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.lab.simulator.objects import FLAT_MM, rough_plate, sine_plate
 from gellight.lab.simulator.scene import Scene
 from gellight_scan.height_map import HeightMap, map_of_press
 from gellight_scan.roughness import (
@@ -32,7 +33,6 @@ from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.deformation import grid
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.imaging import ring_irradiance
-from sim_reference.reliefs import FLAT_MM, rough_plate, sine_plate
 from sim_reference.surface import Surface, sample
 
 WAVES_MM = (0.2, 0.3, 0.5, 0.7, 0.75, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0)

@@ -5,9 +5,9 @@ from functools import partial
 import numpy as np
 import pytest
 
+from gellight.lab.simulator.objects import sine_plate
 from gellight_scan.height_map import HeightMap
 from gellight_scan.roughness import Evaluation, ProfileRoughness, profile_roughness
-from sim_reference.reliefs import sine_plate
 from tests.benchmarks.roughness import END_MM, START_MM, Bench, Judged, line
 
 

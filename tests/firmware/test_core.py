@@ -5,7 +5,7 @@ import zlib
 import pytest
 
 from gellight.ring import protocol as p
-from gellight.ring.enumerations import Dark, Policy, Status, SyncMode
+from gellight.ring.enumerations import Dark, Status, SyncMode
 from gellight.ring.wire import Packet, encode
 from tests.firmware.helpers.virtual_board import VirtualBoard
 
@@ -87,13 +87,10 @@ def test_hello_never_comes_from_the_cache(core: VirtualBoard) -> None:
         ("SET_STEP", p.SetStep(0, 0, 1, 0, 60_000_001), Status.OUT_OF_RANGE, 60_000_001),
         ("SET_SYNC", p.SetSync(3, 0, 1, 0, 0), Status.OUT_OF_RANGE, 3),
         ("SET_SYNC", p.SetSync(0, 0, 0, 0, 0), Status.OUT_OF_RANGE, 0),
-        ("SET_LIMITS", p.SetLimits(451, 0), Status.OUT_OF_RANGE, 451),
-        ("SET_LIMITS", p.SetLimits(99, 0), Status.OUT_OF_RANGE, 99),
         ("COMMIT", p.Commit(0, 0, 0), Status.OUT_OF_RANGE, 0),
         ("COMMIT", p.Commit(0, 0, 33), Status.OUT_OF_RANGE, 33),
         ("RESET", p.Magic(1), Status.BAD_MAGIC, 1),
         ("BOOTLOADER", p.Magic(0), Status.BAD_MAGIC, 0),
-        ("STEP", None, Status.NOT_RUNNING, 0),
         ("STOP", None, Status.NOT_RUNNING, 0),
         ("START", None, Status.NOT_RUNNING, 0),
         ("TRIM", p.Trim(0, 0), Status.NOT_RUNNING, 0),
@@ -132,40 +129,10 @@ def test_full_white_is_rejected_with_its_current(core: VirtualBoard) -> None:
     assert [colours for _, _, colours in core.lights()] == [BLACK]
 
 
-def test_scaling_reports_its_factor_and_keeps_the_limit(core: VirtualBoard) -> None:
-    core.ok("SET_LIMITS", p.SetLimits(450, Policy.SCALE))
-    reply = core.ok("SET_LEDS", p.SetLeds(WHITE))
-    core.advance(2000)
-    colours = core.lights()[-1][2]
-    current_ma = 12 * 1.0 + 20.0 * sum(colours) / 255
-    assert current_ma <= 450
-    assert current_ma > 435  # colours are whole numbers: at most 36 * 20 / 255 mA are lost
-    assert colours[0] == 255 * reply.scale // 65535
-    assert reply.current_ma == -(-round(current_ma * 1000) // 1000)
-
-
-def test_scaling_keeps_the_limit_whatever_the_colours(core: VirtualBoard) -> None:
-    for limit_ma in (100, 237, 450):
-        core.ok("SET_LIMITS", p.SetLimits(limit_ma, Policy.SCALE))
-        for bright in range(1, 37):
-            core.ok("SET_LEDS", p.SetLeds(bytes([255] * bright + [0] * (36 - bright))))
-            core.advance(2000)
-            current_ua = 12 * 1000 + sum(core.lights()[-1][2]) * 20000 / 255
-            assert current_ua <= limit_ma * 1000
-
-
 def test_the_paper_ring_fits_the_limit(core: VirtualBoard) -> None:
     one_colour_each = b"".join(bytes([255 * (i // 4 == c) for c in range(3)]) for i in range(12))
     reply = core.ok("SET_LEDS", p.SetLeds(one_colour_each))
     assert reply.current_ma == 252
-
-
-def test_a_lower_limit_darkens_what_is_above_it(core: VirtualBoard) -> None:
-    core.ok("SET_LEDS", p.SetLeds(bytes([60] * 36)))
-    core.advance(2000)
-    core.ok("SET_LIMITS", p.SetLimits(100, Policy.REJECT))
-    core.advance(2000)
-    assert core.lights()[-1][2] == BLACK
 
 
 # ---- sequences ----
@@ -215,30 +182,9 @@ def test_trims_within_a_step_add_up_to_a_minute(core: VirtualBoard, phases: tupl
         assert times[-1] - times[0] == (len(times) - 1) * 100_000 + 1000
 
 
-def test_hold_waits_for_the_host(core: VirtualBoard) -> None:
-    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 2, 0, 0)], loops=1)
-    core.ok("START")
-    shown = []
-    for _ in range(4):
-        core.ok("STEP")
-        core.advance(200_000)
-        shown.append(core.lights()[-1][2])
-    assert shown == [RED, GREEN, GREEN, BLACK]
-    assert core.ask("STEP")[0] == Status.NOT_RUNNING
-
-
-def test_a_hold_step_may_be_a_pulse(core: VirtualBoard) -> None:
-    core.load_sequence([RED], [p.SetStep(0, 0, 1, 7000, 0)])
-    core.ok("START")
-    core.ok("STEP")
-    core.advance(20_000)
-    (lit, _, first), (dark, _, last) = core.lights()[1:]
-    assert (first, last, dark - lit) == (RED, BLACK, 7000)
-
-
 def test_the_trigger_lights_after_its_delay_at_every_nth_edge(core: VirtualBoard) -> None:
-    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 2000, 0), p.SetStep(1, 1, 1, 2000, 0)])
     core.sync(SyncMode.EXT, divider=2, delay_us=750)
+    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 2000, 0), p.SetStep(1, 1, 1, 2000, 0)])
     core.ok("START")
     edges = []
     for number in range(8):
@@ -255,8 +201,8 @@ def test_the_trigger_lights_after_its_delay_at_every_nth_edge(core: VirtualBoard
 
 
 def test_without_a_trigger_the_ring_is_dark_until_the_next_one(core: VirtualBoard) -> None:
-    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 1, 0, 0)])
     core.sync(SyncMode.EXT, timeout_us=50_000)
+    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 1, 0, 0)])
     core.ok("START")
     core.edge()
     core.advance(40_000)
@@ -274,8 +220,8 @@ def test_without_a_trigger_the_ring_is_dark_until_the_next_one(core: VirtualBoar
 @pytest.mark.parametrize("reads", range(1, 8))
 def test_an_edge_at_any_look_at_the_clock_is_no_timeout(core: VirtualBoard, reads: int, divider: int) -> None:
     """Whether it lights the next step or is only the first of two."""
-    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 1, 0, 0)])
     core.sync(SyncMode.EXT, divider=divider, timeout_us=50_000, delay_us=300)
+    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 1, 0, 0)])
     core.ok("START")
     for _ in range(divider):
         core.edge()
@@ -302,8 +248,8 @@ def test_a_commit_while_running_waits_for_the_end_of_the_pass(core: VirtualBoard
 def test_a_light_is_refused_while_a_sequence_runs(core: VirtualBoard) -> None:
     core.load_sequence([RED], [p.SetStep(0, 0, 1, 10_000, 0)])
     core.ok("START")
-    for name, record in (("SET_LEDS", p.SetLeds(RED)), ("SET_LIMITS", p.SetLimits(300, 0)), ("START", None),
-                         ("SAVE_CONFIG", None), ("SELFTEST", None)):  # fmt: skip
+    for name, record in (("SET_LEDS", p.SetLeds(RED)), ("START", None), ("SAVE_CONFIG", None),
+                         ("SELFTEST", None)):  # fmt: skip
         assert core.ask(name, record)[0] == Status.BUSY
 
 
@@ -381,7 +327,8 @@ def test_a_deaf_host_costs_replies_but_nothing_hangs(core: VirtualBoard) -> None
 
 def test_a_backlog_of_events_leaves_room_for_a_reply(core: VirtualBoard) -> None:
     """The host takes nothing for a while: events are dropped, the reply that it waits for is not."""
-    core.ok("TELEMETRY", p.Telemetry(10))
+    core.load_sequence([RED], [p.SetStep(0, 0, 1, p.DWELL_MIN_US, 0)])
+    core.ok("START")
     core.faults(room=1000)
     core.advance(2_000_000)
     assert core.ask("CLOCK", p.ClockRequest(0))[0] == Status.OK

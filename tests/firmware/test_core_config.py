@@ -1,4 +1,4 @@
-"""The portable core on a virtual clock: the configuration in flash, restarts, telemetry."""
+"""The portable core on a virtual clock: the configuration in flash, restarts."""
 
 import dataclasses
 import struct
@@ -95,15 +95,15 @@ def test_saving_the_same_writes_nothing(core: VirtualBoard) -> None:
     assert core.flash() == before
 
 
-@pytest.mark.parametrize("field", ["host_timeout_ms", "limit_ma", "quiescent_ua", "channel_ua", "latch_us", "policy"])
+@pytest.mark.parametrize("field", ["host_timeout_ms", "limit_ma", "quiescent_ua", "channel_ua", "latch_us"])
 def test_a_configuration_out_of_range_is_refused(core: VirtualBoard, field: str) -> None:
-    wrong = dataclasses.replace(named("wrong"), **{field: 255 if field == "policy" else 0xFFFF})
+    wrong = dataclasses.replace(named("wrong"), **{field: 0xFFFF})
     assert core.ask("SET_CONFIG", wrong)[0] == Status.OUT_OF_RANGE
 
 
 def test_a_record_that_undercuts_every_led_keeps_the_rest(core: VirtualBoard) -> None:
-    """Firmware of before took 1 mA a colour where the LEDs have a supply of their own."""
-    old = dataclasses.replace(named("veteran"), external_supply=1, limit_ma=2000, channel_ua=1_000)
+    """Firmware of before took 1 mA a colour where the LEDs have a supply of their own, and knew two policies."""
+    old = dataclasses.replace(named("veteran"), unused=1, external_supply=1, limit_ma=2000, channel_ua=1_000)
     page = (struct.pack("<II", 0x474C4346, 7) + old.pack()).ljust(252, b"\xff")
     board = VirtualBoard(core.library, (page + struct.pack("<I", zlib.crc32(page))).ljust(FLASH_BYTES, b"\xff"))
     assert board.ok("GET_CONFIG") == dataclasses.replace(old, channel_ua=p.CHANNEL_EXTERNAL_UA)
@@ -151,14 +151,6 @@ def test_restarting_waits_for_the_reply_and_the_dark(core: VirtualBoard) -> None
     core.advance(50_000)
     assert core.flags & 6 == 6
     assert core.lights()[-1][2] == BLACK
-
-
-def test_telemetry_comes_by_itself(core: VirtualBoard) -> None:
-    core.ok("TELEMETRY", p.Telemetry(100))
-    core.advance(900_000)
-    reports = [packet for packet in core.collect() if packet.type == 0x42]
-    assert 8 <= len(reports) <= 9
-    assert len(reports[0].payload) == p.StatusReply.codec().size
 
 
 def test_there_is_room_for_the_colours_of_the_largest_ring() -> None:

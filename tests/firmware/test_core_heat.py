@@ -5,7 +5,7 @@ from math import exp, log
 import pytest
 
 from gellight.ring import protocol as p
-from gellight.ring.enumerations import Dark, SyncMode
+from gellight.ring.enumerations import SyncMode
 from gellight.ring.protocol import COOLER_C, DIMMING_US, HOTTEST_C, NO_TEMPERATURE, RING_HOTTEST_C
 from tests.firmware.helpers.virtual_board import VirtualBoard
 from tests.firmware.helpers.warming import HALVED, PATTERN, SETTLED_US, wait
@@ -82,17 +82,15 @@ def test_a_hot_board_says_what_it_makes_of_a_light(core: VirtualBoard) -> None:
     assert core.ok("SET_GROUP", p.SetGroup(0, PATTERN)).scale == p.FULL_SCALE // 2
 
 
-@pytest.mark.parametrize("mode", [SyncMode.FREE, SyncMode.HOLD, SyncMode.EXT])
+@pytest.mark.parametrize("mode", list(SyncMode))
 def test_every_sequence_is_dimmed(core: VirtualBoard, mode: SyncMode) -> None:
-    """In HOLD and EXT also the light that stays until the host or the trigger wants the next one."""
+    """In EXT also the light that stays until the trigger wants the next one."""
+    core.sync(mode)
     core.load_sequence(
         [PATTERN, PATTERN], [p.SetStep(k, k, 1, 20_000 if mode is SyncMode.FREE else 0, 0) for k in (0, 1)]
     )
-    core.sync(mode)
     core.ok("START")
     core.advance(3_000)
-    if mode is SyncMode.HOLD:
-        core.ok("STEP")
     if mode is SyncMode.EXT:
         core.edge()
     core.advance(3_000)
@@ -110,16 +108,12 @@ def test_every_sequence_is_dimmed(core: VirtualBoard, mode: SyncMode) -> None:
     assert core.ok("COUNTERS").late_steps == late
 
 
-@pytest.mark.parametrize("mode", [SyncMode.HOLD, SyncMode.EXT])
-def test_a_step_that_is_dimmed_is_the_same_step_without_another_pulse(core: VirtualBoard, mode: SyncMode) -> None:
+def test_a_step_that_is_dimmed_is_the_same_step_without_another_pulse(core: VirtualBoard) -> None:
+    core.sync(SyncMode.EXT)
     core.load_sequence([PATTERN], [p.SetStep(0, 0, 1, 0, 0)])
-    core.sync(mode)
     core.ok("START")
     core.advance(3_000)
-    if mode is SyncMode.HOLD:
-        core.ok("STEP")
-    else:
-        core.edge()
+    core.edge()
     core.advance(3_000)
     core.warm(HOTTEST_C + 3)
     for _ in range(16):
@@ -129,19 +123,6 @@ def test_a_step_that_is_dimmed_is_the_same_step_without_another_pulse(core: Virt
     assert [(event.step, event.group) for event in events] == [(0, 0)] * 2
     assert [colours for _, _, colours in core.lights()[1:]] == [HALVED[0], HALVED[1]]
     assert core.pulses()[1:] == [True, False]
-
-
-def test_a_lower_limit_while_dimmed_is_no_fault_once_cool(core: VirtualBoard) -> None:
-    core.ok("SET_LEDS", p.SetLeds(bytes([255, 0, 0] * 12)))
-    core.warm(HOTTEST_C + 5)
-    wait(core, SETTLED_US)
-    assert core.status().current_ma < 200
-    core.ok("SET_LIMITS", p.SetLimits(200, 0))
-    core.advance(2_000)
-    assert (core.status().dark, core.lights()[-1][2]) == (Dark.COMMAND, bytes(36))
-    core.warm(20)
-    wait(core, 2 * SETTLED_US)
-    assert (core.status().dark, core.ok("COUNTERS").dark_faults) == (Dark.COMMAND, 0)
 
 
 def test_dark_stays_dark(core: VirtualBoard) -> None:

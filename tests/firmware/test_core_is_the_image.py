@@ -13,7 +13,7 @@ TICK_US = 10_000
 READ_US = 100_000
 """as often it reads its thermometers, at a tick"""
 BY_ITSELF = {
-    p.EVENTS["DARK"][0]: TICK_US, p.EVENTS["TELEMETRY"][0]: TICK_US, p.EVENTS["DIMMED"][0]: READ_US + TICK_US,
+    p.EVENTS["DARK"][0]: TICK_US, p.EVENTS["DIMMED"][0]: READ_US + TICK_US,
 }  # fmt: skip
 """what a board says without being asked, and by how much two boards differ in when"""
 

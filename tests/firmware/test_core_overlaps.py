@@ -4,7 +4,7 @@ import pytest
 
 from gellight.lab.core_board.core import FLASH_BYTES
 from gellight.ring import protocol as p
-from gellight.ring.enumerations import Dark, Policy, Status, SyncMode
+from gellight.ring.enumerations import Dark, Status, SyncMode
 from gellight.ring.wire import Packet, encode
 from tests.firmware.helpers.virtual_board import VirtualBoard
 
@@ -19,35 +19,13 @@ def colours(core: VirtualBoard) -> list[bytes]:
     return [shown for _, _, shown in core.lights()]
 
 
-# ---- the limit ----
-
-
-@pytest.mark.parametrize("passed_us", [0, 100, 659, 661, 5000])
-def test_a_lower_limit_darkens_what_is_above_it_even_on_its_way(core: VirtualBoard, passed_us: int) -> None:
-    core.ok("SET_LEDS", p.SetLeds(BRIGHT))
-    core.advance(passed_us)
-    core.ok("SET_LIMITS", p.SetLimits(100, Policy.REJECT))
-    core.advance(5000)
-    assert colours(core)[-1] == BLACK
-    assert core.status().current_ma == 12
-
-
-def test_a_lower_limit_meets_a_light_that_came_in_the_same_bytes(core: VirtualBoard) -> None:
-    asked = (("SET_LEDS", p.SetLeds(BRIGHT)), ("SET_LIMITS", p.SetLimits(100, Policy.REJECT)))
-    packets = [encode(Packet(p.COMMANDS[name].code, 70 + k, r.pack())) for k, (name, r) in enumerate(asked)]
-    core.receive(b"".join(packets))
-    core.advance(5000)
-    assert set(colours(core)) == {BLACK}
-    assert core.status().dark == Dark.COMMAND
-
-
 # ---- the end of a sequence ----
 
 
 @pytest.mark.parametrize("mode", [SyncMode.FREE, SyncMode.EXT])
 def test_a_sequence_runs_until_its_last_light_has_ended(core: VirtualBoard, mode: SyncMode) -> None:
-    core.load_sequence([RED], [p.SetStep(0, 0, 1, 500_000 if mode == SyncMode.FREE else 0, 0)], loops=1)
     core.sync(mode)
+    core.load_sequence([RED], [p.SetStep(0, 0, 1, 500_000 if mode == SyncMode.FREE else 0, 0)], loops=1)
     core.ok("START")
     core.edge()
     core.advance(100_000)
@@ -64,8 +42,8 @@ def test_a_sequence_runs_until_its_last_light_has_ended(core: VirtualBoard, mode
 
 @pytest.mark.parametrize("mode", [SyncMode.FREE, SyncMode.EXT])
 def test_a_sequence_that_waits_for_its_end_can_be_stopped(core: VirtualBoard, mode: SyncMode) -> None:
-    core.load_sequence([RED], [p.SetStep(0, 0, 1, 500_000 if mode == SyncMode.FREE else 0, 0)], loops=1)
     core.sync(mode)
+    core.load_sequence([RED], [p.SetStep(0, 0, 1, 500_000 if mode == SyncMode.FREE else 0, 0)], loops=1)
     core.ok("START")
     core.edge()
     core.advance(10_000)
@@ -78,14 +56,15 @@ def test_a_sequence_that_waits_for_its_end_can_be_stopped(core: VirtualBoard, mo
 
 
 def test_a_transfer_of_a_stopped_sequence_is_no_step_of_the_next(core: VirtualBoard) -> None:
+    core.sync(SyncMode.EXT)
     core.load_sequence([RED, GREEN, BLUE], [p.SetStep(k, k, 1, 0, 0) for k in range(3)])
     core.ok("START")
-    core.ok("STEP")
+    core.edge()
     core.advance(100)
     core.ok("STOP")
     core.ok("START")
     core.advance(2000)
-    core.ok("STEP")
+    core.edge()
     core.advance(2000)
     assert colours(core)[1:] == [RED, RED]
 
@@ -102,19 +81,6 @@ def test_a_committed_table_is_shown_as_it_was_committed(core: VirtualBoard) -> N
     core.ok("SET_GROUP", p.SetGroup(0, BLUE))
     core.advance(60_000)
     assert colours(core)[1:] == [RED, RED] + [GREEN] * 5
-
-
-def test_the_reply_to_a_step_tells_of_the_light_that_comes(core: VirtualBoard) -> None:
-    """Also where a new table begins with it: that light, not one of the table before, nor the end."""
-    core.load_sequence([RED], [p.SetStep(0, 0, 1, 0, 0)], loops=1)
-    core.ok("START")
-    core.ok("STEP")
-    core.advance(2000)
-    core.load_sequence([BRIGHT], [p.SetStep(0, 0, 1, 0, 0)], loops=1)
-    assert core.ok("STEP").current_ma == 295
-    core.advance(2000)
-    assert colours(core)[-1] == BRIGHT
-    assert core.ok("STEP").current_ma == 12
 
 
 def test_a_shift_to_before_the_start_of_the_board_is_at_once(core: VirtualBoard) -> None:
@@ -178,8 +144,8 @@ def test_only_a_port_that_closes_in_the_light_counts_as_a_fault(core: VirtualBoa
 
 def test_a_triggered_light_that_breaks_off_leaves_the_watchdog_unfed(core: VirtualBoard) -> None:
     """Not while it waits for its edge or its delay, however long."""
-    core.load_sequence([RED], [p.SetStep(0, 0, 1, 0, 0)])
     core.sync(SyncMode.EXT, delay_us=500_000)
+    core.load_sequence([RED], [p.SetStep(0, 0, 1, 0, 0)])
     core.ok("START")
     core.advance(10_000)
     core.faults(stuck=True)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from gellight.ring import protocol as p
-from gellight.ring.enumerations import Policy, Status
+from gellight.ring.enumerations import Status, SyncMode
 from gellight.ring.wire import Packet, Record, encode
 from tests.firmware.helpers.virtual_board import VirtualBoard
 
@@ -24,15 +24,13 @@ def true_ma(colours: bytes) -> float:
 
 def edge_commands() -> list[tuple[str, Record]]:
     configurations = [
-        p.Configuration(60_000, limit, quiescent, channel, 300, policy, external, FACTORY.name)
-        for external, limit, channel, quiescent, policy in itertools.product(
-            (0, 1), (100, 450, 451, 2000), (1_000, 5_000, 12_000, 20_000), (0, 1_000), (Policy.REJECT, Policy.SCALE)
+        p.Configuration(60_000, limit, quiescent, channel, 300, 0, external, FACTORY.name)
+        for external, limit, channel, quiescent in itertools.product(
+            (0, 1), (100, 450, 451, 2000), (1_000, 5_000, 12_000, 20_000), (0, 1_000)
         )
     ]
-    limits = [p.SetLimits(limit, policy) for limit in (450, 2000) for policy in Policy]
     return [
         *(("SET_CONFIG", configuration) for configuration in configurations),
-        *(("SET_LIMITS", limit) for limit in limits),
         *(("SET_LEDS", p.SetLeds(colours)) for colours in LIGHTS),
     ]
 
@@ -75,7 +73,6 @@ def test_a_supply_of_their_own_takes_a_confirmation_and_a_start(core: VirtualBoa
     assert core.ok("GET_CONFIG") == supplied
     core.ok("SAVE_CONFIG")
     assert core.ask("SET_LEDS", p.SetLeds(WHITE))[:2] == (Status.OVER_CURRENT, 732)
-    assert core.ask("SET_LIMITS", p.SetLimits(451, Policy.REJECT))[:2] == (Status.OUT_OF_RANGE, 451)
     again = VirtualBoard(core.library, core.flash())
     assert again.ok("SET_LEDS", p.SetLeds(WHITE)).current_ma == 732
     again.ok("BLANK")
@@ -160,7 +157,7 @@ def test_much_for_a_moment_is_no_matter(strong: VirtualBoard) -> None:
 def test_a_sequence_counts_by_what_it_draws_in_the_mean(strong: VirtualBoard) -> None:
     """A quarter of the time; the readings fall on any part of it."""
     strong.load_sequence([WHITE], [p.SetStep(0, 0, 1, 25_000, 75_000)])
-    strong.ok("SET_SYNC", p.SetSync(1, 0, 1, 0, 0))
+    strong.ok("SET_SYNC", p.SetSync(SyncMode.FREE, 0, 1, 0, 0))
     strong.ok("START")
     for _ in range(1000):
         strong.ok("CLOCK", p.ClockRequest(0))

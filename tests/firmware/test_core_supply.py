@@ -74,8 +74,8 @@ def test_a_sequence_keeps_it_closed_also_while_it_is_dark(switched: VirtualBoard
 
 
 def test_a_trigger_lights_nothing_before_the_supply_has_risen(switched: VirtualBoard) -> None:
-    switched.load_sequence([RED], [p.SetStep(0, 0, 1, 0, 0)])
     switched.sync(SyncMode.EXT)
+    switched.load_sequence([RED], [p.SetStep(0, 0, 1, 0, 0)])
     switched.ok("START")
     switched.advance(p.SUPPLY_US // 2)
     switched.edge()

@@ -5,7 +5,7 @@ import pytest
 
 from gellight.ring import protocol as p
 from gellight.ring.board_link import RefusedError
-from gellight.ring.enumerations import Dark, Policy, ResetReason, SyncMode
+from gellight.ring.enumerations import Dark, ResetReason, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
 from tests.firmware.emulator.waveform import WINDOWS_NS
@@ -67,8 +67,8 @@ def test_after_a_transfer_that_breaks_off_the_watchdog_makes_the_leds_dark(image
     board = BenchBoard(image)
     with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
         if triggered:
-            ring.load_sequence([PATTERN], [Step(group=0, dwell_us=0)])
             ring.set_sync(SyncMode.EXT)
+            ring.load_sequence([PATTERN], [Step(group=0, dwell_us=0)])
             ring.start()
             board.run(3_000)
         begun = len(board.waveform.frame_starts_us)
@@ -120,11 +120,10 @@ def test_sequence_steps_fall_on_their_microsecond(board: BenchBoard, ring: Light
 
 
 def test_steps_keep_their_time_while_the_host_talks(board: BenchBoard, ring: LightRing) -> None:
-    """Replies, telemetry and rejected packets keep the processor and its USB interrupt busy meanwhile."""
+    """Replies, events and rejected packets keep the processor and its USB interrupt busy meanwhile."""
     since = len(board.waveform.frame_starts_us)
     ring.load_sequence([RED, GREEN], [Step(group=0, dwell_us=2_300), Step(group=1, dwell_us=2_300)])
     ring.set_sync(SyncMode.FREE)
-    ring.telemetry(10)
     ring.start()
     for _ in range(100):
         ring.status()
@@ -142,7 +141,6 @@ def test_the_fastest_sequence_keeps_its_time_under_the_longest_commands(board: B
     steps = [Step(group=k % 2, dwell_us=p.DWELL_MIN_US) for k in range(p.STEP_COUNT)]
     ring.load_sequence([RED, GREEN], steps)
     ring.set_sync(SyncMode.FREE)
-    ring.telemetry(10)
     ring.start()
     for _ in range(24):
         ring.counters()
@@ -155,8 +153,8 @@ def test_the_fastest_sequence_keeps_its_time_under_the_longest_commands(board: B
 
 
 def test_the_trigger_pin_lights_after_its_delay(board: BenchBoard, ring: LightRing) -> None:
-    ring.load_sequence([RED, GREEN], [Step(group=0, dwell_us=2_000), Step(group=1, dwell_us=2_000)])
     ring.set_sync(SyncMode.EXT, delay_us=300, divider=2)
+    ring.load_sequence([RED, GREEN], [Step(group=0, dwell_us=2_000), Step(group=1, dwell_us=2_000)])
     ring.start()
     edges, begun = [], []
     for number in range(8):
@@ -250,11 +248,8 @@ def test_an_exception_darkens(board: BenchBoard) -> None:
 def test_full_white_is_refused(board: BenchBoard, ring: LightRing) -> None:
     with pytest.raises(RefusedError, match="OVER_CURRENT"):
         ring.set_leds(np.full((12, 3), 255, np.uint8))
-    ring.set_limits(450, Policy.SCALE)
-    reply = ring.set_leds(np.full((12, 3), 255, np.uint8))
     board.run(2_000)
-    assert reply.current_ma <= 450
-    assert 12 + 20 * board.lit.sum() / 255 <= 450
+    assert not board.lit.any()
 
 
 def test_a_processor_that_hangs_is_restarted_in_the_dark(board: BenchBoard, ring: LightRing) -> None:

@@ -32,8 +32,8 @@ def look(board: BenchBoard) -> bool:
 
 
 def start(board: BenchBoard, ring: LightRing, timeout_us: int) -> None:
-    ring.load_sequence([RED], [Step(group=0, dwell_us=0)])
     ring.set_sync(SyncMode.EXT, delay_us=DELAY_US, timeout_us=timeout_us)
+    ring.load_sequence([RED], [Step(group=0, dwell_us=0)])
     ring.start()
     board.run(3_000)
 

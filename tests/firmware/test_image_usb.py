@@ -102,7 +102,6 @@ def test_a_transfer_cut_short_does_not_answer_the_next(
 def test_a_controller_that_hangs_is_reset_in_the_dark(board: BenchBoard, ring: LightRing) -> None:
     """Erratum RP2040-E15: nothing is answered until the firmware resets the controller; the host enumerates it anew."""
     ring.set_leds(RED)
-    ring.telemetry(10)
     board.run(30_000)
     board.host.hangs = True
     assert board.run_until(lambda: not board.host.configured, 11_500_000)
@@ -229,7 +228,6 @@ def answered_after_us(board: BenchBoard, noise: bytes) -> float:
 
 def test_a_host_that_does_not_read_for_nine_seconds_keeps_its_port(board: BenchBoard, ring: LightRing) -> None:
     ring.set_leds(RED)
-    ring.telemetry(10)
     board.run(30_000)
     board.host.latency_us = 9e6
     board.run(8_900_000)
@@ -237,5 +235,4 @@ def test_a_host_that_does_not_read_for_nine_seconds_keeps_its_port(board: BenchB
     assert board.host.opened
     board.host.latency_us = 0.0
     board.run(200_000)
-    ring.telemetry(0)
     assert ring.status().dark == Dark.HOST_SILENT

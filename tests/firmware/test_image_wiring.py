@@ -88,8 +88,8 @@ def test_a_wiring_that_cannot_be_is_refused(board: BenchBoard, ring: LightRing, 
 def test_the_trigger_may_come_at_another_pin(image: bytes) -> None:
     board = wired(image, trigger_pin=17)
     with opened(board) as ring:
-        ring.load_sequence([RED], [Step(group=0, dwell_us=5_000)])
         ring.set_sync(SyncMode.EXT)
+        ring.load_sequence([RED], [Step(group=0, dwell_us=5_000)])
         ring.start()
         board.run(5_000)
         board.set_trigger(True)
@@ -134,10 +134,12 @@ def test_no_pulse_comes_once_the_light_was_taken_away(image: bytes) -> None:
 def test_a_step_that_heat_dims_pulses_once(image: bytes) -> None:
     board = wired(image, output_pin=OUTPUT)
     with opened(board) as ring:
+        ring.set_sync(SyncMode.EXT)
         ring.load_sequence([RED], [Step(group=0, dwell_us=0)])
         ring.start()
         changes = levels(board, OUTPUT)
-        ring.step()
+        board.run(3_000)
+        board.set_trigger(True)
         board.set_temperature(p.HOTTEST_C + 8)
         for _ in range(80):
             board.run(100_000)

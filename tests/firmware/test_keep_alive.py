@@ -75,8 +75,8 @@ def test_a_sequence_that_misses_its_triggers_is_not_called_ended(
     board: BenchBoard, caplog: pytest.LogCaptureFixture
 ) -> None:
     with LightRing(VirtualTransport(board), keep_alive_s=0.01) as ring:
-        ring.load_sequence([RED], [Step(group=0, dwell_us=0)])
         ring.set_sync(SyncMode.EXT, timeout_us=50_000)
+        ring.load_sequence([RED], [Step(group=0, dwell_us=0)])
         ring.start()
         trigger(board, ring)
         assert comes(board, ring, lambda: "its sequence goes on with the next light" in caplog.text)

@@ -19,7 +19,6 @@ colours = st.one_of(
     st.lists(levels, min_size=36, max_size=36).map(bytes),
 )
 durations = st.sampled_from([0, 0, p.DWELL_MIN_US, 2501, 7001, 30_011, p.DWELL_MIN_US - 1, 60_000_001])
-limits_ma = st.sampled_from([99, 100, 237, 450, 451])
 stories = st.lists(
     st.one_of(
         st.tuples(st.just("advance"), st.sampled_from([0, 1, 900, 5000, 20_000, 100_003])),
@@ -30,9 +29,8 @@ stories = st.lists(
             st.builds(p.SetStep, st.integers(0, 4), st.integers(0, 3), st.integers(0, 3), durations, durations),
         ),
         st.tuples(st.just("COMMIT"), st.tuples(st.integers(0, 5), st.integers(0, 3), st.booleans())),
-        st.tuples(st.just("SET_SYNC"), st.sampled_from([0, 1, 1, 3]).map(lambda mode: p.SetSync(mode, 0, 1, 0, 0))),
-        st.tuples(st.just("SET_LIMITS"), st.builds(p.SetLimits, limits_ma, st.integers(0, 2))),
-        st.tuples(st.sampled_from(["START", "START", "STEP", "STEP", "STOP", "BLANK"]), st.just(p.Empty())),
+        st.tuples(st.just("SET_SYNC"), st.sampled_from([0, 0, 1, 3]).map(lambda mode: p.SetSync(mode, 0, 1, 0, 0))),
+        st.tuples(st.sampled_from(["START", "START", "STOP", "BLANK"]), st.just(p.Empty())),
     ),
     max_size=40,
 )  # fmt: skip

@@ -7,12 +7,11 @@ import pytest
 
 from gellight.lab.core_board.built_board import thermistor_ohm
 from gellight.ring import protocol as p
-from gellight.ring.enumerations import Policy
 from tests.firmware.helpers.two_emulators import Account, Action, command, first_emulator, second_emulator
 
 pytestmark = pytest.mark.nightly
 LIT = p.SetLeds(bytes(i * 7 % 97 for i in range(36)))
-NAMED = p.Configuration(900, 400, 1000, 20000, 300, Policy.REJECT, 0, b"two judges".ljust(16, b"\0"))
+NAMED = p.Configuration(900, 400, 1000, 20000, 300, 0, 0, b"two judges".ljust(16, b"\0"))
 CLOCK_US = 1_000.0
 """by which times on the board's clock may differ: the processors do not take the same cycles"""
 PULSE_NS = 1e9 / 120e6

@@ -17,8 +17,8 @@ def test_every_strobe_is_counted_and_lights_a_step(ring: LightRing, dim: np.ndar
     rate_hz = float(os.environ.get("GELLIGHT_TRIGGER_HZ", "0"))
     if not rate_hz:
         pytest.skip("needs real hardware: a strobe, whose rate is given as GELLIGHT_TRIGGER_HZ")
-    ring.load_sequence([dim, dim // 2], [Step(group=k, dwell_us=0) for k in range(2)])
     ring.set_sync(SyncMode.EXT)
+    ring.load_sequence([dim, dim // 2], [Step(group=k, dwell_us=0) for k in range(2)])
     before = ring.counters()
     ring.start()
     end_s = time.monotonic() + SECONDS

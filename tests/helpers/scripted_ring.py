@@ -47,7 +47,7 @@ class ScriptedRing(LightRing):
             unique_id=bytes.fromhex(unique_id), firmware_major=1, firmware_minor=2, firmware_patch=3
         )
         self.memory = protocol.Configuration(
-            host_timeout_ms=1000, limit_ma=450, quiescent_ua=1000, channel_ua=20000, latch_us=300, policy=0,
+            host_timeout_ms=1000, limit_ma=450, quiescent_ua=1000, channel_ua=20000, latch_us=300, unused=0,
             external_supply=0, name=b"GelLight".ljust(16, b"\0"),
         )  # fmt: skip
         self.failures = failures or Failures()

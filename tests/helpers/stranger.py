@@ -10,7 +10,6 @@ import encodings.idna  # noqa: F401  (root's files cannot be read later)
 import http.client
 import json
 import os
-import socket
 import sys
 import time
 import traceback
@@ -25,7 +24,6 @@ import aiohttp
 from gellight.stream.network import close, key, subscribing_session
 from gellight.stream.subscription import subscribe
 from tests.helpers import children
-from tests.helpers.usb_client import import_device
 
 NOBODY = 65534
 FALSE = b"a false frame"
@@ -115,14 +113,6 @@ def views(url: str) -> list[str]:
             return [*offered, told["op"]]
 
     return asyncio.run(asyncio.wait_for(look(), 30))
-
-
-def imports(port: str) -> list[str]:
-    """Take the virtual sensor of a port of USB/IP, twice."""
-    with socket.create_connection(("127.0.0.1", int(port))) as first:
-        taken = import_device(first, "1-1")
-        with socket.create_connection(("127.0.0.1", int(port))) as second:
-            return [str(taken[1]), _tried(lambda: import_device(second, "1-1"))]
 
 
 def browses(*ports: str) -> list[str]:

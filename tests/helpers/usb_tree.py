@@ -30,20 +30,23 @@ class UsbTree:
 
     def plug(
         self, port: str, *, serial: str = "", ids: tuple[int, int] = (0x1209, 1), cameras: int = 0, rings: int = 0,
-        speed: str = "480", needs_ma: int = 0, refused: bool = False,
+        speed: str = "480", refused: bool = False,
     ) -> list[str]:  # fmt: skip
         """Put a device at a port such as 1-1.4; return the nodes of its cameras, then of its rings.
 
-        `needs_ma`: what it asks for, 0: it does not say; `refused`: the kernel has not configured it.
+        `refused`: the kernel has not configured it.
         """
         device = self._folder(port)
         device.mkdir(parents=True)
         attributes = {"idVendor": f"{ids[0]:04x}", "idProduct": f"{ids[1]:04x}", "serial": serial,
-                      "product": "Tactile sensor", "manufacturer": "GelLight", "speed": speed}  # fmt: skip
+                      "product": "Tactile sensor", "manufacturer": "GelLight", "speed": speed,
+                      "bConfigurationValue": "" if refused else "1"}  # fmt: skip
         for name, value in attributes.items():
             (device / name).write_text(f"{value}\n")
-        if needs_ma:
-            self._draw(device, needs_ma, refused=refused)
+        entry = self.sysfs / "bus/usb/devices" / port
+        entry.parent.mkdir(parents=True, exist_ok=True)
+        if not entry.is_symlink():
+            entry.symlink_to(device)
         made = self.plugged.setdefault(port, [device])
         nodes = []
         for _ in range(cameras):
@@ -53,24 +56,6 @@ class UsbTree:
                 self._link(made, f"v4l/by-id/usb-GelLight_{serial}-video-index0", nodes[-1])
         nodes += [self._node(made, device, "tty", "ttyACM", 0) for _ in range(rings)]
         return nodes
-
-    def hub(self, port: str, *, own_supply: bool, needs_ma: int = 100, speed: str = "480") -> None:
-        """Put a hub at a port, above what hangs at it."""
-        folder = self._folder(port)
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, value in {"speed": speed, "bmAttributes": "e0" if own_supply else "a0", "product": "Hub"}.items():
-            (folder / name).write_text(f"{value}\n")
-        self._draw(folder, needs_ma, refused=False)
-
-    def _draw(self, device: Path, needs_ma: int, *, refused: bool) -> None:
-        """Say what a device asks for as sysfs does: `descriptors` always, the rest of what is configured."""
-        (device / "descriptors").write_bytes(bytes(18) + bytes([9, 2, 0, 0, 1, 1, 0, 0x80, needs_ma // 2]))
-        (device / "bMaxPower").write_text("" if refused else f"{needs_ma}mA\n")
-        (device / "bConfigurationValue").write_text("\n" if refused else "1\n")
-        entry = self.sysfs / "bus/usb/devices" / device.name
-        entry.parent.mkdir(parents=True, exist_ok=True)
-        if not entry.is_symlink():
-            entry.symlink_to(device)
 
     def unplug(self, port: str) -> None:
         """Take the device at a port away, with its nodes."""

@@ -9,12 +9,12 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.frames.measures import ErrorBounds
+from gellight.lab.simulator.objects import FLAT_MM, sine_plate
 from gellight_scan.filtering import beyond_run_in, finest_mm, transmission, waviness, without_form
 from gellight_scan.height_map import HeightMap, load_height_map, map_of_press
 from sim_reference import gel
 from sim_reference.deformation import grid
 from sim_reference.geometry import SensorGeometry, pixel_grid
-from sim_reference.reliefs import FLAT_MM, sine_plate
 from sim_reference.surface import Surface, sample
 
 

@@ -12,8 +12,8 @@ from sim_reference.fem.gel import FemGel, solver_of
 from sim_reference.fem.height_field import HeightField
 from sim_reference.fem.multigrid import Hierarchy, conjugate_gradients
 from sim_reference.fem.newton import Contact, Solver, State
+from sim_reference.fem.tangential import Layer
 from sim_reference.geometry import SensorGeometry
-from sim_reference.tangential import Layer
 
 pytestmark = pytest.mark.nightly
 GEOMETRY = SensorGeometry()

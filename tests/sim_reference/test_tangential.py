@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from sim_reference.deformation import grid
+from sim_reference.fem.tangential import Layer, _Window, at_rest, compliances, drag, rigid_motion
 from sim_reference.gel import compliance, press, wave_number
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import object_height
-from sim_reference.tangential import Layer, _Window, at_rest, compliances, drag, rigid_motion
 
 THICKNESS, POISSON = 5.0, 0.49
 

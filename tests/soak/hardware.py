@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 from gellight.base.errors import BoardError, GellightError
 from gellight.lab.core_board.terminal import TerminalBoard
 from gellight.lab.simulator.shutter import Shutter
-from gellight.lab.simulator.usb.encoding import Mark, to_jpeg, to_yuyv
-from gellight.lab.simulator.usb.faults import NO_FAULTS, Faults
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
 from gellight.ring.wire import LED_COUNT
@@ -31,6 +29,8 @@ from tests.helpers.usb_tree import UsbTree
 from tests.soak.marks import marked
 from tests.soak.pressed_gel import SHAPE, PressedGel
 from tests.soak.wires import WiredTransport, Wires
+from tests.virtual_usb.encoding import Mark, to_jpeg, to_yuyv
+from tests.virtual_usb.faults import NO_FAULTS, Faults
 
 logger = logging.getLogger(__name__)
 SERIAL = "SOAK0001"

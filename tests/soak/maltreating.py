@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 
-from gellight.lab.simulator.usb.faults import NO_FAULTS, Faults
 from tests.soak.faults import FaultKind, PlannedFault
 from tests.soak.hardware import FragileSensor
+from tests.virtual_usb.faults import NO_FAULTS, Faults
 
 PICTURES = {
     FaultKind.TORN: "torn", FaultKind.DROPPED: "drop", FaultKind.DUPLICATED: "duplicate", FaultKind.DAMAGED: "error",

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gellight.lab.simulator.usb.device import VirtualSensor, open_virtual
+from tests.virtual_usb.device import VirtualSensor, open_virtual
 from tests.vm.machine.bench import FINE, LIT, ONE, TWO, Bench, sized
 from tests.vm.machine.packages import Missing
 from tests.vm.machine.qemu import Guest, booted

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from gellight.lab.simulator.usb.device import VirtualSensor
+from tests.virtual_usb.device import VirtualSensor
 from tests.vm.machine.bench import Bench
 from tests.vm.machine.qemu import Call, Guest
 

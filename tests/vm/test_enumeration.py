@@ -2,7 +2,7 @@
 
 import pytest
 
-from gellight.lab.simulator.usb.device import VirtualSensor
+from tests.virtual_usb.device import VirtualSensor
 from tests.vm.machine.bench import ONE, TWO, Bench
 from tests.vm.machine.qemu import Guest
 

@@ -4,8 +4,8 @@ import re
 
 import numpy as np
 
-from gellight.lab.simulator.usb.device import VirtualSensor
-from gellight.lab.simulator.usb.faults import Faults
+from tests.virtual_usb.device import VirtualSensor
+from tests.virtual_usb.faults import Faults
 from tests.vm.machine.bench import ONE
 from tests.vm.machine.qemu import Guest
 

@@ -1,6 +1,6 @@
 """The light ring of the virtual sensor: the real serial driver in the guest, the real firmware in the emulator here."""
 
-from gellight.lab.simulator.usb.device import VirtualSensor
+from tests.virtual_usb.device import VirtualSensor
 from tests.vm.machine.bench import LIT, ONE, Bench
 from tests.vm.machine.qemu import Guest
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gellight.lab.simulator.usb.device import VirtualSensor
+from tests.virtual_usb.device import VirtualSensor
 from tests.vm.machine.bench import ONE, Bench
 from tests.vm.machine.qemu import Guest
 from tests.vm.machine.suffering import SIZE, Shears, Suffering

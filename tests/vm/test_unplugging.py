@@ -1,7 +1,7 @@
 """A cable that is pulled, a camera that falls silent, and another port."""
 
-from gellight.lab.simulator.usb.device import VirtualSensor
-from gellight.lab.simulator.usb.faults import Faults
+from tests.virtual_usb.device import VirtualSensor
+from tests.virtual_usb.faults import Faults
 from tests.vm.machine.bench import LIT, ONE, Bench
 from tests.vm.machine.qemu import Guest
 

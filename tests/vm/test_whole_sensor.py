@@ -18,7 +18,6 @@ def _heavy_modules(guest: Guest) -> None:
     guest.main.preload(
         "gellight.daemon.assembly",
         "gellight.lab.simulator.simulated_camera",
-        "gellight.lab.simulator.usb.device",
         "gellight.daemon.calibration_service",
         "gellight.dashboard.server",
         "tests.vm.inside.serving",
@@ -91,24 +90,13 @@ def test_find_names_the_sensor_and_doctor_finds_it_well(guest: Guest, bench: Ben
     assert ("leds", "ok") in findings
     assert ("settings", "ok") in findings
     assert ("usb", "ok") in findings
-    assert "the computer gives 500 mA a port" in findings["power", "ok"]
+    assert ("power", "ok") in findings
 
 
 def test_the_udev_rule_gives_the_sensor_to_the_video_group(guest: Guest, bench: Bench) -> None:
     assert guest.run("sensing:gellight", arguments=["install-udev"], limit_s=60)["status"] == 0
     bench.plug("one", 0)
     assert guest.run("plugging:owners", serial=ONE) == {"camera": ["video", "660"], "ring": ["video", "660"]}
-
-
-def test_the_guest_can_plug_a_virtual_sensor_into_itself(guest: Guest, bench: Bench) -> None:
-    number = "00000000000000D4"
-    options = ["--sensor", "sim://?board=0&programme=0&fps=5", "--size", "32x24", "--serial", number, "--port", "4"]
-    plugged = guest.start("sensing:gellight", arguments=["virtual-sensor", *options, "--seconds", "12"], limit_s=100)
-    seen = guest.aside.run("sensing:await_stream", number=number, limit_s=90)
-    found = plugged.result()
-    assert found["status"] == 0, found["err"]
-    assert f"virtual sensor {number} at virtual USB port 4" in found["out"]
-    assert seen == {"mode": "MJPG 32x24 at 5 fps", "shape": [24, 32, 3]}
 
 
 @pytest.fixture(scope="module")

@@ -24,21 +24,28 @@ _BOUNDS = (
     ("maximum", "at most"),
     ("exclusiveMaximum", "below"),
 )
+_ENTRIES = (("minItems", "at least"), ("maxItems", "at most"))
+_NOUNS = {
+    "boolean": "true or false", "integer": "a whole number", "number": "a number", "string": "text", "array": "a list",
+    "object": "an object",
+}  # fmt: skip
+"""by the type of a JSON schema"""
 
 
 def allowed(schema: dict[str, Any]) -> str:
-    """Return in words what a key with this JSON schema may be."""
+    """Return in words what a value with this JSON schema may be."""
     if "allowed" in schema:
         return str(schema["allowed"])
     kind = next((option for option in schema.get("anyOf", []) if option.get("type") != "null"), schema)
-    if kind["type"] == "boolean":
-        return "true or false"
     if "enum" in kind:
         return f"text, one of {', '.join(kind['enum'])}"
-    if kind["type"] == "string":
-        return f"text like `{kind['pattern']}`" if "pattern" in kind else "text"
+    if "pattern" in kind:
+        return f"text like `{kind['pattern']}`"
     bounds = [f"{word} {kind[name]:g}" for name, word in _BOUNDS if name in kind]
-    return f"{'a whole number' if kind['type'] == 'integer' else 'a number'} {' and '.join(bounds)}".strip()
+    bounds += [
+        f"of {word} {kind[name]} entr{'y' if kind[name] == 1 else 'ies'}" for name, word in _ENTRIES if name in kind
+    ]
+    return f"{_NOUNS[kind['type']]} {' and '.join(bounds)}".strip()
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -61,12 +68,17 @@ def _refusal(problem: dict[str, Any], fields: dict[str, dict[str, Any]], what: s
     return f"{name} = {problem['input']} is not allowed: give {allowed(fields[name])}"
 
 
-_LIMITS = (("ge", "at least"), ("gt", "above"), ("le", "at most"), ("lt", "below"))
-_NOUNS = (
-    ("finite", "a finite number"), ("int", "a whole number"), ("float", "a number"), ("bool", "true or false"),
-    ("string", "text"), ("list", "a list"), ("tuple", "a list"), ("dict", "an object"), ("model", "an object"),
+_TYPES = (
+    ("int", "integer"), ("float", "number"), ("bool", "boolean"), ("string", "string"), ("list", "array"),
+    ("tuple", "array"), ("too_", "array"), ("dict", "object"), ("model", "object"), ("greater", "number"),
+    ("less", "number"),
 )  # fmt: skip
-"""by how the type of pydantic's error begins: what was to be given"""
+"""by how the type of pydantic's error begins: the type of a JSON schema"""
+_KEYWORDS = {
+    "ge": "minimum", "gt": "exclusiveMinimum", "le": "maximum", "lt": "exclusiveMaximum", "pattern": "pattern",
+    "min_length": "minItems", "max_length": "maxItems", "expected": "allowed",
+}  # fmt: skip
+"""by the name of pydantic's error"""
 _SHOWN = 40
 """characters of a value that a message shows"""
 
@@ -82,7 +94,6 @@ def in_words(error: ValidationError, whole: str = "it") -> str:
 
 def _words(problem: dict[str, Any]) -> str:
     kind, known, value = problem["type"], problem.get("ctx", {}), repr(problem["input"])
-    given = f"= {value if len(value) <= _SHOWN else value[:_SHOWN] + '...'} is not allowed: give"
     if kind in ("missing", "extra_forbidden"):
         return "is missing" if kind == "missing" else "is unknown: leave it out"
     if kind == "json_invalid":
@@ -93,15 +104,17 @@ def _words(problem: dict[str, Any]) -> str:
         )
     if kind == "value_error":
         return f"= {value[:_SHOWN]}: {known['error']}"
-    limits = " and ".join(f"{word} {known[name]:g}" for name, word in _LIMITS if name in known)
-    lengths = (("min_length", "at least"), ("max_length", "at most"))
-    entries = next(
-        (f"{word} {known[name]} entr{'y' if known[name] == 1 else 'ies'}" for name, word in lengths if name in known),
-        "",
-    )
-    pattern = f"text like `{known['pattern']}`" if "pattern" in known else ""
-    noun = next((noun for begins, noun in _NOUNS if kind.startswith(begins)), "another value")
-    return f"{given} {limits or known.get('expected') or pattern or entries or noun}"
+    shown = value if len(value) <= _SHOWN else value[:_SHOWN] + "..."
+    return f"= {shown} is not allowed: give {allowed(_schema(kind, known))}"
+
+
+def _schema(kind: str, known: dict[str, Any]) -> dict[str, Any]:
+    """Return the JSON schema that one error of pydantic tells of."""
+    if kind == "finite_number":
+        return {"allowed": "a finite number"}
+    found = next((name for begins, name in _TYPES if kind.startswith(begins)), None)
+    told = {_KEYWORDS[name]: value for name, value in known.items() if name in _KEYWORDS}
+    return {"type": found} | told if found else {"allowed": "another value"} | told
 
 
 def split_url(url: str) -> SplitResult:

@@ -3,8 +3,10 @@
 import ctypes
 import sys
 
-M_MMAP_THRESHOLD = -3
+M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8
 """of `mallopt`, glibc's malloc.h"""
+ARENAS = 2
+"""else each of some twenty threads keeps its own"""
 LARGE_BYTES = 1 << 20
 """smaller than any map of a picture"""
 
@@ -20,3 +22,4 @@ def give_back_large_arrays() -> None:
     c_library = ctypes.CDLL(None)
     if hasattr(c_library, "mallopt"):
         c_library.mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)
+        c_library.mallopt(M_ARENA_MAX, ARENAS)

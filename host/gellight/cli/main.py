@@ -18,6 +18,7 @@ ELSEWHERE = {
 """verbs of distributions beside this one"""
 MOVED = {
     "replay": "is `gellight run FILE` now",
+    "virtual-sensor": "is an instrument of the tests now: tests/virtual_usb",
     "sim": "is `gellight simulate board` now",
 }
 """what to type instead of verbs of before 2.0"""
@@ -46,9 +47,6 @@ VERBS = open_group(
             "install-udev": ("install_udev:command", "Let users who are not root use the sensor; needs root."),
             "ring": ("ring:app", "The light ring by hand."),
             "firmware": ("firmware:app", "The firmware of the light ring: see it, build it, flash it."),
-        },
-        "Develop": {
-            "virtual-sensor": ("virtual_sensor:command", "Plug a simulated sensor into this Linux by USB."),
         },
     },
     ELSEWHERE | MOVED,

@@ -23,7 +23,7 @@ REMEDIES = {
     Status.UNKNOWN_COMMAND: "flash the firmware that belongs to this host with `gellight firmware flash`",
     Status.BAD_LENGTH: "flash the firmware that belongs to this host with `gellight firmware flash`",
     Status.OUT_OF_RANGE: "see docs/protocol.md for what is allowed",
-    Status.OVER_CURRENT: "dim the LEDs, raise the limit, or choose the policy SCALE",
+    Status.OVER_CURRENT: "dim the LEDs, or raise the limit",
     Status.BUSY: "stop the sequence or wait until the LEDs are as asked",
     Status.NOT_RUNNING: "commit and start a sequence first",
     Status.WRONG_MODE: "choose the mode with set_sync first",

@@ -21,11 +21,10 @@ class Status(IntEnum):
 
 
 class SyncMode(IntEnum):
-    """What moves the sequence on: the host's STEP, the board's clock, or the trigger pin."""
+    """What moves the sequence on: the board's clock, or the trigger pin."""
 
-    HOLD = 0
-    FREE = 1
-    EXT = 2
+    FREE = 0
+    EXT = 1
 
 
 class Edge(IntEnum):
@@ -33,13 +32,6 @@ class Edge(IntEnum):
 
     RISING = 0
     FALLING = 1
-
-
-class Policy(IntEnum):
-    """What happens to a light above the current limit."""
-
-    REJECT = 0
-    SCALE = 1
 
 
 class ColourOrder(IntEnum):
@@ -114,6 +106,6 @@ class Check(IntFlag):
 
 
 ENUMS: tuple[type[IntEnum] | type[IntFlag], ...] = (
-    Status, SyncMode, Edge, Policy, ColourOrder, OutputAt, State, Dark, ResetReason, BoardKind, Capability,
+    Status, SyncMode, Edge, ColourOrder, OutputAt, State, Dark, ResetReason, BoardKind, Capability,
     Check)  # fmt: skip
 """in the order of the schema"""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BoardError
 from gellight.ring import protocol
 from gellight.ring.board_link import BoardLink
-from gellight.ring.enumerations import Dark, Edge, Policy, State, SyncMode
+from gellight.ring.enumerations import Dark, Edge, State, SyncMode
 from gellight.ring.heat import HeardHeat, hot_text
 from gellight.ring.transport import Transport, open_transport
 from gellight.ring.wire import Record
@@ -243,8 +243,8 @@ class LightRing(BoardLink):
     def light(self, colours: NDArray[np.uint8] | None, timeout_s: float = LATCH_TIMEOUT_S) -> int:
         """Show a still light, (n, 3) uint8 RGB, and wait until the LEDs have latched it; return its number.
 
-        None ends a sequence and makes the LEDs dark. Raises BoardError where the board refuses the light, scales it to
-        its current limit, or does not latch it.
+        None ends a sequence and makes the LEDs dark. Raises BoardError where the board refuses the light, is too hot
+        for it, or does not latch it.
         """
         with self._lighting:
             if colours is None:
@@ -253,7 +253,7 @@ class LightRing(BoardLink):
                 self._check_count(colours)
             reply = self.set_leds(np.zeros((self.led_count, 3), np.uint8) if colours is None else colours)
             if colours is not None and reply.scale != protocol.FULL_SCALE:
-                self._refuse_scaled(reply.scale)
+                raise BoardError(hot_text(self.status()))
             self.still = None if colours is None else self.still
             shown = self._await_light(reply.light_id, timeout_s)
             with self._lock:
@@ -276,16 +276,6 @@ class LightRing(BoardLink):
             if status.light_id == light_id and shows_still(status):
                 return newest
         raise _not_latched(light_id, timeout_s)
-
-    def _refuse_scaled(self, scale: int) -> None:
-        """Raise BoardError for a light that is not the one that was asked for."""
-        status = self.status()
-        if status.dimmed:
-            raise BoardError(hot_text(status))
-        raise BoardError(
-            f"the current limit scales this light to {scale / protocol.FULL_SCALE:.1%}, so it is not the light that "
-            "was asked for: dim it, or raise the limit with an external supply"
-        )
 
     def _check_count(self, colours: NDArray[np.uint8]) -> None:
         if len(colours) != self.led_count:
@@ -320,7 +310,7 @@ class LightRing(BoardLink):
 
     def set_sync(self, mode: SyncMode, *, edge: Edge = Edge.RISING, divider: int = 1, delay_us: int = 0,
                  timeout_us: int = 0) -> None:  # fmt: skip
-        """Choose what moves a sequence on: HOLD (`step`), FREE (the board's clock) or EXT (the trigger pin)."""
+        """Choose what moves a sequence on: FREE (the board's clock) or EXT (the trigger pin)."""
         self._request("SET_SYNC", protocol.Empty, protocol.SetSync(mode, edge, divider, delay_us, timeout_us))
 
     def trim(self, *, phase_us: int = 0, period: float = 0.0) -> None:
@@ -335,14 +325,6 @@ class LightRing(BoardLink):
             self._running = True
             self._forget_dark()
 
-    def step(self) -> protocol.LightReply:
-        """Show the next step of a HOLD sequence."""
-        with self._lighting:
-            self.still = self._dark = None
-            reply = self._request("STEP", protocol.LightReply)
-            self._forget_dark()
-            return reply
-
     def _forget_dark(self) -> None:
         """Count a still light that the board had made dark as ended: nobody will light it again."""
         self.lit_s = time.monotonic() if self.lit_s == inf else self.lit_s
@@ -351,10 +333,6 @@ class LightRing(BoardLink):
         """End the sequence; what is lit stays lit."""
         self._request("STOP", protocol.Empty)
         self._running = False
-
-    def set_limits(self, limit_ma: int, policy: Policy) -> None:
-        """Limit the current of all LEDs together."""
-        self._request("SET_LIMITS", protocol.Empty, protocol.SetLimits(limit_ma, policy))
 
     def status(self) -> protocol.StatusReply:
         """Return what the board is doing."""
@@ -367,10 +345,6 @@ class LightRing(BoardLink):
     def counters(self) -> protocol.CountersReply:
         """Return what went wrong since the start of the board."""
         return self._request("COUNTERS", protocol.CountersReply)
-
-    def telemetry(self, period_ms: int) -> None:
-        """Let the board report its status by itself, 0: not any more."""
-        self._request("TELEMETRY", protocol.Empty, protocol.Telemetry(period_ms))
 
     def configuration(self) -> protocol.Configuration:
         """Return the configuration in force."""
@@ -389,10 +363,6 @@ class LightRing(BoardLink):
         """
         record = protocol.SetSupply(protocol.SUPPLY_MAGIC, channel_ua, external)
         self._request("SET_SUPPLY", protocol.Empty, record)
-
-    def factory(self) -> None:
-        """Return to the built-in configuration, not yet saved."""
-        self._request("FACTORY", protocol.Empty)
 
     def self_test(self) -> protocol.SelfTestReply:
         """Let the board test itself; its LEDs have to be dark."""

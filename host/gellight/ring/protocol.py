@@ -37,7 +37,7 @@ from gellight.ring.wire import (
     u64,
 )
 
-VERSION = (2, 2)
+VERSION = (3, 0)
 GROUP_COUNT = 16
 STEP_COUNT = 32
 REPLY = 0x80
@@ -180,7 +180,7 @@ class LightReply(Record):
 
     light_id: Annotated[u32, "the LIGHT event of this light carries it"]
     current_ma: Annotated[u16, "by the current model, after scaling"]
-    scale: Annotated[u16, "0xFFFF: as asked; less: every colour was multiplied by scale / 0xFFFF, by limit and heat"]
+    scale: Annotated[u16, "0xFFFF: as asked; less: every colour is multiplied by scale / 0xFFFF, because of heat"]
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ class SetGroup(Record):
 class GroupReply(Record):
     """What the group draws."""
 
-    current_ma: Annotated[u16, "after scaling, where the policy is SCALE"]
+    current_ma: Annotated[u16, "after scaling"]
     scale: Annotated[u16, "as in LightReply"]
 
 
@@ -206,7 +206,7 @@ class SetStep(Record):
     step: u8
     group: u8
     repeat: Annotated[u16, "how often the step is shown, at least 1"]
-    dwell_us: Annotated[u32, "how long it is lit; 0 (HOLD, EXT): until the next step"]
+    dwell_us: Annotated[u32, "how long it is lit; 0 (EXT): until the next step"]
     blank_us: Annotated[u32, "how long it is dark after that (FREE); 0: not at all"]
 
 
@@ -239,16 +239,8 @@ class Trim(Record):
 
 
 @dataclass(frozen=True)
-class SetLimits(Record):
-    """The current limit; refused while a sequence runs."""
-
-    limit_ma: Annotated[u16, "100 to that of the last start"]
-    policy: Annotated[u8, "enum policy"]
-
-
-@dataclass(frozen=True)
 class StatusReply(Record):
-    """What the board is doing; also the payload of TELEMETRY events."""
+    """What the board is doing."""
 
     time_us: u64
     light_id: Annotated[u32, "of the last light latched"]
@@ -261,7 +253,6 @@ class StatusReply(Record):
     events_dropped: u16
     state: Annotated[u8, "enum state"]
     dark: Annotated[u8, "enum dark"]
-    policy: Annotated[u8, "enum policy"]
     mode: Annotated[u8, "enum sync_mode"]
     step: Annotated[u8, "0xFF: no sequence"]
     dimmed: Annotated[u8, "how often every colour is halved because chip, ring or housing is hot, 0 to DIMMINGS"] = 0
@@ -303,7 +294,7 @@ class Configuration(Record):
     quiescent_ua: Annotated[u16, "of a dark LED"]
     channel_ua: Annotated[u16, "of one colour of one LED at 255: CHANNEL_USB_UA or more; less as SET_SUPPLY says"]
     latch_us: Annotated[u16, "low time after which the LEDs take their data, 50 to 500"]
-    policy: Annotated[u8, "enum policy"]
+    unused: Annotated[u8, "taken as it comes: what older firmware saved has something here"]
     external_supply: Annotated[u8, "1: the LEDs have their own supply and limit_ma may exceed 450; set by SET_SUPPLY"]
     name: Annotated[Bytes16, "of the sensor, UTF-8, padded with zeros"]
     bundle: Annotated[Bytes8, "identity of the calibration bundle of the sensor; all 0x00 or all 0xFF: none"] = bytes(8)
@@ -316,13 +307,6 @@ class Configuration(Record):
     output_at: Annotated[u8, "enum output_at"] = 0
     switch_pin: Annotated[u8, "GPIO of a load switch, closed while LEDs are lit, plus ACTIVE_LOW; NO_PIN: none"] = 0xFF
     hottest_c: Annotated[u8, "degrees Celsius of the chip above which the LEDs are dimmed, 40 to 85"] = HOTTEST_C
-
-
-@dataclass(frozen=True)
-class Telemetry(Record):
-    """Ask for a TELEMETRY event every so often."""
-
-    period_ms: Annotated[u16, "0: none"]
 
 
 @dataclass(frozen=True)
@@ -405,17 +389,13 @@ COMMANDS: dict[str, Exchange] = {
     "SET_SYNC": Exchange(0x07, SetSync, Empty, "Choose what moves the sequence on; refused while one runs."),
     "TRIM": Exchange(0x08, Trim, Empty, "Shift and stretch a running FREE sequence."),
     "START": Exchange(0x09, Empty, Empty, "Begin the committed sequence."),
-    "STEP": Exchange(0x0A, Empty, LightReply, "Show the next step of a HOLD sequence."),
     "STOP": Exchange(0x0B, Empty, Empty, "End the sequence; what is lit stays lit."),
     "BLANK": Exchange(0x0C, Empty, Empty, "End the sequence and make the LEDs dark."),
-    "SET_LIMITS": Exchange(0x0D, SetLimits, Empty, "Limit the current."),
     "STATUS": Exchange(0x0E, Empty, StatusReply, "What are you doing?"),
     "COUNTERS": Exchange(0x0F, Empty, CountersReply, "What went wrong?"),
-    "TELEMETRY": Exchange(0x10, Telemetry, Empty, "Report the status by itself."),
     "GET_CONFIG": Exchange(0x11, Empty, Configuration, "Read the configuration."),
     "SET_CONFIG": Exchange(0x12, Configuration, Empty, "Change it, not yet saved; the LEDs have to be dark."),
     "SAVE_CONFIG": Exchange(0x13, Empty, Empty, "Write it to flash, if it differs; the LEDs have to be dark."),
-    "FACTORY": Exchange(0x14, Empty, Empty, "Return to the built-in configuration, not yet saved."),
     "RESET": Exchange(0x15, Magic, Empty, "Start anew."),
     "BOOTLOADER": Exchange(0x16, Magic, Empty, "Start the boot loader of the chip."),
     "SELFTEST": Exchange(0x17, Empty, SelfTestReply, "Test yourself; the LEDs have to be dark."),
@@ -425,7 +405,6 @@ COMMANDS: dict[str, Exchange] = {
 EVENTS: dict[str, tuple[int, type[Record]]] = {
     "LIGHT": (0x40, LightEvent),
     "DARK": (0x41, DarkEvent),
-    "TELEMETRY": (0x42, StatusReply),
     "DIMMED": (0x43, DimmedEvent),
 }
 

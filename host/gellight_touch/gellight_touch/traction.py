@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from gellight.base.errors import InputError
-from sim_reference import tangential
+from sim_reference.fem import tangential
 
 PULLED_WITHIN = 1e-3
 """of a load that is to be carried"""
@@ -51,7 +51,7 @@ class Sheared:
 
 @dataclass(frozen=True, eq=False)
 class Traction:
-    """The tangential layer of one gel (`sim_reference.tangential`)."""
+    """The tangential layer of one gel (`sim_reference.fem.tangential`)."""
 
     at_mm: NDArray[np.float64]
     thickness_mm: float

@@ -2,8 +2,8 @@
 
 An object that is pressed in is pulled along the gel. Its imprint goes with it whether the gel sticks or slips; but gel
 that sticks is drawn down behind the object and heaped before it, which is another shape. So each pull is told twice:
-the gel slips without friction, or sticks everywhere (the tangential layer, `sim_reference/tangential.py`: what traction
-along the gel does to the surface beside the contact). Pictures with noise, GelNet, a tracker that saw the press alone.
+the gel slips without friction, or sticks everywhere (`sim_reference/fem/tangential.py`: what traction along the gel
+does to the surface beside the contact). Pictures with noise, GelNet, a tracker that saw the press alone.
 Pulls are by whole points of the grid: what a sharp edge does between two points is the grid's.
 """
 
@@ -18,7 +18,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.tracking.tracker import Tracker
 from gellight.tracking.view import View
 from gellight_touch import Felt, TouchSensor
-from sim_reference import tangential
+from sim_reference.fem import tangential
 from sim_reference.objects import object_height
 
 OBJECTS, DEPTHS_MM, PULLS_MM = ("TSTEP", "PCONVEX", "WAVE"), (0.4, 0.8), (0.125, 0.25, 0.375)

@@ -9,7 +9,7 @@ from gellight.lab.core_board.built_board import thermistor_reading
 from gellight.lab.core_board.core import Core, packaged_library
 from gellight.lab.core_board.simulated_board import UNIQUE_ID
 from gellight.ring import protocol as p
-from gellight.ring.enumerations import Edge, Policy, SyncMode
+from gellight.ring.enumerations import Edge, SyncMode
 from gellight.ring.firmware.build import committed_image
 from gellight.ring.wire import LED_COUNT, Packet, Record, decode, encode
 from tests.firmware.helpers.two_emulators import EVENTS, REPLIES
@@ -67,9 +67,6 @@ class Story:
 
     def too_bright(self) -> None:
         self.send("SET_LEDS", p.SetLeds(b"\xff" * 36))
-        self.send("SET_LIMITS", p.SetLimits(self.random.randrange(100, 450), Policy.SCALE))
-        self.send("SET_LEDS", p.SetLeds(b"\xff" * 36))
-        self.send("SET_LIMITS", p.SetLimits(450, Policy.REJECT))
         self.send("STATUS")
         self.send("BLANK")
 
@@ -82,15 +79,15 @@ class Story:
             steps.append(p.SetStep(index, self.random.randrange(4), self.random.randrange(1, 3),
                                    0 if held else dwell_ms * 1000, 0 if held else blank_ms * 1000))  # fmt: skip
         table = groups + [bytes(36)] * (p.GROUP_COUNT - 4)
+        self.send(
+            "SET_SYNC", p.SetSync(mode, **({"edge": Edge.RISING, "divider": 1, "delay_us": 0, "timeout_us": 0} | sync))
+        )
         for index, group in enumerate(table):
             self.send("SET_GROUP", p.SetGroup(index, group))
         for step in steps:
             self.send("SET_STEP", step)
         crc = zlib.crc32(b"".join(table) + b"".join(step.pack() for step in steps))
         self.send("COMMIT", p.Commit(crc, loops, len(steps)))
-        self.send(
-            "SET_SYNC", p.SetSync(mode, **({"edge": Edge.RISING, "divider": 1, "delay_us": 0, "timeout_us": 0} | sync))
-        )
 
     def start(self) -> None:
         self.wait(ASIDE_MS)
@@ -129,25 +126,11 @@ class Story:
         self.send("STOP")
         self.send("BLANK")
 
-    def stepped(self) -> None:
-        self.load(SyncMode.HOLD, 0)
-        self.start()
-        for _ in range(4):
-            self.send("STEP")
-        self.send("STATUS")
-        self.send("STOP")
-
     def silence(self) -> None:
         self.send("SET_LEDS", p.SetLeds(self.colours(100)))
         self.wait(1300)
         self.send("HELLO")
         self.send("STATUS")
-
-    def told(self) -> None:
-        """Once: each counts its period from when the last one was sent, which is up to a tick late."""
-        self.send("TELEMETRY", p.Telemetry(300))
-        self.stay(400)
-        self.send("TELEMETRY", p.Telemetry(0))
 
     def rubbish(self) -> None:
         self.do("send", bytes(self.random.randrange(256) for _ in range(30)) + b"\0")
@@ -161,7 +144,7 @@ class Story:
     def saved(self) -> None:
         self.send("BLANK")
         name = f"sensor {self._at_ms}".encode().ljust(16, b"\0")
-        self.send("SET_CONFIG", p.Configuration(1000, 450, 1000, 20000, 300, Policy.REJECT, 0, name))
+        self.send("SET_CONFIG", p.Configuration(1000, 450, 1000, 20000, 300, 0, 0, name))
         self.send("SAVE_CONFIG")
         self.stay(200)
         self.send("GET_CONFIG")
@@ -187,8 +170,8 @@ class Story:
 
     def everything(self, ms: int, *, heat: bool) -> None:
         """Do all of it once, with a sequence of about so long."""
-        for part in (self.still, self.too_bright, lambda: self.free(ms), self.triggered, self.stepped, self.silence,
-                     self.told, self.rubbish, self.saved, self.plugged, self.passes):  # fmt: skip
+        for part in (self.still, self.too_bright, lambda: self.free(ms), self.triggered, self.silence,
+                     self.rubbish, self.saved, self.plugged, self.passes):  # fmt: skip
             part()
         if heat:
             self.heat()

@@ -9,11 +9,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from gellight.ring import protocol as p
-from gellight.ring.enumerations import Policy, Status, SyncMode
+from gellight.ring.enumerations import Status, SyncMode
 
 BLACK = bytes(36)
 TRANSFER_US = 660
 QUIESCENT_UA, CHANNEL_UA = 1000, 20000
+LIMIT_MA = 450
 Answer = tuple[int, int, tuple[int, int] | None]
 OK: Answer = (Status.OK, 0, None)
 
@@ -35,9 +36,8 @@ class Table:
 class CoreModel:
     def __init__(self, now_us: int) -> None:
         self.now_us = now_us
-        self.limit_ma, self.policy = 450, Policy.REJECT
         self.staged, self.active = Table(), Table()
-        self.mode = SyncMode.HOLD
+        self.mode = SyncMode.FREE
         self.running = False
         self.lights: list[tuple[int, bytes]] = []
         self.busy_until_us = 0
@@ -52,27 +52,14 @@ class CoreModel:
         microamperes = 12 * QUIESCENT_UA + -(-sum(colours) * CHANNEL_UA // 255)
         return -(-microamperes // 1000)
 
-    def limited(self, colours: bytes) -> tuple[bytes, int] | None:
-        """Colours and scale, or None where they are rejected."""
-        if 12 * QUIESCENT_UA + -(-sum(colours) * CHANNEL_UA // 255) <= self.limit_ma * 1000:
-            return colours, 65535
-        if self.policy == Policy.REJECT:
-            return None
-        allowed = (self.limit_ma * 1000 - 12 * QUIESCENT_UA) * 255 // CHANNEL_UA
-        scale = min(65535, allowed * 65535 // sum(colours))
-        return bytes(value * scale // 65535 for value in colours), scale
-
     def _limit_answer(self, colours: bytes) -> Answer:
-        fitted = self.limited(colours)
-        if fitted is None:
-            return Status.OVER_CURRENT, self.current_ma(colours), None
-        return Status.OK, 0, (self.current_ma(fitted[0]), fitted[1])
+        current_ma = self.current_ma(colours)
+        return (Status.OVER_CURRENT, current_ma, None) if current_ma > LIMIT_MA else (Status.OK, 0, (current_ma, 65535))
 
     def _light(self, at_us: int, colours: bytes) -> None:
-        fitted = self.limited(colours)
-        assert fitted is not None
+        assert self.current_ma(colours) <= LIMIT_MA
         at_us = max(at_us, self.busy_until_us)  # a transfer that has begun is never torn
-        self.lights.append((at_us, fitted[0]))
+        self.lights.append((at_us, colours))
         self.busy_until_us = at_us + TRANSFER_US
 
     # ---- time ----
@@ -175,20 +162,9 @@ class CoreModel:
     def set_sync(self, record: p.SetSync) -> Answer:
         if self.running:
             return Status.BUSY, 0, None
-        if record.mode > 2:
+        if record.mode > 1:
             return Status.OUT_OF_RANGE, record.mode, None
         self.mode = SyncMode(record.mode)
-        return OK
-
-    def set_limits(self, record: p.SetLimits) -> Answer:
-        if self.running:
-            return Status.BUSY, 0, None
-        for value, low, high in ((record.limit_ma, 100, 450), (record.policy, 0, 1)):
-            if not low <= value <= high:
-                return Status.OUT_OF_RANGE, value, None
-        self.limit_ma, self.policy = record.limit_ma, Policy(record.policy)
-        if self.lights and self.current_ma(self.lights[-1][1]) > self.limit_ma:
-            self._light(self.now_us, BLACK)
         return OK
 
     def start(self, _: p.Record) -> Answer:
@@ -205,19 +181,3 @@ class CoreModel:
             self._planned = self._free(self.now_us + 2000)
             self._next = next(self._planned)
         return OK
-
-    def step(self, _: p.Record) -> Answer:
-        if not self.running:
-            return Status.NOT_RUNNING, 0, None
-        if self.mode != SyncMode.HOLD:
-            return Status.WRONG_MODE, 0, None
-        if self.now_us < self.busy_until_us or self._next:
-            return Status.BUSY, 0, None
-        showing = next(self._showings, None)
-        colours = self.active.groups[showing.group] if showing else BLACK
-        self._light(self.now_us, colours)
-        if showing is None:
-            self.running = False
-        elif showing.dwell_us:
-            self._next = (self.now_us + showing.dwell_us, BLACK, False)
-        return self._limit_answer(colours)

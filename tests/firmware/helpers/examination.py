@@ -104,8 +104,8 @@ def _trigger(board: BenchBoard, ring: LightRing) -> Iterator[str]:
 
 def _pulled(board: BenchBoard, ring: LightRing, pin: int) -> Iterator[str]:
     """Wait for an edge at the pin of the trigger."""
-    ring.load_sequence([PATTERN], [Step(group=0, dwell_us=2_011)])
     ring.set_sync(SyncMode.EXT, delay_us=round(TRIGGER_DELAY_US))
+    ring.load_sequence([PATTERN], [Step(group=0, dwell_us=2_011)])
     ring.start()
     board.run(3_000)
     since = len(board.waveform.frame_starts_us)
@@ -295,7 +295,7 @@ def _noise(board: BenchBoard, ring: LightRing) -> Iterator[str]:
 
 
 def _paused(board: BenchBoard, ring: LightRing) -> Iterator[str]:
-    ring.telemetry(10)
+    ring.set_leds(PATTERN)
     board.run(30_000)
     board.host.latency_us = 9e6
     board.run(3_000_000)

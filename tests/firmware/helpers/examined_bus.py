@@ -37,7 +37,6 @@ def bus(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     board.run(5_000)
     ring = reopen(board)
     ring.set_leds(PATTERN)
-    ring.telemetry(10)
     board.run(30_000)
     board.host.hangs = True
     if not board.run_until(lambda: not board.host.configured, 11_500_000) or not dark(board):

@@ -61,8 +61,8 @@ def wiring(board: BenchBoard, ring: LightRing) -> Iterator[str]:
 
 def _examine_wired(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     pattern = np.tile(PATTERN, (2, 1))
-    ring.load_sequence([pattern], [Step(group=0, dwell_us=20_000, blank_us=20_000)], loops=2)
     ring.set_sync(SyncMode.EXT)
+    ring.load_sequence([pattern], [Step(group=0, dwell_us=20_000, blank_us=20_000)], loops=2)
     changes: list[float] = []
     board.chip.gpio[17].add_listener(lambda _new, _old: changes.append(board.now_us))
     ring.start()
@@ -81,10 +81,9 @@ def _examine_wired(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     ring.blank()
     board.run(3_000)
     changes.clear()
-    ring.set_sync(SyncMode.HOLD)
+    ring.set_sync(SyncMode.FREE)
     ring.load_sequence([pattern], [Step(group=0, dwell_us=60_000)])
     ring.start()
-    ring.step()
     board.run(25_000)  # the load switch has closed, and the middle is still to come
     lit = board.lit.any()
     ring.blank()

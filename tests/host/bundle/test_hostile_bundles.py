@@ -143,7 +143,7 @@ def large_file(bundle: Path) -> None:
 
 HOSTILE: dict[Callable[[Path], None], str] = {
     picture_of_gigabytes: "reference.png is 30000 x 30000 px, the manifest says 32 x 24",
-    picture_and_manifest_of_gigabytes: "image_width_px = 30000 is not allowed: give at most 8192",
+    picture_and_manifest_of_gigabytes: "image_width_px = 30000 is not allowed: give a number at most 8192",
     picture_with_a_chunk_of_gigabytes: "reference.png is not a 16-bit RGB PNG",
     presses_that_unpack: "presses.npz cannot be read (it unpacks to 671 MB, allowed are 537)",
     presses_that_lie: "presses.npz cannot be read",

@@ -64,7 +64,6 @@ CASES = [
     (("run", "--sensor", "sim://?board=0", "--no-dashboard", "--json"), UNTIL_THEN, printed('"frames"')),
     (("ring", "set", "ff0000", "--url", "sim://"), UNTIL_THEN, printed("lit")),
     (("simulate", "board"), UNTIL_THEN, printed("a simulated board at")),
-    (("virtual-sensor", "--listen", "127.0.0.1:0"), UNTIL_THEN, printed("offered")),
     (("selfcheck", "--sensor", "sim://?board=0"), BEFORE_DONE, printed("ok")),
     (("optimize", "coarse", "--workers", "2"), BEFORE_DONE, children(4)),
     (("calibrate", "--auto", "--sensor", "sim://?board=0"), BEFORE_DONE, written("calibration.state/presses")),

@@ -90,7 +90,7 @@ def test_an_object_that_is_released_while_it_is_computed_is_not_pressed(page: Pa
         ("{}", "the command has no type"),
         ('{"type": "explode"}', "explode"),
         (json.dumps(PRESS | {"object": "HAND"}), "no object 'HAND': choose one of BALL"),
-        (json.dumps(PRESS | {"depth_mm": -0.1}), "depth_mm = -0.1 is not allowed: give at least 0"),
+        (json.dumps(PRESS | {"depth_mm": -0.1}), "depth_mm = -0.1 is not allowed: give a number at least 0"),
         (json.dumps(PRESS | {"depth_mm": 2.01}), "depth_mm = 2.01 is too deep: choose 0 to 2"),
         (json.dumps(PRESS | {"depth_mm": float("nan")}), "depth_mm = nan is not allowed: give a finite number"),
         (json.dumps(PRESS | {"x_mm": float("inf")}), "x_mm = inf is not allowed: give a finite number"),
@@ -99,7 +99,7 @@ def test_an_object_that_is_released_while_it_is_computed_is_not_pressed(page: Pa
         (json.dumps(PRESS | {"y_mm": "0"}), "y_mm = '0' is not allowed: give a number"),
         (json.dumps(PRESS | {"force": 1}), "force is unknown: leave it out"),
         ('{"type": "press"}', "object is missing"),
-        ('{"type": "credit", "count": 0}', "count = 0 is not allowed: give at least 1"),
+        ('{"type": "credit", "count": 0}', "count = 0 is not allowed: give a number at least 1"),
         ('{"type": "credit", "count": 1e99}', "is not allowed: give a whole number"),
     ],
 )

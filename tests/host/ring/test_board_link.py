@@ -17,7 +17,9 @@ from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import Packet, Record, decode, encode, u8
 
 HELLO = p.HelloReply(*p.VERSION, p.schema_crc(), 1, 0, 0, 1, 0, bytes(8), 0, 12, 16, 32, 128, p.TICK_HZ, 0)
-STATUS, CLOCK = (record.unpack(bytes(record.codec().size)) for record in (p.StatusReply, p.ClockReply))
+STATUS, CLOCK, LIGHT = (
+    record.unpack(bytes(record.codec().size)) for record in (p.StatusReply, p.ClockReply, p.LightEvent)
+)
 
 
 def packet(code: int, sequence: int, record: Record, *, reply: bool = True) -> bytes:
@@ -61,7 +63,7 @@ def empty(request: Packet) -> bytes:
     return packet(request.type | p.REPLY, request.sequence, p.Empty())
 
 
-def test_a_lost_reply_is_asked_for_four_times_while_telemetry_flows(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lost_reply_is_asked_for_four_times_while_events_come(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each event used to start the wait anew, so that a request whose reply was lost never ended."""
     passed_s = 0.0
 
@@ -70,7 +72,7 @@ def test_a_lost_reply_is_asked_for_four_times_while_telemetry_flows(monkeypatch:
             nonlocal passed_s
             passed_s += min(0.01, timeout_s)
             assert passed_s < 5, "still waiting"
-            return super().read(0) or packet(p.EVENTS["TELEMETRY"][0], 0, STATUS, reply=False)
+            return super().read(0) or packet(p.EVENTS["LIGHT"][0], 0, LIGHT, reply=False)
 
     monkeypatch.setattr(board_link, "time", SimpleNamespace(monotonic=lambda: passed_s))
     transport = Telling(lambda _: b"")
@@ -93,7 +95,7 @@ def test_a_reply_that_arrived_while_the_program_was_held_up_counts(monkeypatch: 
 
 def test_others_speak_while_one_waits_for_its_light() -> None:
     """The board is kept alive meanwhile: here the light is only latched once the clock was asked for."""
-    latched = replace(p.LightEvent.unpack(bytes(p.LightEvent.codec().size)), light_id=7)
+    latched = replace(LIGHT, light_id=7)
 
     def answer(request: Packet) -> bytes:
         if request.type == p.COMMANDS["CLOCK"].code:
@@ -173,18 +175,17 @@ class ForgettingBoard(ScriptedBoard):
     def _say(self, request: Packet) -> bytes:
         names = {command.code: name for name, command in p.COMMANDS.items()}
         status = replace(STATUS, dark=self.dark, light_id=self.lights)
-        records: dict[str, Record] = {"CLOCK": CLOCK, "STATUS": status, "STEP": p.LightReply(0, 0, p.FULL_SCALE)}
+        records: dict[str, Record] = {"CLOCK": CLOCK, "STATUS": status}
         if names[request.type] != "SET_LEDS":
             return packet(request.type | p.REPLY, request.sequence, records.get(names[request.type], p.Empty()))
         self.lights, self.dark = self.lights + 1, Dark.NOT_DARK
-        latched = replace(p.LightEvent.unpack(bytes(p.LightEvent.codec().size)), light_id=self.lights)
+        latched = replace(LIGHT, light_id=self.lights)
         reply = p.LightReply(light_id=self.lights, current_ma=100, scale=p.FULL_SCALE)
         told = b"" if self._mute else packet(p.EVENTS["LIGHT"][0], 0, latched, reply=False)
         return packet(request.type | p.REPLY, request.sequence, reply) + told
 
 
-@pytest.mark.parametrize("begin", [LightRing.start, LightRing.step])
-def test_a_sequence_that_begins_before_a_dark_light_is_lit_again_is_not_taken_for_dark(begin: Callable) -> None:
+def test_a_sequence_that_begins_before_a_dark_light_is_lit_again_is_not_taken_for_dark() -> None:
     """Frames were waited for until the sensor was opened anew, as long as the board told of no other light."""
     board = ForgettingBoard()
     ring = LightRing(board, keep_alive_s=None)
@@ -192,7 +193,7 @@ def test_a_sequence_that_begins_before_a_dark_light_is_lit_again_is_not_taken_fo
     board.put(packet(p.EVENTS["DARK"][0], 0, p.DarkEvent(0, 0, Dark.HOST_SILENT), reply=False))
     ring.clock()
     assert ring.lit_since_s() == np.inf
-    begin(ring)
+    ring.start()
     ring._light_again()
     assert np.isfinite(ring.lit_since_s())
     assert board.lights == 1, "the still light is not shown in the midst of the sequence"

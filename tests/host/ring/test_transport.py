@@ -90,9 +90,9 @@ def test_a_host_that_is_silent_leaves_the_leds_dark_though_nobody_looks_at_the_b
 def test_a_strobe_is_an_edge_that_rises_and_one_that_falls() -> None:
     with connect("sim://") as ring:
         board = ring.transport
-        ring.load_sequence([RED, RED // 2], [Step(group=0, dwell_us=0), Step(group=1, dwell_us=0)])
         for edge, after_us in ((Edge.RISING, 0), (Edge.FALLING, 500)):
             ring.set_sync(SyncMode.EXT, edge=edge)
+            ring.load_sequence([RED, RED // 2], [Step(group=0, dwell_us=0), Step(group=1, dwell_us=0)])
             ring.start()
             risen_us = board.virtual_us(board.strobe())
             eventually(lambda: board.timeline.shining)

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from gellight.base.errors import CameraError, InputError
-from gellight.lab.simulator.usb.descriptors import VideoModes, configuration_descriptor
 from gellight.sensor import bandwidth
 from gellight.sensor.bandwidth import Need, check_bandwidth, reservations_mbps
 from gellight.sensor.v4l2.formats import Mode
 from tests.helpers.sensor_bench import Bench
+from tests.virtual_usb.descriptors import VideoModes, configuration_descriptor
 
 WIDE = {"MJPG": {(640, 480): [30]}, "YUYV": {(640, 480): [30]}}
 RAW = {"YUYV": {(640, 480): [30]}}

@@ -10,6 +10,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
+from gellight.lab.simulator.objects import PROBES
 from gellight.lab.simulator.scene import Press
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.watch.cells import spread
@@ -20,7 +21,6 @@ from gellight.watch.monitor import SensorWatch
 from gellight.watch.rezero import Situation, refusal
 from sim_reference.camera import digitise
 from sim_reference.deformation import NO_OBJECT
-from sim_reference.objects import PROBES, ObjectParameters
 from tests.helpers.scripted_camera import ScriptedCamera
 from tests.helpers.sessions import session_of
 from tests.helpers.watched_sensor import NOISE_GREY, WatchedSensor
@@ -68,7 +68,7 @@ def test_the_zero_is_never_set_in_contact(new_sensor: New, whole_sensor: New, pr
 def test_a_flat_plate_on_the_whole_gel_is_not_taken_for_light(
     new_sensor: New, monkeypatch: pytest.MonkeyPatch, tilt: float
 ) -> None:
-    def plate(x: np.ndarray, y: np.ndarray, _: ObjectParameters) -> np.ndarray:
+    def plate(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         on_plate = (np.abs(x) < 23) & (np.abs(y) < 18)
         return np.where(on_plate, tilt * (x + 0.5 * y - 32), NO_OBJECT)  # its highest point, a corner, at 0
 

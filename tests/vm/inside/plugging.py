@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gellight.lab.simulator.usb import vhci
 from tests.helpers.usb_client import import_device, receive
+from tests.virtual_usb import vhci
 from tests.vm.inside.agent import MACHINE
 
 VIDEO, SERIAL = Path("/dev/v4l/by-id"), Path("/dev/serial/by-id")

@@ -12,8 +12,7 @@ from gellight.frames.camera import ReconnectingError
 from gellight.sensor.discovery import discover
 from gellight.sensor.sensor_camera import open_sensor
 from tests.vm.inside.agent import report
-from tests.vm.inside.looking import FIXED, opened
-from tests.vm.inside.plugging import settle, video_link, wait_for
+from tests.vm.inside.looking import FIXED
 
 
 def sensors() -> dict[str, Any]:
@@ -67,14 +66,6 @@ def recover(number: str) -> dict[str, Any]:
             "sequences": [*before, frame.sequence],
             "status": camera.status(),
         }
-
-
-def await_stream(number: str) -> dict[str, Any]:
-    """Wait until a sensor is plugged in and take a picture."""
-    wait_for(lambda: video_link(number).exists(), "the camera's link", limit_s=80)
-    settle()
-    with opened(number) as camera:
-        return {"mode": str(camera.mode), "shape": camera.read().image.shape}
 
 
 def gellight(arguments: list[str]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gellight.lab.simulator.usb.device import VirtualSensor, open_virtual
+from tests.virtual_usb.device import VirtualSensor, open_virtual
 from tests.vm.machine.bench import LIT, Bench, sized
 from tests.vm.machine.qemu import Guest, booted
 from tests.vm.machine.tiny_bundle import tiny_bundle

@@ -42,7 +42,7 @@ def configuration_of(leds: int) -> Configuration:
     strong = leds * FULL_LED_MA > CURRENT_CAP_MA
     return Configuration(
         host_timeout_ms=1000, limit_ma=CURRENT_CAP_EXTERNAL_MA if strong else CURRENT_CAP_MA, quiescent_ua=1000,
-        channel_ua=20000, latch_us=300, policy=0, external_supply=int(strong), name=b"GelLight".ljust(16, b"\0"),
+        channel_ua=20000, latch_us=300, unused=0, external_supply=int(strong), name=b"GelLight".ljust(16, b"\0"),
         led_count=leds,
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""The sensor that needs no hardware: a gel computed by `sim_reference`, lit by the emulated board.
+"""The sensor that needs no hardware: a gel computed by `sim_reference`, lit by the core of the firmware.
 
 simulated_camera.py    the camera of sim://
 simulated_url.py       its parameters
@@ -9,6 +9,8 @@ memory.py              whether finite elements fit the memory
 one_press.py           one object pressed, as files
 dataset.py             many presses as files, for training other networks
 processes.py           many calls of one function, spread over processes
+objects.py             objects by name: those of the reference, probes, and plates of known roughness
+bodies.py, solids.py   bodies that can be turned, and STL files, as objects
 scene.py               what it looks at, computed once for a press
 unit.py                a real unit as its bundle tells of it
 measured_light.py      what the camera of a real unit shows of a slope
@@ -18,5 +20,4 @@ read_noise.py          the noise of its camera
 shutter.py             a rolling shutter under pulsed LEDs
 selfcheck.py           the host judged by the simulator
 virtual_hand.py        presses for the user in a calibration
-usb/                   the same sensor as a USB device that a Linux kernel takes for real
 """

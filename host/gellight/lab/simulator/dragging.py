@@ -1,7 +1,8 @@
 """The simulated gel along its surface, under an object that was pressed into it and then moved sideways.
 
-The press is without friction, the motion after it with Coulomb's: `sim_reference.tangential`. It is computed on a grid
-that lies in the gel; where the object slides, its pressure moves over the gel by as much as the gel slips on average.
+The press is without friction, the motion after it with Coulomb's: `sim_reference.fem.tangential`. It is computed on a
+grid that lies in the gel; where the object slides, its pressure moves over the gel by as much as the gel slips on
+average.
 """
 
 from dataclasses import dataclass
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, shift
 
 from sim_reference.deformation import Deformation
+from sim_reference.fem.tangential import Dragged, Layer, at_rest, drag, rigid_motion
 from sim_reference.geometry import SensorGeometry
-from sim_reference.tangential import Dragged, Layer, at_rest, drag, rigid_motion
 
 Array = NDArray[np.float64]
 Motion = tuple[float, float, float]

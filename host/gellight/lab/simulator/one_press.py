@@ -18,14 +18,14 @@ from gellight.base.errors import InputError
 from gellight.base.writing import new_folder, write_file
 from gellight.lab.simulator.choices import GelKind
 from gellight.lab.simulator.memory import check_memory
+from gellight.lab.simulator.objects import object_height
 from gellight.lab.simulator.scene import Array
+from gellight.lab.simulator.solids import height_map, read_stl
 from sim_reference import gel
 from sim_reference.deformation import NotConverged, grid
 from sim_reference.fem.gel import FemGel, depth_under, solver_of
 from sim_reference.fem.newton import Step
 from sim_reference.geometry import SensorGeometry
-from sim_reference.objects import object_height
-from sim_reference.solids import height_map, read_stl
 from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE
 
 SPACING_MM = GRID_EXTENT_MM / GRID_SIZE

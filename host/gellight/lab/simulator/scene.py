@@ -10,27 +10,28 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gellight.frames.shear import ShearTruth
+from gellight.lab.simulator.bodies import BODY_NAMES, body
 from gellight.lab.simulator.dragging import Motion, Sheared, sheared
 from gellight.lab.simulator.measured_light import MeasuredLight
+from gellight.lab.simulator.objects import press_object
 from gellight.lab.simulator.printed_dots import PrintedDots, paint, seen_px
 from sim_reference import gel
-from sim_reference.bodies import BODY_NAMES, body
 from sim_reference.camera import WHITE, CameraResponse, exposure_for, linear_grey
 from sim_reference.deformation import Deformation, GelModel
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.imaging import led_irradiance, ring_light
-from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE, Surface, depth_at, press_object, sample, untouched
+from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE, Surface, depth_at, sample, untouched
 
 Array = NDArray[np.float64]
 BRIGHTEST_GREY = 200.0
 """of the untouched gel, at its brightest pixel: slopes that face the LEDs still do not clip"""
-deformed = lru_cache(maxsize=64)(press_object)
+deformed = lru_cache(maxsize=16)(press_object)
 """what a press does to the gel: the same for every scene, and wherever it happens"""
 SPACING_MM = GRID_EXTENT_MM / GRID_SIZE
 MARGIN_MM = 15.0
 """of gel around a body: three thicknesses of the default gel"""
-READY = 3
+READY = 2
 """presses computed ahead that are kept, 15 MB each"""
 
 
@@ -237,8 +238,9 @@ class Scene:
             grey = self.measured.grey(surface.gradient_map[..., 0], surface.gradient_map[..., 1])
             pictures = np.moveaxis(grey, 2, 0) / np.float32(WHITE)
         else:
-            lit = [led_irradiance(surface, self.geometry, led) for led in range(len(self.light))]
-            pictures = np.stack(lit).astype(np.float32, copy=False)
+            pictures = np.empty((len(self.light), *self.geometry.image_shape), np.float32)
+            for led, picture in enumerate(pictures):
+                picture[:] = led_irradiance(surface, self.geometry, led)
         if self.printed is not None:
             dots, size = self.printed.dots, self.geometry.pixel_size_mm
             paint(pictures, self._dots(press)[0][dots.printed], dots.diameter_mm / size, dots.albedo)

@@ -21,12 +21,12 @@ from pydantic import Field, ValidationError
 from gellight.base.allowed import StrictModel, in_words
 from gellight.base.errors import InputError
 from gellight.base.writing import new_folder, write_file
+from gellight.lab.simulator.bodies import body
 from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
 from gellight.lab.simulator.gel_models import gel_model
 from gellight.lab.simulator.memory import check_memory
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.recording.frame_record import packed_picture
-from sim_reference.bodies import body
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.deformation import NotConverged
 from sim_reference.geometry import SensorGeometry

@@ -11,9 +11,10 @@ import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.frames.status import PressStatus
+from gellight.lab.simulator.objects import PROBE_NAMES, check_name
 from gellight.lab.simulator.scene import Press
 from sim_reference.geometry import SensorGeometry
-from sim_reference.objects import OBJECT_NAMES, PROBE_NAMES, check_name
+from sim_reference.objects import OBJECT_NAMES
 from sim_reference.view import seen_height_mm
 
 RETURN_FRAMES = 300

@@ -117,13 +117,13 @@ class SequencedCamera(CameraWrapper):
         period_s = self._learn_period_s() if free else self._timing.period_s
         self._lock.dwell_us = max(round(self.frames * period_s * 1e6), protocol.DWELL_MIN_US)
         steps = [Step(group=k, dwell_us=self._lock.dwell_us if free else 0) for k in range(len(self._groups))]
-        ring.load_sequence(self._groups, steps)
         if free:
             ring.set_sync(SyncMode.FREE)
         else:
             missed_us = round(EDGES_MISSED * self.frames * self._timing.period_s * 1e6)
             ring.set_sync(SyncMode.EXT, edge=self._strobe_edge, divider=self.frames, timeout_us=missed_us,
                           delay_us=round(self._strobe_to_change_s() * 1e6))  # fmt: skip
+        ring.load_sequence(self._groups, steps)
         self._unwatch()
         self.watch = LightWatch(ring, self._timing, plan=self._planned_us if free else None)
         ring.start()

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from gellight.base.errors import InputError
 from gellight.frames.image_files import read_image
+from gellight.lab.simulator.bodies import body
 from gellight.lab.simulator.scene import Press
 from gellight.lab.simulator.sequence import read_sequence, write_sequence
 from gellight.opening import open_camera
-from sim_reference.bodies import body
 from sim_reference.geometry import SensorGeometry
 
 SMALL = SensorGeometry(image_width_px=160, image_height_px=120, pixel_size_mm=0.2352)
@@ -64,7 +64,7 @@ def test_a_press_that_is_not_turned_has_a_pose_too() -> None:
     [
         ({"object": "PIG"}, "no object 'PIG': choose one of PEG"),
         ({"object": "BEAD", "within_mm": 3.0}, "BEAD is a whole bead"),
-        ({"steps": []}, "steps = .* is not allowed: give at least 1 entry"),
+        ({"steps": []}, "steps = .* is not allowed: give a list of at least 1 entry"),
         ({"steps": [[9, 0, 0, 0, 0, 0]]}, "step 0 is 9 mm deep"),
         ({"steps": [[0.5, 99, 0, 0, 0, 0]]}, r"at \(99, 0\) mm: give 0 to 3 mm, within 25 mm of the centre"),
         ({"steps": [[0.5, 0, 0]]}, "steps.0.3 is missing; give"),

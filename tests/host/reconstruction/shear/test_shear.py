@@ -20,8 +20,8 @@ from gellight.reconstruction.shear.inverse import find_pull
 from gellight.reconstruction.shear.layer import kernels
 from gellight.reconstruction.stages import Stages, tactile_frame
 from sim_reference.camera import CameraResponse
+from sim_reference.fem.tangential import Layer as ReferenceLayer
 from sim_reference.geometry import SensorGeometry
-from sim_reference.tangential import Layer as ReferenceLayer
 
 GEOMETRY = SensorGeometry()
 DOTS = PrintedDots(columns=9, rows=7)

@@ -144,9 +144,10 @@ def test_leds_darkened_for_safety_give_no_frame(fake: FakeRing) -> None:
         exposures(queued_camera(fake, 0), LEVELS[:1])
 
 
-def test_a_light_that_the_current_limit_scales_is_refused_and_the_ring_goes_dark(fake: FakeRing) -> None:
+def test_a_light_that_heat_dims_is_refused_and_the_ring_goes_dark(fake: FakeRing) -> None:
     fake.scale //= 2
-    with pytest.raises(BoardError, match=r"50\.0%.*: dim it, or raise"):
+    fake.dimmed = 1
+    with pytest.raises(BoardError, match="dims its LEDs to 1/2"):
         exposures(queued_camera(fake, 0), LEVELS)
     assert fake.still is None
 

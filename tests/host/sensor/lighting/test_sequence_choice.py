@@ -37,8 +37,8 @@ def test_a_file_names_the_colours_of_every_led(tmp_path: Path) -> None:
     [
         ("", "is no JSON"),
         ("{}", "groups is missing"),
-        ('{"groups": []}', "groups = .* is not allowed: give at least 1 entry"),
-        (json.dumps({"groups": [RED] * 40}), "groups = .* is not allowed: give at most 16 entries"),
+        ('{"groups": []}', "groups = .* is not allowed: give a list of at least 1 entry"),
+        (json.dumps({"groups": [RED] * 40}), "groups = .* is not allowed: give a list of at most 16 entries"),
         (json.dumps({"groups": [RED[:11]]}), r"groups.0: 11 colours; .* of 12 colours"),
         (json.dumps({"groups": [["red", *RED[1:]]]}), r"groups.0.0 = 'red' is not allowed: give text like"),
         (json.dumps({"groups": [RED, DARK]}), "group 1 is dark"),

@@ -12,9 +12,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.lab.simulator.objects import check_name, object_height
+from gellight.lab.simulator.solids import highest
 from sim_reference.deformation import NO_OBJECT, grid
-from sim_reference.objects import check_name, object_height
-from sim_reference.solids import highest
 
 Array = NDArray[np.float64]
 MESH_MM = 0.05

@@ -1,7 +1,6 @@
 """The virtual sensor as a USB device: plugged into a kernel by a socket, unplugged, and plugged in elsewhere."""
 
 import logging
-import re
 import socket
 import struct
 import threading
@@ -10,19 +9,20 @@ from math import inf
 
 from gellight.base.allowed import query_of
 from gellight.base.errors import CameraError, InputError
-from gellight.base.settings import load_settings
 from gellight.frames.camera import Camera
 from gellight.lab.core_board.terminal import TerminalBoard
-from gellight.lab.simulator.usb import descriptors
-from gellight.lab.simulator.usb.cable import CablePulledError, UsbCable
-from gellight.lab.simulator.usb.faults import NO_FAULTS, Faults
-from gellight.lab.simulator.usb.serial_port import SerialFunction
-from gellight.lab.simulator.usb.usbip import Urb
-from gellight.lab.simulator.usb.video import VideoFunction, modes_of
+from gellight.lab.simulator.simulated_camera import built, open_simulated
+from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.ring import usb_numbers as numbers
 from gellight.ring.heat import HeardHeat
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import LED_COUNT
+from tests.virtual_usb import descriptors
+from tests.virtual_usb.cable import CablePulledError, UsbCable
+from tests.virtual_usb.faults import NO_FAULTS, Faults
+from tests.virtual_usb.serial_port import SerialFunction
+from tests.virtual_usb.usbip import Urb
+from tests.virtual_usb.video import VideoFunction, modes_of
 
 logger = logging.getLogger(__name__)
 ANSWERS = {numbers.GET_STATUS: b"\0\0", numbers.GET_CONFIGURATION: b"\1", numbers.GET_INTERFACE: b"\0"}
@@ -55,7 +55,7 @@ class VirtualSensor:
 
         `has_board`: while it has power, a simulated board has the same serial number and `leds`.
         """
-        self.serial_number = checked_serial(serial_number)
+        self.serial_number = f"{int(serial_number, 16):016X}"
         self.faults = faults
         self.modes = modes_of(camera, frame_rate)
         self.camera, self._has_board, self._leds = camera, has_board, leds
@@ -182,52 +182,16 @@ class VirtualSensor:
         return descriptors.string_descriptor(index, self.serial_number) if kind == numbers.STRING else None
 
 
-def checked_serial(text: str) -> str:
-    """Return a serial number as the firmware writes it, 16 hexadecimal digits; InputError for anything else."""
-    if not re.fullmatch("[0-9A-Fa-f]{1,16}", text):
-        raise InputError(f"serial number {text!r}: give up to 16 hexadecimal digits, as boards have")
-    return f"{int(text, 16):016X}"
-
-
 def open_virtual(
     url: str, *, serial_number: str, geometry: Mapping[str, float | int | str], faults: Faults = NO_FAULTS
 ) -> VirtualSensor:
     """Build a virtual sensor from the simulated one of a `sim://` URL, with its board.
 
-    With `board=0` its light is steady and its serial port silent. Raises what opening that camera raises, and
-    InputError for a serial number that no board has.
+    With `board=0` its light is steady and its serial port silent. Raises what opening that camera raises.
     """
-    number = checked_serial(serial_number)
-    if not url.startswith("sim://"):
-        raise InputError(f"a virtual sensor shows a simulated one: {url!r} is none, give sim:// with its parameters")
-    from gellight.lab.simulator.simulated_camera import built, check_drivable, open_simulated
-    from gellight.lab.simulator.simulated_url import SimulatedUrl
-
     wanted, leds = query_of(url, SimulatedUrl), len(built(geometry).led_colours)
-    if wanted.bundle:
-        raise InputError(
-            f"{url}: a virtual sensor has the light and the controls of the simulated one: leave out bundle"
-        )
-    if wanted.board:
-        check_drivable(leds)
     camera = open_simulated(url + ("&" if "?" in url else "?") + "board=0", geometry)
     camera.url = url
     camera.waiting = 0  # a camera sends what it sees now; who reads late waits behind the bus
-    return VirtualSensor(camera, serial_number=number, frame_rate=wanted.fps, has_board=bool(wanted.board), leds=leds,
-                         faults=faults)  # fmt: skip
-
-
-def sized_geometry(size: str | None) -> dict[str, float | int | str]:
-    """Return the settings' geometry with a picture of `size` ("160x120") that shows the same width of the gel.
-
-    Raises InputError for a size that is none, or that no camera of this kind has.
-    """
-    geometry = load_settings().geometry.overrides()
-    if size is None:
-        return geometry
-    match = re.fullmatch(r"(\d+)x(\d+)", size)
-    width, height = (int(match[1]), int(match[2])) if match else (0, 0)
-    if not (16 <= width <= 4096 and 16 <= height <= 4096 and width % 2 == 0):
-        raise InputError(f"size {size!r}: give WIDTHxHEIGHT from 16 to 4096 pixels, an even width, for example 320x240")
-    shown_mm = float(geometry.get("pixel_size_mm", 0.0588)) * int(geometry.get("image_width_px", 640))
-    return {**geometry, "image_width_px": width, "image_height_px": height, "pixel_size_mm": shown_mm / width}
+    return VirtualSensor(camera, serial_number=serial_number, frame_rate=wanted.fps, has_board=bool(wanted.board),
+                         leds=leds, faults=faults)  # fmt: skip

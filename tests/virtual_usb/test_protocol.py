@@ -9,10 +9,10 @@ from collections.abc import Iterator
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.simulator.usb.device import VirtualSensor
-from gellight.lab.simulator.usb.usbip_server import UsbipServer
 from gellight.ring.usb_numbers import DATA_INTERFACE, IN_ENDPOINT, OUT_ENDPOINT, PRODUCT, VENDOR
 from tests.helpers.usb_client import CardCamera, UsbClient, import_device
+from tests.virtual_usb.device import VirtualSensor
+from tests.virtual_usb.usbip_server import UsbipServer
 
 SERIAL = "00000000000000A1"
 
@@ -166,9 +166,3 @@ def test_rubbish_is_turned_away_and_the_next_importer_served(sensor: VirtualSens
             assert connection.recv(16) == b""
         with socket.create_connection(("127.0.0.1", server.port)) as connection:
             assert import_device(connection, "1-1")
-
-
-@pytest.mark.parametrize("number", ["", "xyz", "1" * 17, "-1"])
-def test_a_serial_number_that_no_board_has_is_refused(number: str) -> None:
-    with pytest.raises(InputError, match="16 hexadecimal digits"):
-        VirtualSensor(CardCamera(), serial_number=number)

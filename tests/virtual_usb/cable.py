@@ -12,7 +12,7 @@ import time
 from collections import defaultdict, deque
 from collections.abc import Callable
 
-from gellight.lab.simulator.usb.usbip import STALL, Unlink, Urb, pack_return, pack_unlinked, read_request
+from tests.virtual_usb.usbip import STALL, Unlink, Urb, pack_return, pack_unlinked, read_request
 
 BUFFER_BYTES = 1 << 20
 

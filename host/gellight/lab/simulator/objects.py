@@ -1,8 +1,9 @@
-"""Plates with a relief whose roughness is known: waves of one length, or a random relief within a band of lengths.
+"""Objects by name: those of the reference, the probes of the calibration, and plates with a relief that is known.
 
-An object's name says its measures in mm. SINE-2-0.02 has waves along x of 2 mm and an amplitude of 0.02 mm;
+The name of a relief says its measures in mm. SINE-2-0.02 has waves along x of 2 mm and an amplitude of 0.02 mm;
 ROUGH-0.01-1-4 has a relief of 0.01 mm root mean square, of plane waves of 1 to 4 mm in all directions. The plates are
-ours: flat to 12 mm from their middle, then rounded, so that their edge does not cut the gel.
+flat to 12 mm from their middle, then rounded, so that their edge does not cut the gel. All measures are ours, but for
+the probe of 8 mm diameter (section 3.2.3 of the paper).
 """
 
 import re
@@ -12,7 +13,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_reference.deformation import NO_OBJECT, grid
+from sim_reference import objects
+from sim_reference.deformation import NO_OBJECT, Deformation, GelModel, grid
+from sim_reference.geometry import SensorGeometry
+from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE
 
 Array = NDArray[np.float64]
 FLAT_MM, PLATE_MM, ROUNDING_MM = 12.0, 15.0, 6.0
@@ -29,9 +33,58 @@ _SINE = re.compile(rf"SINE-{_NUMBER}-{_NUMBER}")
 _ROUGH = re.compile(rf"ROUGH-{_NUMBER}-{_NUMBER}-{_NUMBER}")
 
 
+CYLINDER_RADIUS_MM = 4.0
+PIN_RADIUS_MM, PIN_PITCH_MM, PIN_HEIGHT_MM = 0.35, 2.0, 1.0
+PIN_GRID_MM = (44.0, 34.0)
+"""width and height of the plate of the pin grid: more than the view"""
+
+
+def cylinder(x: Array, y: Array) -> Array:
+    """Return the flat end of the cylinder probe; beside it there is nothing."""
+    return np.where(np.hypot(x, y) < CYLINDER_RADIUS_MM, 0.0, NO_OBJECT)
+
+
+def pin_grid(x: Array, y: Array) -> Array:
+    """Return round pins in a square grid on a plate, one of them in the middle."""
+    off = [c - PIN_PITCH_MM * np.rint(c / PIN_PITCH_MM) for c in (x, y)]
+    on_plate = (np.abs(x) < PIN_GRID_MM[0] / 2) & (np.abs(y) < PIN_GRID_MM[1] / 2)
+    return np.where(on_plate, np.where(np.hypot(*off) < PIN_RADIUS_MM, 0.0, -PIN_HEIGHT_MM), NO_OBJECT)
+
+
+PROBES: dict[str, Callable[[Array, Array], Array]] = {"CYLINDER": cylinder, "PINS": pin_grid}
+PROBE_NAMES = tuple(PROBES)
+
+
 def names_relief(name: str) -> bool:
     """Whether a name is meant to be that of a relief."""
     return name.startswith(("SINE-", "ROUGH-"))
+
+
+def object_height(name: str, x_mm: Array, y_mm: Array) -> Array:
+    """Return the surface of an object at x (1, W) or (H, W) and y (H, 1) or (H, W): (H, W) mm, highest point 0.
+
+    Raises as `check_name`.
+    """
+    check_name(name)
+    if names_relief(name):
+        return relief_plate(name)(x_mm, y_mm)
+    return PROBES[name](x_mm, y_mm) if name in PROBES else objects.object_height(name, x_mm, y_mm)
+
+
+def check_name(name: str, others: tuple[str, ...] = ()) -> None:
+    """Raise ValueError unless a name is that of an object of the reference, a probe, a relief or one of `others`."""
+    known = (*others, *objects.OBJECT_NAMES, *PROBES)
+    if names_relief(name):
+        relief_plate(name)
+    elif name not in known:
+        raise ValueError(f"no object {name!r}: choose one of {', '.join(known)}, or {FORM}")
+
+
+def press_object(name: str, press_depth_mm: float, geometry: SensorGeometry, model: GelModel) -> Deformation:
+    """Press an object into the gel of `model`, as `surface.press_object`; raises as that and as `check_name`."""
+    spacing_mm = GRID_EXTENT_MM / GRID_SIZE
+    at = grid(GRID_SIZE, spacing_mm)
+    return model(object_height(name, at[None, :], at[:, None]), spacing_mm, press_depth_mm, geometry)
 
 
 def relief_plate(name: str) -> Callable[[Array, Array], Array]:

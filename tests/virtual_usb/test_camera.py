@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.simulator.usb.device import VirtualSensor
-from gellight.lab.simulator.usb.encoding import read_mark
-from gellight.lab.simulator.usb.faults import Faults, parse_faults
 from tests.helpers.scripted_camera import ScriptedControls
 from tests.helpers.usb_client import CAMERA, MJPG, PROCESSING, YUYV, CardCamera, Payload, UsbClient
+from tests.virtual_usb.device import VirtualSensor
+from tests.virtual_usb.encoding import read_mark
+from tests.virtual_usb.faults import Faults
 
 EXPOSURE, AUTO_EXPOSURE, GAIN, BALANCE, AUTO_BALANCE = 4, 2, 4, 10, 11
 """selectors"""
@@ -234,29 +234,6 @@ def test_it_falls_silent_or_loses_its_cable_after_so_many_pictures(sensor: Virtu
     client.socket.settimeout(5)
     with pytest.raises(ConnectionError):
         client.reply()
-
-
-def test_faults_are_read_from_text() -> None:
-    assert parse_faults(["drop=0.25", "stuck=gain", "stall_after=3"]) == Faults(drop=0.25, stuck="gain", stall_after=3)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("melt=1", "unknown fault melt: choose one of drop"),
-        ("drp=1", "did you mean drop"),
-        ("drop=lots", "drop = lots is not allowed: give a number at least 0 and at most 1"),
-        ("drop=2", "at most 1"),
-        ("drop", "drop =  is not allowed"),
-        ("late_ms=-1", "at least 0"),
-        ("late_ms=inf", "at least 0"),
-        ("late_ms=nan", "at least 0"),
-        ("stall_after=1.5", "a whole number at least 0"),
-    ],
-)
-def test_a_fault_that_is_none_is_refused(text: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        parse_faults([text])
 
 
 def test_a_control_that_is_not_there_cannot_be_stuck() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sim_reference.bodies import BEADS, MESH_MM, body
+from gellight.lab.simulator.bodies import BEADS, MESH_MM, body
 from sim_reference.deformation import NO_OBJECT, grid
 from sim_reference.objects import object_height
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from gellight.lab.simulator.solids import RECORD, height_map, read_stl
 from sim_reference.deformation import NO_OBJECT, grid
-from sim_reference.solids import RECORD, height_map, read_stl
 
 SIZE, SPACING = 65, 0.125
 AT = grid(SIZE, SPACING)

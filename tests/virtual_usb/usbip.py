@@ -8,8 +8,8 @@ import socket
 import struct
 from dataclasses import dataclass
 
-from gellight.lab.simulator.usb.descriptors import COMPOSITE, INTERFACES, RELEASE
 from gellight.ring.usb_numbers import PRODUCT, VENDOR
+from tests.virtual_usb.descriptors import COMPOSITE, INTERFACES, RELEASE
 
 VERSION = 0x0111
 REQUEST_LIST, REPLY_LIST = 0x8005, 0x0005

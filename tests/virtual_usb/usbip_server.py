@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from typing import Self
 
 from gellight.base.errors import BoardError, GellightError, InputError, first_line
-from gellight.lab.simulator.usb.device import VirtualSensor
-from gellight.lab.simulator.usb.usbip import REQUEST_LIST, pack_import, pack_list, read_operation
+from tests.virtual_usb.device import VirtualSensor
+from tests.virtual_usb.usbip import REQUEST_LIST, pack_import, pack_list, read_operation
 
 logger = logging.getLogger(__name__)
 PORT = 3240

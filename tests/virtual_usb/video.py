@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from gellight.base.errors import CameraError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
-from gellight.lab.simulator.usb import controls, descriptors
-from gellight.lab.simulator.usb.cable import UsbCable
-from gellight.lab.simulator.usb.controls import ControlState, run_automatics, set_up
-from gellight.lab.simulator.usb.descriptors import VideoModes
-from gellight.lab.simulator.usb.encoding import Mark, binned, to_jpeg, to_yuyv
-from gellight.lab.simulator.usb.faults import Faults
+from tests.virtual_usb import controls, descriptors
+from tests.virtual_usb.cable import UsbCable
+from tests.virtual_usb.controls import ControlState, run_automatics, set_up
+from tests.virtual_usb.descriptors import VideoModes
+from tests.virtual_usb.encoding import Mark, binned, to_jpeg, to_yuyv
+from tests.virtual_usb.faults import Faults
 
 PROBE, COMMIT = 1, 2
 """selectors of the negotiation (UVC 1.1, 4.3.1.1)"""

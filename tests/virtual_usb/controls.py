@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.camera import CameraControls
-from gellight.lab.simulator.usb.descriptors import CAMERA_UNIT, PROCESSING_UNIT
+from tests.virtual_usb.descriptors import CAMERA_UNIT, PROCESSING_UNIT
 
 SET_CURRENT, GET_CURRENT, GET_MINIMUM, GET_MAXIMUM, GET_RESOLUTION, GET_LENGTH, GET_INFO, GET_DEFAULT = (
     0x01, 0x81, 0x82, 0x83, 0x84, 0x85, 0x86, 0x87,

@@ -1,9 +1,6 @@
 """Faults that a virtual sensor makes on purpose, to test programs that have to notice them."""
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-
-from gellight.base.allowed import refusals
-from gellight.base.errors import InputError
+from pydantic import BaseModel, ConfigDict, Field
 
 
 class Faults(BaseModel):
@@ -30,12 +27,3 @@ class Faults(BaseModel):
 
 
 NO_FAULTS = Faults()
-
-
-def parse_faults(texts: list[str]) -> Faults:
-    """Return the faults that texts such as `drop=0.1` or `stuck=exposure_us` name; InputError for what names none."""
-    given = {name: value for name, _, value in (text.partition("=") for text in texts)}
-    try:
-        return Faults.model_validate(given)
-    except ValidationError as error:
-        raise InputError(f"--fault: {refusals(error, Faults, 'fault')}") from None

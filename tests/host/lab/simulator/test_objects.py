@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
+from gellight.lab.simulator.objects import FLAT_MM, PLATE_MM, object_height
 from sim_reference.deformation import NO_OBJECT, grid
-from sim_reference.objects import object_height
-from sim_reference.reliefs import FLAT_MM, PLATE_MM
 
 AT = grid(601, 0.05)
 X, Y = AT[None, :], AT[:, None]
