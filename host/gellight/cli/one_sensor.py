@@ -151,10 +151,17 @@ def served(daemon: SensorSession, settings: Settings, wanted: bool = True) -> It
     with (
         CalibrationService(daemon, geometry=settings.geometry.overrides()) as service,
         panel("scan", daemon, lambda: service.calibrating) as scan,
-        DashboardServer(daemon, calibration=service, scan=scan, **settings.dashboard.model_dump()) as server,
+        DashboardServer(
+            daemon, calibration=service, scan=scan, sensors=pages, **settings.dashboard.model_dump()
+        ) as server,
     ):
         logs.say(f"dashboard: {server.url}   (Ctrl-C stops)")
         yield server.url
+
+
+def pages() -> dict[str, str]:
+    """Return the addresses of the pages of this user's sensors on this computer, by name."""
+    return {daemon.name: daemon.page for daemon in running() if daemon.page}
 
 
 def panel(name: str, daemon: SensorSession, busy: Callable[[], bool]) -> AbstractContextManager[Any]:

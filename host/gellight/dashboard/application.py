@@ -10,6 +10,7 @@ import asyncio
 import json
 import logging
 import time
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,7 +31,6 @@ from gellight.dashboard.page_files import FOR_EVER, PageFiles
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.scanning import ScanDesk, ScanRoutes
 from gellight.dashboard.wizard import Wizard
-from gellight.stream.running import running
 
 logger = logging.getLogger(__name__)
 
@@ -69,10 +69,17 @@ class Dashboard:
     """The application: one frame pump for all clients, and one sender for each."""
 
     def __init__(
-        self, source: SensorSession, calibration: CalibrationService | None = None, scan: ScanDesk | None = None
+        self,
+        source: SensorSession,
+        calibration: CalibrationService | None = None,
+        scan: ScanDesk | None = None,
+        sensors: Callable[[], Mapping[str, str]] = dict,
     ) -> None:
-        """Serve `source`, with the wizard and the scan where they are; nothing runs before the application starts."""
-        self._source, self._calibration, self._scan = source, calibration, scan
+        """Serve `source`, with the wizard and the scan where they are; nothing runs before the application starts.
+
+        sensors: returns the names of this user's sensors, with the addresses of their pages.
+        """
+        self._source, self._calibration, self._scan, self._sensors = source, calibration, scan, sensors
         self._wizard = Wizard(calibration)
         self._clients: set[Client] = set()
         self._references, self._once = ReferenceViews(), MadeOnce()
@@ -96,7 +103,7 @@ class Dashboard:
         """
         app = web.Application(middlewares=[guard(token)])
         app.router.add_get("/ws", self._serve_client)
-        app.router.add_get("/sensors", _list_sensors)
+        app.router.add_get("/sensors", self._list_sensors)
         app.router.add_get("/status", self._show_status)
         Metrics(self._status_text).add_routes(app)
         self._wizard.add_routes(app)
@@ -106,6 +113,11 @@ class Dashboard:
         app.cleanup_ctx.append(self._run_pump)
         app.on_shutdown.append(self._close_clients)
         return app
+
+    async def _list_sensors(self, request: web.Request) -> web.Response:
+        """List the sensors of this user that have a page, for a browser on this computer: the addresses have tokens."""
+        here = request.remote in ("127.0.0.1", "::1")
+        return web.json_response(dict(await asyncio.to_thread(self._sensors)) if here else {})
 
     async def _close_clients(self, app: web.Application) -> None:
         if closing := [asyncio.create_task(client.socket.close()) for client in self._clients]:
@@ -301,10 +313,3 @@ class Dashboard:
 
 async def _answer_error(client: Client, command: str | None, message: str) -> None:
     await client.socket.send_json({"type": "error", "command": command, "message": message})
-
-
-async def _list_sensors(request: web.Request) -> web.Response:
-    """List the sensors of this user that have a page, for a browser on this computer: the addresses have tokens."""
-    here = request.remote in ("127.0.0.1", "::1")
-    daemons = await asyncio.to_thread(running) if here else []
-    return web.json_response([{"name": one.name, "page": one.page} for one in daemons if one.page])

@@ -7,7 +7,7 @@ import secrets
 import socket
 import ssl
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Self
 
@@ -127,13 +127,14 @@ class DashboardServer(PageServer):
         port: int = DEFAULT_PORT,
         calibration: CalibrationService | None = None,
         scan: ScanDesk | None = None,
+        sensors: Callable[[], Mapping[str, str]] = dict,
         host: str = HOST,
         token: str = "",
         tls_cert: str = "",
         tls_key: str = "",
     ) -> None:
-        """Serve `source`, with the wizard and the scan where they are given; the rest: see `PageServer`."""
-        application = Dashboard(source, calibration, scan).application
+        """Serve `source`, as `Dashboard` does; the rest: see `PageServer`."""
+        application = Dashboard(source, calibration, scan, sensors).application
         super().__init__(application, port=port, host=host, token=token, tls_cert=tls_cert, tls_key=tls_key)
 
 

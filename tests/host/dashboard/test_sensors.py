@@ -9,7 +9,8 @@ import pytest
 from aiohttp import web
 from playwright.sync_api import expect
 
-from gellight.dashboard import application
+from gellight.cli import one_sensor
+from gellight.dashboard.application import Dashboard
 from gellight.dashboard.server import DashboardServer
 from gellight.stream.running import announced
 from tests.helpers.browsing import Open
@@ -18,27 +19,43 @@ from tests.helpers.page_client import get
 
 
 @pytest.fixture
-def other(server: DashboardServer) -> Iterator[DashboardServer]:
-    """The page of a second sensor; both daemons are announced, and a third one that has no page."""
-    with (
-        DashboardServer(FormulaSource(), port=0) as other,
-        announced("left", "tcp/127.0.0.1:1", "sim://", page=server.url, numbered=False),
-        announced("right", "tcp/127.0.0.1:2", "sim://", page=other.url, numbered=False),
-        announced("bare", "tcp/127.0.0.1:3", "sim://", numbered=False),
-    ):
+def pages() -> dict[str, str]:
+    return {}
+
+
+@pytest.fixture
+def server(source: FormulaSource, pages: dict[str, str]) -> Iterator[DashboardServer]:
+    with DashboardServer(source, port=0, sensors=lambda: pages) as server:
+        pages["left"] = server.url
+        yield server
+
+
+@pytest.fixture
+def other(pages: dict[str, str]) -> Iterator[DashboardServer]:
+    """The page of a second sensor."""
+    with DashboardServer(FormulaSource(), port=0, sensors=lambda: pages) as other:
+        pages["right"] = other.url
         yield other
 
 
-def test_a_browser_of_this_computer_is_told_of_the_other_pages(server: DashboardServer, other: DashboardServer) -> None:
+def test_a_browser_of_this_computer_is_told_of_all_pages(server: DashboardServer, other: DashboardServer) -> None:
     status, text, _ = get(f"{server.base}sensors")
     assert status == 200
-    assert json.loads(text) == [{"name": "left", "page": server.url}, {"name": "right", "page": other.url}]
+    assert json.loads(text) == {"left": server.url, "right": other.url}
 
 
-@pytest.mark.usefixtures("other")
-def test_another_computer_is_told_of_none_for_the_addresses_have_tokens() -> None:
-    answer = asyncio.run(application._list_sensors(Mock(web.Request, remote="192.168.0.7")))
-    assert json.loads(answer.text or "") == []
+def test_another_computer_is_told_of_none_for_the_addresses_have_tokens(source: FormulaSource) -> None:
+    dashboard = Dashboard(source, sensors=lambda: {"left": "http://127.0.0.1:8420/?token=secret"})
+    answer = asyncio.run(dashboard._list_sensors(Mock(web.Request, remote="192.168.0.7")))
+    assert json.loads(answer.text or "") == {}
+
+
+def test_what_publishes_with_a_page_is_listed() -> None:
+    with (
+        announced("left", "tcp/127.0.0.1:1", "sim://", page="http://127.0.0.1:8420/?token=secret", numbered=False),
+        announced("bare", "tcp/127.0.0.1:2", "sim://", numbered=False),
+    ):
+        assert one_sensor.pages() == {"left": "http://127.0.0.1:8420/?token=secret"}
 
 
 @pytest.mark.browser
@@ -54,9 +71,8 @@ def test_the_page_leads_to_that_of_another_sensor(opened: Open, other: Dashboard
 
 
 @pytest.mark.browser
-def test_one_sensor_alone_has_nothing_to_choose(opened: Open, server: DashboardServer) -> None:
-    with announced("left", "tcp/127.0.0.1:1", "sim://", page=server.url, numbered=False):
-        page = opened()
-        with page.expect_response("**/sensors"):
-            pass
-        expect(page.get_by_test_id("sensors")).to_be_hidden()
+def test_one_sensor_alone_has_nothing_to_choose(opened: Open) -> None:
+    page = opened()
+    with page.expect_response("**/sensors"):
+        pass
+    expect(page.get_by_test_id("sensors")).to_be_hidden()

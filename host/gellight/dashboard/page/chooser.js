@@ -6,7 +6,7 @@ const LOOK_MS = 3000;
 export function offerSensors(select) {
   const look = async () => {
     const answer = await fetch("sensors").catch(() => null);
-    show(select, answer?.ok ? await answer.json() : []);
+    show(select, Object.entries(answer?.ok ? await answer.json() : {}));
     setTimeout(look, LOOK_MS);
   };
   select.addEventListener("change", () => { location.href = `${select.value}${location.hash}`; });
@@ -16,7 +16,7 @@ export function offerSensors(select) {
 function show(select, sensors) {
   select.hidden = sensors.length < 2;
   const shown = [...select.options].map((option) => option.value);
-  if (sensors.map(({ page }) => page).join() === shown.join()) return;
+  if (sensors.map(([, page]) => page).join() === shown.join()) return;
   const isHere = (page) => new URL(page).origin === location.origin;
-  select.replaceChildren(...sensors.map(({ name, page }) => new Option(name, page, false, isHere(page))));
+  select.replaceChildren(...sensors.map(([name, page]) => new Option(name, page, false, isHere(page))));
 }
