@@ -51,10 +51,11 @@ FOLDS, FIRST, UNIT = "folds", "first fold", "unit "
 ALIKE = (("gelslam", "gripper"), ("gripper", "gelslam"))
 """units of one make whose pictures have one size: judged, and trained on"""
 DRAWN = {"mini": (HAND, OWN), "gripper": (HAND, OWN), "gelslam": (OWN,), "digit": (OWN,), "dots": (OWN,),
+         "skleff": (HAND, OWN), "objectfolder": (OWN,),
          "three_lights": (HAND,), "three_lights_crop": (HAND,)}  # fmt: skip
 """whose circles there are"""
 LEAST_TRAINED = {"three_lights": 21, "three_lights_crop": 9, "dots": 9, "digit": 27, "mini": 26, "gelslam": 35,
-                 "gripper": 40}  # fmt: skip
+                 "gripper": 40, "skleff": 20, "objectfolder": 37}  # fmt: skip
 """presses that a fold has to train on"""
 GATE = (("three_lights_crop", HAND, PLAIN), ("mini", HAND, PLAIN))
 """sets, circles and ways of the rows that `make test` repeats"""
@@ -150,6 +151,7 @@ def show(chosen: Sequence[Row], record: Record) -> None:
 
 PICTURES = {
     "mini": "gelsight_mini_ball", "gelslam": "gelslam_ball", "gripper": "gripper_ball", "digit": "digit_ball",
+    "skleff": "skleff_mini_ball", "objectfolder": "objectfolder_ball",
     "dots": "dots", "three_lights": "oem_six_lights",
 }  # fmt: skip
 """folder of each set; the crop comes along"""

@@ -87,6 +87,20 @@ def gripper(place: Path) -> RealSet:
     return _by_hand(place, real("gripper_ball"), ball, without=("0050.png",))
 
 
+def skleff(place: Path) -> RealSet:
+    """Return 25 presses of one more GelSight Mini, circles by hand in whole px. Of 0050 the label is 85 px away."""
+    ball = Ball(radius_mm=4.735, pixel_size_mm=0.0634)
+    return _by_hand(place, real("skleff_mini_ball"), ball, without=("0050.png",))
+
+
+def objectfolder(place: Path) -> RealSet:
+    """Return 49 deep presses of an older GelSight, 160 x 120 px, whose circles `detect` finds."""
+    folder, ball = real("objectfolder_ball"), Ball(radius_mm=2.0, pixel_size_mm=0.1245)
+    images = sorted(folder.glob("[0-9]*.png"))
+    reference = read_reference(folder / "background.png")
+    return RealSet(ball=ball, reference=reference, folds=5, place=place, pictures=images)
+
+
 def digit(place: Path) -> RealSet:
     """Return 41 presses of a DIGIT. Nobody says how large its ball and its pixels are: mm have another scale here."""
     folder = real("digit_ball")
@@ -145,6 +159,7 @@ def _plate(place: Path, image: Path, flat: Path, centres: Floats, *, pixel_size_
 
 
 SETS: dict[str, Callable[[Path], RealSet]] = {
-    "mini": mini, "gelslam": gelslam, "gripper": gripper, "digit": digit, "dots": dots,
+    "mini": mini, "gelslam": gelslam, "gripper": gripper, "digit": digit,
+    "skleff": skleff, "objectfolder": objectfolder, "dots": dots,
     "three_lights": three_lights, "three_lights_crop": three_lights_crop,
 }  # fmt: skip

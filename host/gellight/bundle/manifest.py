@@ -78,7 +78,7 @@ class Manifest(BaseModel):
     """how far means over cells of the gel at rest differ from the reference image beyond that noise: light that drifts
     unevenly, gel that does not come back quite; root mean square, grey levels; 0 where nobody measured it"""
     follow_light: bool = False
-    """take the median over the view off every difference image, because the light of this sensor drifts"""
+    """take light that differs from the reference's out of every picture, because the light of this sensor drifts"""
     level_plane: bool = False
     """take the plane that the untouched gel lies on off every depth map, because slopes of this sensor tilt it"""
     light_by_depth: bool = False

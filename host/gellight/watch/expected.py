@@ -23,7 +23,7 @@ from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.integration import integrate
-from gellight.reconstruction.light_drift import light_drift
+from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.linearised import CellNetwork
 from gellight.watch.cells import Cells, spread
 
@@ -93,9 +93,9 @@ class ErrorEstimate:
         )
 
     def _zero(self, change: Cells) -> tuple[float, float, float]:
-        difference = spread(change, self._bundle.image_shape)
-        if self._bundle.manifest.follow_light:
-            difference -= light_drift(difference)
+        reference, follow = self._bundle.reference, self._bundle.manifest.follow_light
+        changed = reference + spread(change, self._bundle.image_shape)
+        difference = difference_of(changed, reference, follow_light=follow)
         slopes, touched = self._network.gradient_map(difference), self._network.touched_cells(difference)
         if self._shadows and (by_depth := self._shadows.change(difference, slopes, touched)) is not None:
             slopes += by_depth

@@ -38,8 +38,8 @@ class WatchFinding:
     """Something about the sensor is not as it was calibrated."""
 
     kind: str
-    """starter, too_deep, not_learnt, other_unit, drift, led_dimmed, led_dead, camera_moved, uneven, tear, dirt, stuck,
-    never_at_rest, zero_off, recalibrate"""
+    """starter, too_deep, other_light, not_learnt, other_unit, drift, led_dimmed, led_dead, camera_moved, uneven, tear,
+    dirt, stuck, never_at_rest, zero_off, recalibrate"""
     severity: Severity
     text: str
     """what was seen, the likely cause and the remedy"""
@@ -173,6 +173,13 @@ def too_deep(depth_mm: float, thickness_mm: float) -> WatchFinding:
         text=f"{depth_mm:.1f} mm deep in a gel that is {thickness_mm:g} mm thick: the bundle is of another sensor, the "
         "light is another one, or the picture shows no gel; give the bundle of this sensor, or calibrate it",
         figures={"depth_mm": round(depth_mm, 3), "thickness_mm": thickness_mm},
+    )
+
+
+def other_light(refusal: str, most: float) -> WatchFinding:
+    """Return the finding that the light of a picture is too far from that of the calibration."""
+    return WatchFinding(
+        kind="other_light", severity=Severity.WARNING, text=refusal, figures={"most_change": round(most, 3)}
     )
 
 

@@ -169,6 +169,26 @@ def test_a_contact_of_colours_that_nothing_learnt_is_said(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
+    ("light", "depth_mm", "told"),
+    [(1.0, 0.4, ""), (0.9, 0.4, "by up to 10."), (1.1, 0.4, "by up to 10."), (0.6, None, "by up to 4")],
+)
+def test_light_that_differs_from_the_reference_is_taken_out_and_told(
+    tmp_path: Path, bundle: Path, light: float, depth_mm: float | None, told: str
+) -> None:
+    image = read_image(press(tmp_path / "in" / "as_calibrated.png"))
+    assert cv2.imwrite(str(tmp_path / "in" / "press.png"), np.rint(light * image)[..., ::-1].clip(0, 255))
+    result = run(tmp_path / "in" / "press.png", "--calibration", bundle, "--out", tmp_path / "out")
+    assert ("the light differs from the reference's" in result.output) == bool(told)
+    assert told in result.output
+    if depth_mm is None:
+        assert result.exit_code == 1
+        assert "other_light: " in result.output
+    else:
+        with np.load(tmp_path / "out" / "press.npz") as maps:
+            assert maps["depth_mm"].max() == pytest.approx(depth_mm, rel=0.03)
+
+
+@pytest.mark.parametrize(
     "name",
     [
         "three_lights/press.png",

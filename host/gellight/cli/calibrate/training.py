@@ -228,6 +228,7 @@ def _fit_lines(written: Bundle) -> list[str]:
         f"normal error of networks that did not see the press that judges: {judged['normal_error_deg']['mean']:.2f} deg"
         if judged
         else "one press is all learnt from: how large the errors are, nobody knows",
+        *light_line(written),
         *like_words(metrics),
         *depth_line(written),
         *ball_warning(metrics.get("likely_ball_radius_mm"), metrics["ball_radius_mm"]),
@@ -245,6 +246,17 @@ def _bad_verdict(written: Bundle, largest_deg: float) -> list[str]:
     return [
         f"NOT GOOD: normals are {error_deg:.1f} deg off, at most {largest_deg:g} may be: look at the circles (`detect "
         "--overlay`), at the order of x and y, the ball and the size of a pixel, and at the light of the reference"
+    ]
+
+
+def light_line(written: Bundle) -> list[str]:
+    """Return by how much the light of presses and reference differs; nothing where it is alike."""
+    if not written.manifest.follow_light:
+        return []
+    share = written.metrics["light_drift_grey"] / float(written.reference.mean())
+    return [
+        f"the light of the presses differs from the reference's by {share:.1%}: it is taken out of every picture; a "
+        "reference taken just before the presses is better"
     ]
 
 

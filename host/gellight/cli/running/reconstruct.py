@@ -2,7 +2,8 @@
 
 import io
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +25,11 @@ from gellight.frames.image_files import ImageCamera, image_files
 from gellight.frames.picture import prepared
 from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.photometric.directions import LightDirections
+from gellight.reconstruction.light_drift import light_drift
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.series.recorded import frame_of_lights
 from gellight.series.single_light_path import has_single_lights, read_directions, slopes_by
-from gellight.watch.findings import WatchFinding
+from gellight.watch.findings import WatchFinding, other_light
 from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth, learnt_elsewhere
 
 
@@ -55,7 +57,7 @@ def reconstruct(images: Sequence[str], out: Path, method: Method, scale_um: floa
     bundle = load_bundle(method.calibration) if method.calibration is not None else None
     thickness_mm = _thickness_mm(bundle)
     rows = [
-        _written(frame, path, out, scale_um, tuple(_against(frame, thickness_mm)))
+        _written(frame, path, out, scale_um, tuple(_against(frame, thickness_mm, bundle)))
         for frame, path in _frames(method, paths, bundle)
     ]
     show(rows, as_json, _table(rows))
@@ -101,10 +103,24 @@ def _of_channels(method: Method, bundle: Bundle, paths: Sequence[Path]) -> Tacti
 
 def _of_colours(method: Method, bundle: Bundle, paths: Sequence[Path]) -> Iterator[tuple[TactileFrame, Path]]:
     """Reconstruct each picture by itself, one after the other."""
-    reconstructor = Reconstructor(bundle, threads=method.threads, masked=not method.dense)
+    making = partial(Reconstructor, threads=method.threads, masked=not method.dense)
+    manifest = bundle.manifest.model_copy(update={"follow_light": True})
+    following = cache(lambda: making(replace(bundle, manifest=manifest)))
+    as_calibrated = making(bundle)
     with prepared(ImageCamera(list(paths)), bundle) as camera:
         for path in paths:
-            yield reconstructor.reconstruct(camera.read()), path
+            frame = camera.read()
+            other = frame.image.shape == bundle.reference.shape and _other_light(frame.image, bundle, path)
+            yield (following() if other else as_calibrated).reconstruct(frame), path
+
+
+def _other_light(image: NDArray[np.uint8], bundle: Bundle, path: Path) -> bool:
+    """Tell whether the light of a picture differs from the calibration's by more than noise, and say by how much."""
+    drift = light_drift(image, bundle.reference)
+    other = drift.grey(bundle.reference) > bundle.manifest.noise_grey
+    if other and not drift.refusal:
+        say(f"gellight: {path.name}: the light differs from the reference's by up to {drift.most:.1%}: taken out")
+    return other
 
 
 def _thickness_mm(bundle: Bundle | None) -> float | None:
@@ -113,8 +129,12 @@ def _thickness_mm(bundle: Bundle | None) -> float | None:
     return gel_thickness_mm(bundle, told_mm) if bundle is not None else told_mm
 
 
-def _against(frame: TactileFrame, thickness_mm: float | None) -> Iterator[WatchFinding]:
+def _against(frame: TactileFrame, thickness_mm: float | None, bundle: Bundle | None) -> Iterator[WatchFinding]:
     """Yield what is known against what was found in one image."""
+    if bundle is not None and not has_single_lights(bundle):
+        drift = light_drift(frame.camera_frame.image, bundle.reference)
+        if drift.refusal:
+            yield other_light(drift.refusal, drift.most)
     yield from impossible_depth(frame, thickness_mm)
     yield from guessed_contact(frame)
 

@@ -13,7 +13,7 @@ from gellight.frames.pixel_grid import block_means
 from gellight.lab.calibration.records import UntouchedGel
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.simulator.virtual_hand import VirtualHand
-from gellight.reconstruction.light_drift import light_drift
+from gellight.reconstruction.light_drift import difference_of
 
 Floats = NDArray[np.float32]
 BLOCK_PX = 4
@@ -63,8 +63,8 @@ class TouchDetector:
     def look(self, frame: CameraFrame) -> GelState:
         """Judge the next frame; the first one counts as moving."""
         seen = block_means(frame.image, BLOCK_PX)
-        difference = seen - self._reference
-        touched = np.abs(difference - light_drift(difference)).max(axis=2) > self._threshold
+        difference = difference_of(seen, self._reference, follow_light=True)
+        touched = np.abs(difference).max(axis=2) > self._threshold
         change = np.inf if self._last is None else np.abs(seen - self._last).max(axis=2)
         self._last = seen
         return GelState(touched=float(touched.mean()), moved=float(np.mean(change > 1.5 * self._threshold)))

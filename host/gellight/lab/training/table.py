@@ -155,9 +155,15 @@ def images_of(presses: Sequence[Press]) -> NDArray[np.int32]:
 
 
 def drift_of_presses(presses: Sequence[Press], reference: Floats) -> float:
-    """Return how far the light of the presses is from the reference's: root mean square over images and channels."""
-    drifts = [light_drift(press.picture().astype(np.float32) - reference) for press in presses]
-    return float(np.sqrt(np.mean(np.square(drifts))))
+    """Return how far the light of the presses is from the reference's, grey levels: root mean square.
+
+    Raises InputError for a press whose light is farther off than can be taken out.
+    """
+    drifts = [light_drift(press.picture(), reference) for press in presses]
+    for press, drift in zip(presses, drifts, strict=True):
+        if drift.refusal:
+            raise InputError(f"{press.image}: {drift.refusal}")
+    return float(np.sqrt(np.mean([drift.grey(reference) ** 2 for drift in drifts])))
 
 
 def table_of_like(bundle: Bundle, image_shape: tuple[int, int]) -> PressTable:

@@ -26,7 +26,7 @@ from gellight.reconstruction.contact import (
 from gellight.reconstruction.gelnet import CELL_PX
 from gellight.reconstruction.integration import level_of_sample, rest_level, sample_grid
 from gellight.reconstruction.lens.undistortion import Undistortion
-from gellight.reconstruction.light_drift import drift_of
+from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.linearised import (
     BLOCK_CELLS,
     LIMIT_BEND,
@@ -140,11 +140,11 @@ class NativePath:
         )
 
     def _difference(self, image: NDArray[np.uint8]) -> Floats:
-        m, image = self._m, np.ascontiguousarray(image)
+        m, image, reference = self._m, np.ascontiguousarray(image), self._reference
         if self._bundle.manifest.follow_light:
-            m.shift[:] = drift_of(image, self._reference)
+            reference = image - difference_of(image, reference, follow_light=True)
         difference = self._differences.take()
-        self._run("difference_and_means", image, self._reference, m.shift, difference, m.means, m.work)
+        self._run("difference_and_means", image, reference, m.shift, difference, m.means, m.work)
         return difference
 
     def _touched(self) -> int:

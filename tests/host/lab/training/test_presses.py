@@ -11,7 +11,14 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle, write_bundle
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import SUNKEN, Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
-from gellight.lab.training.table import PressTable, TableOptions, build_table, images_of, under_light_of
+from gellight.lab.training.table import (
+    PressTable,
+    TableOptions,
+    build_table,
+    drift_of_presses,
+    images_of,
+    under_light_of,
+)
 
 SHAPE = (120, 160)
 BALL = Ball(radius_mm=4.0, pixel_size_mm=0.1)
@@ -198,6 +205,20 @@ def test_several_presses_of_one_image_are_learnt_from_and_divided_by_image(tmp_p
     for press in (one, other):  # what is flat for one press is not in the contact of the other
         away = np.hypot(table.rows[flat, 3] - press.center_x_px, table.rows[flat, 4] - press.center_y_px)
         assert np.sort(away)[2] > 1.9 * 15  # but for the middles of the balls, which are level
+
+
+@pytest.mark.parametrize(("light", "grey"), [(1.0, 0.0), (0.9, 12.6), (1.1, 10.3)])
+def test_how_far_the_light_of_presses_is_from_the_references(tmp_path: Path, light: float, grey: float) -> None:
+    image = write_image(tmp_path / "a.png")
+    presses = [replace(press(), image=tmp_path / "a.png")]
+    assert drift_of_presses(presses, (image / light).astype(np.float32)) == pytest.approx(grey, abs=0.2)
+
+
+def test_a_press_under_light_that_cannot_be_taken_out_is_refused_by_its_name(tmp_path: Path) -> None:
+    image = write_image(tmp_path / "a.png")
+    presses = [replace(press(), image=tmp_path / "a.png")]
+    with pytest.raises(InputError, match=r"a\.png: the light differs from the reference's by up to 40%, at most 30%"):
+        drift_of_presses(presses, (image / 0.6).astype(np.float32))
 
 
 def test_the_rim_of_a_circle_that_a_hand_drew_weighs_less(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.lab.training.labelling.fitting import FreeResponse, cost, standard_errors, without
 from gellight.lab.training.labelling.pattern import (
-    DARK_GREY,
     LEAST_GREY,
     LEAST_QUALITY,
     SIMPLE,
@@ -26,7 +25,7 @@ from gellight.lab.training.labelling.pattern import (
 )
 from gellight.lab.training.labelling.search import Candidate, best_candidate, candidates
 from gellight.lab.training.presses import Ball
-from gellight.reconstruction.light_drift import STEP_PX
+from gellight.reconstruction.light_drift import light_drift
 
 Array = NDArray[np.float64]
 _LEAST_SHARE = 0.2
@@ -42,8 +41,6 @@ _PATIENCE = 16
 _MOST_ERROR_OF_ARC, _MOST_ERROR = 0.07, 0.4
 """of the ball's radius, of the centre: 4 degrees of slope for an arc; whole circles of real gels are told to 0.33 at
 worst, and one beside its contact to 0.67: folds do not decide it (docs/figures.md)"""
-_OTHER_LIGHT, _WHITE_GREY = 0.03, 250
-"""by which share the light is off where a refusal names it; grey levels that clip"""
 _FAINTEST = 0.05
 """of the strongest place: what is left is dirt"""
 
@@ -98,21 +95,9 @@ def find_circle(
     try:
         return _found(image, reference, ball, least_view)
     except InputError as error:
-        if (light := _light_over(image, reference)) and abs(light - 1) > _OTHER_LIGHT:
-            raise InputError(
-                f"most of the picture is {abs(light - 1):.0%} {'brighter' if light > 1 else 'darker'} than the "
-                f"reference, which hides presses and looks like some: take both under the same light ({error})"
-            ) from error
+        if image.shape == reference.shape and (refusal := light_drift(image, reference).refusal):
+            raise InputError(f"{refusal} ({error})") from error
         raise
-
-
-def _light_over(image: NDArray[np.uint8], reference: NDArray[np.number]) -> float:
-    """Return how bright a picture is over its reference, by the median; 0 where the reference is all dark or white."""
-    if image.shape != reference.shape:
-        return 0.0
-    now, then = image[::STEP_PX, ::STEP_PX], reference[::STEP_PX, ::STEP_PX]
-    told = (then > DARK_GREY) & (then < _WHITE_GREY) & (now < _WHITE_GREY)
-    return float(np.median(now[told] / then[told])) if told.any() else 0.0
 
 
 def _found(image: NDArray[np.uint8], reference: NDArray[np.number], ball: Ball, least_view: float) -> PressCircle:

@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from gellight.base.errors import InputError
 from gellight.lab.training.labelling.fitting import Bounds, FittedShape, FreeResponse, Residual, least
-from gellight.reconstruction.light_drift import light_drift
+from gellight.reconstruction.light_drift import difference_of
 
 Array = NDArray[np.float64]
 STEEPEST = 0.985
@@ -165,10 +165,10 @@ def difference_image(image: NDArray[np.uint8], reference: NDArray[np.number]) ->
         )
     if image.mean() < DARK_GREY:
         raise InputError(f"the image is dark (mean {image.mean():.1f} grey levels): light the gel, open the camera")
-    difference = image.astype(np.float32) - reference.astype(np.float32)
-    difference -= light_drift(difference)
-    if not difference.any():
+    if (image == reference).all():
         raise InputError("no press: nothing has changed from the reference: give another image of the untouched gel")
+    untouched = reference.astype(np.float32)
+    difference = difference_of(image, untouched, follow_light=True)
     blurred: Array = ndimage.gaussian_filter(difference.astype(np.float64), (_BLUR_PX, _BLUR_PX, 0))
     return blurred
 

@@ -165,14 +165,16 @@ def test_what_is_no_usable_press_is_refused_with_the_reason(image: np.ndarray, r
         find_circle(image, reference(), ball=BALL)
 
 
-@pytest.mark.parametrize(
-    ("light", "places", "told"),
-    [(1 / 1.11, [(130, 100, 24)], "11 % brighter"), (1.12, [], "11 % darker"), (1.01, [], "^no press")],
-)
-def test_where_the_light_has_changed_a_refusal_says_so(light: float, places: list, told: str) -> None:
-    """A shaded gel under another light shows a pattern of its own, beside which a faint press is none."""
-    with pytest.raises(InputError, match=told.replace(" %", "%")):
-        find_circle(photograph(*places, strength=0.1), light * reference(), ball=BALL)
+@pytest.mark.parametrize("light", [0.9, 1.1, np.array([1.1, 1, 0.9])], ids=["darker", "brighter", "of another colour"])
+def test_a_press_is_found_by_a_reference_of_another_light(light: float | np.ndarray) -> None:
+    found = find_circle(photograph((130, 100, 24)), light * reference(), ball=BALL)
+    assert (found.center_x_px, found.center_y_px) == pytest.approx((130, 100), abs=0.3)
+    assert found.contact_radius_px == pytest.approx(24, abs=0.6)
+
+
+def test_light_that_is_too_far_off_is_refused_with_its_size_and_the_remedy() -> None:
+    with pytest.raises(InputError, match=r"by up to 4[0-9]%, at most 30% can be taken out: .* same light, or adapt"):
+        find_circle(photograph(strength=0.1), 0.7 * reference(), ball=BALL)
 
 
 def test_a_refusal_says_all_that_may_be_wrong() -> None:
