@@ -5,6 +5,7 @@ is computed, and the pixels that are touched or shadowed are solved again with i
 LEDs 20 mm away is lit from lower angles than the gel at rest: without this second look its slopes are 5 % wrong.
 """
 
+from math import inf
 from typing import Any, TypeVar, cast
 
 import cv2
@@ -182,10 +183,7 @@ class PhotometricReconstructor:
     def _places(self, pixels: NDArray[np.intp], depth_mm: Floats) -> Points:
         """Return where the gel is that pixels see, `depth_mm` (N,) deep."""
         x, y = self._points.x_mm[pixels], self._points.y_mm[pixels]
-        if self._perspective is None:
-            return Points(x, y, depth_mm)
-        share = self._perspective.share(depth_mm)
-        return Points(x * share, y * share, depth_mm)
+        return Points.seen_at(x, y, depth_mm, self.bundle.manifest.camera_height_mm or inf)
 
     def _touched(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Bools:
         """Mark the pixels whose slopes stand out of the noise, on cells of 4 x 4 pixels."""

@@ -7,8 +7,8 @@ from gellight.reconstruction.integration import integrate, surface_gradient
 from gellight.reconstruction.perspective import Perspective
 
 SHAPE, PIXEL_MM, HEIGHT_MM = (121, 161), 0.1, 53.1
-SEEN = Perspective(SHAPE, (PIXEL_MM, PIXEL_MM), HEIGHT_MM)
 Y, X = ((np.indices(SHAPE)[axis] - (SHAPE[axis] - 1) / 2) * PIXEL_MM for axis in (0, 1))
+SEEN = Perspective(X[0], Y[:, 0], HEIGHT_MM)
 
 
 def test_a_plane_keeps_its_heights() -> None:
@@ -45,6 +45,6 @@ def test_the_slopes_of_the_depth_are_those_of_the_gel() -> None:
 
 
 def test_a_camera_far_away_changes_nothing() -> None:
-    far, slopes = Perspective(SHAPE, (PIXEL_MM, PIXEL_MM), 1e9), bump()[1].astype(np.float32)
+    far, slopes = Perspective(X[0], Y[:, 0], 1e9), bump()[1].astype(np.float32)
     assert np.array_equal(far.seen(slopes), slopes)
     assert np.array_equal(far.slopes(slopes), slopes)
