@@ -54,5 +54,19 @@ class Perspective:
         """Return L for the depth of the gel."""
         return np.asarray(-self.height_mm * np.log1p(-depth_mm / self.height_mm), np.float32)
 
+    def sums(
+        self, depth_mm: Floats, slopes: Floats, at: tuple[NDArray[np.intp], NDArray[np.intp]], shape: tuple[int, ...]
+    ) -> tuple[float, float, float, float]:
+        """Return how many pixels of gel at rest are as large as some pixels, and sums of their columns, rows, depths.
+
+        depth_mm: (N,). slopes: (N, 2) of the gel. at: columns and rows of the pixels in a picture of a shape. A pixel
+        shows (1 - d / H)^2 / (1 + p . g / H) as much gel as at rest: the determinant of dx / dp for x = p (1 - d / H).
+        """
+        share = 1 - depth_mm.astype(np.float64) / self.height_mm
+        pixels = share**2 / (1 + self.x[at[0]] * slopes[:, 0] + self.y[at[1]] * slopes[:, 1])
+        middles = [(side - 1) / 2 for side in shape[1::-1]]
+        columns, rows = (float((pixels * (m + share * (n - m))).sum()) for m, n in zip(middles, at, strict=True))
+        return float(pixels.sum()), columns, rows, float((pixels * depth_mm).sum())
+
     def _along(self, slopes: Floats) -> Floats:
         return np.asarray(slopes[..., :1] * self.x[:, None] + slopes[..., 1:] * self.y[:, None, None], np.float32)

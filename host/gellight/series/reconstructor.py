@@ -79,7 +79,7 @@ class PhotometricReconstructor:
             raise ValueError(f"the lights are for {model.image_shape} pixels, the calibration {bundle.image_shape}")
         self.bundle = bundle
         self.model = model
-        self._perspective = Perspective.of_bundle(bundle, block_px)
+        self._perspective, self._whole_view = (Perspective.of_bundle(bundle, side) for side in (block_px, 1))
         self._smoother = Smoother(smoothing_px // block_px)
         self._block = block_px
         self._shape = model.image_shape[0] // block_px, model.image_shape[1] // block_px
@@ -117,8 +117,10 @@ class PhotometricReconstructor:
         gradient_map, depth = self._enlarged(gradient_map), self._enlarged(depth)
         self._last = report = self._report(series, signals, used, predicted)
         stages.end("still")
-        size_mm, measures = self.bundle.pixel_size_mm, self._measures
-        return tactile_frame(picture, difference, gradient_map, depth, size_mm, stages, report, measures=measures)
+        size_mm, maps = self.bundle.pixel_size_mm, (difference, gradient_map, depth)
+        return tactile_frame(
+            picture, *maps, size_mm, stages, report, measures=self._measures, perspective=self._whole_view
+        )
 
     def _signals(self, series: ExposureSeries) -> Signals:
         """Take the pictures apart into the light of each LED."""

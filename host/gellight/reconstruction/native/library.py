@@ -39,7 +39,7 @@ SIGNATURES = {
     "depth_by_view": "pfii",
     "gradient_map": "ppii",
     "find_contact": "pffpppppppppii",
-    "measure_parts": "ppppippii",
+    "measure_parts": "ppppppfippii",
     "slope_means": "pppii",
     "may_shade": "pppppiffppii",
     "lost_light": "pppppppiffffppppiiii",

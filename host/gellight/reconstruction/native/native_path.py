@@ -18,7 +18,8 @@ from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.contact import (
     SMALLEST_PATCH_PX,
     THRESHOLD_MM,
-    measure_patches,
+    on_gel,
+    patched,
     patches_of,
     without_untouched,
 )
@@ -296,13 +297,15 @@ class NativePath:
         """Return the contact without what nothing touches, and its parts; touched: pixels, if the lens moved them."""
         m, pixel_size = self._m, self._bundle.pixel_size_mm
         if touched is None:
-            maps = (contact.mask, m.touched, depth_mm, m.surface)
-            count = self._run("measure_parts", *maps, SMALLEST_PATCH_PX, m.runs, m.parts)
+            maps, seen = (contact.mask, m.touched, depth_mm, m.surface), self._perspective
+            view = (seen.x, seen.y, 1 / float(seen.height_mm)) if seen else (m.work, m.work, 0.0)
+            count = self._run("measure_parts", *maps, *view, SMALLEST_PATCH_PX, m.runs, m.parts)
             if count >= 0:
-                return contact, patches_of(m.parts[:count], contact.mask.shape, pixel_size)
+                patches = patches_of(m.parts[:count], contact.mask.shape, pixel_size)
+                return on_gel(contact, patches) if seen else contact, patches
             touched = self._pixels()
         contact = without_untouched(contact, touched, depth_mm, pixel_size)
-        return contact, measure_patches(contact.mask, depth_mm, gradient_map, pixel_size)
+        return patched(contact, depth_mm, gradient_map, pixel_size, self._perspective)
 
     def _run(self, function: str, *arguments: NDArray[Any] | float) -> int:
         """Call a function of the library with arrays and numbers, then width and height."""
