@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
+from scipy.ndimage import spline_filter
 
 from sim_reference.geometry import SensorGeometry
 
@@ -43,6 +44,37 @@ class Deformation:
         """Cubic spline of the depth over (y, x) in mm from the object's centre."""
         at = grid(len(self.depth_mm), self.spacing_mm)
         return RectBivariateSpline(at, at, self.depth_mm, s=0)
+
+    @cached_property
+    def _coefficients(self) -> Array:
+        """(n + 2, n + 2) of the B-splines that make up that spline; its ends are mirrors here."""
+        return np.pad(np.asarray(spline_filter(self.depth_mm, mode="mirror")), 1, mode="reflect")
+
+    def at(self, x: Array, y: Array) -> Array:
+        """Return the spline and its slopes along x and y, (3, N), at scattered points (N,) mm from the object's centre.
+
+        The points lie on the grid. `spline` takes ten times as long for them.
+        """
+        n, coefficients = len(self.depth_mm), self._coefficients.ravel()
+        (column, across, d_across), (row, down, d_down) = (
+            _weights(at / self.spacing_mm + (n - 1) / 2, n) for at in (x, y)
+        )
+        found, first = np.zeros((3, len(x))), row * (n + 2) + column
+        for i in range(4):
+            taken = [coefficients.take(first + (i * (n + 2) + j)) for j in range(4)]
+            value, slope = (sum(w * c for w, c in zip(by, taken, strict=True)) for by in (across, d_across))
+            found += np.stack([down[i] * value, down[i] * slope, d_down[i] * value])
+        found[1:] /= self.spacing_mm
+        return found
+
+
+def _weights(at: Array, n: int) -> tuple[NDArray[np.intp], list[Array], list[Array]]:
+    """Return the first of four B-splines at places (N,) between n points, their values and their slopes there."""
+    first = np.clip(at.astype(np.intp), 0, n - 2)
+    f = at - first
+    g = 1 - f
+    values = [g**3 / 6, 2 / 3 - f * f * (1 - f / 2), 2 / 3 - g * g * (1 - g / 2), f**3 / 6]
+    return first, values, [-g * g / 2, f * (1.5 * f - 2), -g * (1.5 * g - 2), f * f / 2]
 
 
 def grid(size: int, spacing_mm: float) -> Array:

@@ -59,19 +59,14 @@ def ring_irradiance(surface: Surface, geometry: SensorGeometry, light: Array, bo
 
 def led_irradiance(surface: Surface, geometry: SensorGeometry, led: int, box: Box = WHOLE) -> Array:
     """Equation 3 for one LED: (h, w) irradiance on the pixels of `box`, shadows and what the view takes included."""
-    depth, slope = surface.depth_mm[box], surface.gradient_map[box]
+    depth, position, medium = surface.depth_mm[box], led_positions(geometry)[led], medium_of(geometry)
     x, y = view.places(surface.depth_mm, geometry, box)
-    position, medium = led_positions(geometry)[led], medium_of(geometry)
-    led_x, led_y, led_z = position.tolist()
-    to_x, to_y = led_x - x, led_y - y
-    arriving, to_z = arriving_light(geometry, led, to_x, to_y, depth, medium)
-    facing = to_z - slope[..., 0] * to_x - slope[..., 1] * to_y
-    irradiance = led_z**2 * surface.upright[box] * np.maximum(facing, 0)
-    irradiance *= arriving
+    irradiance, facing = direct_light(geometry, led, x, y, depth, surface.gradient_map[box])
     # A smooth surface casts a shadow only if somewhere it turns away from the light, and not far from there.
     span = depth.max() - depth.min()
     if facing.min() < 0 < span:
-        reach = span * (np.sqrt((to_x**2 + to_y**2 + to_z**2).max()) / led_z + view.most_oblique(geometry))
+        away = np.hypot(position[0] - x, position[1] - y).max()
+        reach = span * (np.hypot(away / position[2], 1) + view.most_oblique(geometry))
         shaded = around(facing < 0, int(np.ceil(reach / geometry.pixel_size_mm)))
         axis_x, axis_y = (axis.ravel().astype(depth.dtype) for axis in pixel_grid(geometry))
         axes = axis_x[box[1]][shaded[1]], axis_y[box[0]][shaded[0]]
@@ -83,6 +78,21 @@ def led_irradiance(surface: Surface, geometry: SensorGeometry, led: int, box: Bo
     if geometry.perspective:
         irradiance *= view.falloff(geometry)[box]
     return np.asarray(irradiance)
+
+
+def direct_light(
+    geometry: SensorGeometry, led: int, x: Array, y: Array, depth_mm: Array, slopes: Array
+) -> tuple[Array, Array]:
+    """Equation 3 for one LED, but for cast shadows and what the view takes: (...) irradiance at points of the gel.
+
+    slopes: (..., 2). Also returns the way to the LED along the normal, which is negative where the gel turns away.
+    """
+    led_x, led_y, led_z = led_positions(geometry)[led].tolist()
+    to_x, to_y = led_x - x, led_y - y
+    arriving, to_z = arriving_light(geometry, led, to_x, to_y, depth_mm, medium_of(geometry))
+    facing = to_z - slopes[..., 0] * to_x - slopes[..., 1] * to_y
+    upright = 1 / np.sqrt(1 + slopes[..., 0] ** 2 + slopes[..., 1] ** 2)
+    return led_z**2 * upright * np.maximum(facing, 0) * arriving, facing
 
 
 def arriving_light(

@@ -122,44 +122,36 @@ def _in_perspective(deformation: Deformation, geometry: SensorGeometry, at_rest:
     near = view.places(met, geometry)
     slopes = [view.between(at_rest.gradient_map[..., axis], *near, geometry) for axis in (0, 1)]
     rising = 1 + (np.stack(slopes, axis=2) * view.tangents(geometry)).sum(axis=2)
-    left = depth_at(deformation, *near, *place) - met
+    left = shape_at(deformation, *near, *place)[0] - met
     met += np.where(rising > LEAST_RISING, left / np.maximum(rising, LEAST_RISING), 0)
     return replace(_at(deformation, *view.places(met, geometry), place), relief_mm=at_rest.depth_mm)
 
 
-def depth_at(
-    deformation: Deformation,
-    x: Array,
-    y: Array,
-    x_mm: float,
-    y_mm: float,
-    turn_rad: float = 0.0,
-    dx: int = 0,
-    dy: int = 0,
-) -> Array:
-    """Return the depth at (...) points x, y of the gel, or its `dx`-th derivative along the object's x and `dy`-th
-    along its y, with the object placed as in `sample`; 0 beyond the object's grid.
+def shape_at(deformation: Deformation, x: Array, y: Array, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> Array:
+    """Return the depth at (...) points x, y of the gel and its slopes along x and y, (3, ...).
+
+    The object is placed as in `sample`; beyond its grid all is 0.
     """
     across, down = _own_axes(x - x_mm, y - y_mm, turn_rad)
     edge = grid(len(deformation.depth_mm), deformation.spacing_mm)[-1]
     inside = (np.abs(across) <= edge) & (np.abs(down) <= edge)
-    depth = np.zeros(across.shape)
-    depth[inside] = deformation.spline(down[inside], across[inside], dx=dy, dy=dx, grid=False)
-    return depth
+    shape = np.zeros((3, *across.shape))
+    depth, own_x, own_y = deformation.at(across[inside], down[inside])
+    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+    shape[:, inside] = depth, cos * own_x - sin * own_y, sin * own_x + cos * own_y
+    return shape
 
 
 def _at(deformation: Deformation, x: Array, y: Array, place: Place) -> Surface:
     """Return the surface at (H, W) points x, y of the gel."""
-    depth, own_x, own_y = (depth_at(deformation, x, y, *place, dx=dx, dy=dy) for dx, dy in ((0, 0), (1, 0), (0, 1)))
-    cos, sin = np.cos(place[2]), np.sin(place[2])
-    slopes = np.stack([cos * own_x - sin * own_y, sin * own_x + cos * own_y], axis=2)
+    depth, *slopes = shape_at(deformation, x, y, *place)
     across, down = _own_axes(x - place[0], y - place[1], place[2])
     points = grid(len(deformation.depth_mm), deformation.spacing_mm)
     nearest = [np.rint((at - points[0]) / deformation.spacing_mm).astype(int) for at in (down, across)]
     inside = np.logical_and.reduce([(at >= 0) & (at < len(points)) for at in nearest])
     contact = np.zeros(x.shape, bool)
     contact[inside] = deformation.contact[nearest[0][inside], nearest[1][inside]]
-    return Surface(depth, slopes, contact)
+    return Surface(depth, np.stack(slopes, axis=2), contact)
 
 
 def _own_axes(x: Array, y: Array, turn_rad: float) -> tuple[Array, Array]:

@@ -29,10 +29,11 @@ from gelnet.training import Trainer, normal_error_deg, print_progress, record_of
 from sim_reference import gel
 from sim_reference.camera import WHITE, CameraResponse, digitise, exposure_for, linear_grey
 from sim_reference.deformation import GelModel
-from sim_reference.geometry import SensorGeometry
-from sim_reference.imaging import ring_irradiance, ring_light
+from sim_reference.geometry import SensorGeometry, pixel_grid
+from sim_reference.imaging import direct_light, ring_irradiance, ring_light
 from sim_reference.objects import ObjectParameters
 from sim_reference.surface import Surface, press_object, sample, untouched
+from sim_reference.view import falloff
 
 Floats = NDArray[np.float32]
 
@@ -141,16 +142,23 @@ def _rows_of_picture(
     sensor: Sensor, surface: Surface, options: Options, noise_grey: float | None, random: np.random.Generator
 ) -> Floats:
     """Photograph the slopes of a surface, all at the depth of the gel at rest; return some pixels as (n, 7) rows."""
-    width = sensor.geometry.image_width_px
-    level = Surface(np.zeros_like(surface.depth_mm), surface.gradient_map, surface.contact)
-    grey = linear_grey(ring_irradiance(level, sensor.geometry, sensor.light), sensor.response).astype(np.float32)
     chosen = _chosen_pixels(surface.gradient_map, surface.contact, options, random)
-    image = grey.clip(0, WHITE) if noise_grey is None else digitise(grey, noise_grey, random)
-    rows = np.empty((len(chosen), 7), np.float32)
-    rows[:, :3] = image.reshape(-1, 3)[chosen] - sensor.reference.reshape(-1, 3)[chosen]
-    rows[:, 3], rows[:, 4] = chosen % width, chosen // width
-    rows[:, 5:] = surface.gradient_map.reshape(-1, 2)[chosen]
-    return rows
+    row, column = np.divmod(chosen, sensor.geometry.image_width_px)
+    slopes = surface.gradient_map[row, column]
+    grey = linear_grey(_level_light(sensor, column, row, slopes), sensor.response).astype(np.float32)
+    shown = grey.clip(0, WHITE) if noise_grey is None else digitise(grey, noise_grey, random)
+    return np.column_stack([shown - sensor.reference[row, column], column, row, slopes]).astype(np.float32)
+
+
+def _level_light(
+    sensor: Sensor, column: NDArray[np.intp], row: NDArray[np.intp], slopes: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the light (n, 3) that slopes (n, 2) show in pixels at the depth of the gel at rest."""
+    geometry, total = sensor.geometry, np.zeros((len(column), 3))
+    x, y = (axis.ravel()[at] for axis, at in zip(pixel_grid(geometry), (column, row), strict=True))
+    for led, colour in enumerate(sensor.light):
+        total += direct_light(geometry, led, x, y, np.zeros(len(x)), slopes)[0][:, None] * colour
+    return total * falloff(geometry)[row, column, None] if geometry.perspective else total
 
 
 def _chosen_pixels(

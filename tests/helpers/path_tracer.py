@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sim_reference.deformation import Deformation
 from sim_reference.geometry import SensorGeometry
-from sim_reference.surface import GRID_EXTENT_MM, depth_at
+from sim_reference.surface import GRID_EXTENT_MM, shape_at
 
 mi.set_variant("scalar_rgb")
 Array = NDArray[np.float64]
@@ -71,8 +71,7 @@ class Drawn:
     def _gel(self, coating: dict[str, Any]) -> Any:
         at = np.linspace(-GRID_EXTENT_MM / 2, GRID_EXTENT_MM / 2, VERTICES)
         x, y = np.meshgrid(at, at)
-        orders = (0, 0), (1, 0), (0, 1)
-        z, across, down = (depth_at(self.pressed, x, y, *self.place_mm, dx=dx, dy=dy) for dx, dy in orders)
+        z, across, down = shape_at(self.pressed, x, y, *self.place_mm)
         a = (np.arange(VERTICES - 1)[:, None] * VERTICES + np.arange(VERTICES - 1)).ravel()
         b, c, d = a + 1, a + VERTICES, a + VERTICES + 1
         faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])

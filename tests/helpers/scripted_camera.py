@@ -104,7 +104,7 @@ class CountingReconstructor:
     bundle = SimpleNamespace(
         pixel_size_mm=(0.1, 0.2),
         identity="0123456789abcdef",
-        manifest=SimpleNamespace(sensor="scripted"),
+        manifest=SimpleNamespace(sensor="scripted", camera_height_mm=0.0),
         metrics={},
         files={},
         controls={},

@@ -23,7 +23,7 @@ class BumpReconstructor:
 
     def __init__(self, bundle: Bundle | None = None, measures: FrameMeasures | None = None) -> None:
         self.measures = measures
-        described = SimpleNamespace(sensor="formula")
+        described = SimpleNamespace(sensor="formula", camera_height_mm=0.0)
         self.bundle: Any = bundle or SimpleNamespace(
             pixel_size_mm=(0.1, 0.2), image_shape=SHAPE, files={}, identity="0" * 16, manifest=described, metrics={},
             source="formula", controls={}, colours=None, check_fits=lambda camera, image_shape: None,

@@ -65,7 +65,9 @@ class GeometrySettings(StrictModel):
     coating_smoothing_mm: float | None = Field(
         default=None, ge=0, description="the coating bridges detail finer than this (standard deviation)"
     )
-    camera_height_mm: float | None = Field(default=None, gt=0, description="from the gel to the camera")
+    camera_height_mm: float | None = Field(
+        default=None, gt=0, description="from the gel to the camera; where given, labels and depth count with it"
+    )
     image_width_px: int | None = Field(default=None, ge=16, le=8192, description="columns of the camera image")
     image_height_px: int | None = Field(default=None, ge=16, le=8192, description="rows of the camera image")
     pixel_size_mm: float | None = Field(default=None, gt=0, description="size of a camera pixel on the gel")

@@ -112,6 +112,7 @@ class ActivePipeline:
             ages_s={"taken": taken_s - frame.time_s, "reconstructed": now_s - frame.time_s},
             findings=self._kinds_against(felt),
             gel_thickness_mm=self.thickness_mm,
+            camera_height_mm=zeroed.manifest.camera_height_mm,
         )
         return replace(felt, provenance=provenance)
 

@@ -80,8 +80,9 @@ class NumpyPath:
             depth_mm, gradient_map = self._perspective.depth_mm(depth_mm), self._perspective.slopes(gradient_map)
         if self._undistortion is not None:
             depth_mm[~self._undistortion.seen], gradient_map[~self._undistortion.seen] = 0, 0
-        pixels = self._bundle.pixel_size_mm
-        return tactile_frame(camera_frame, difference, gradient_map, depth_mm, pixels, stages, touched=where)
+        pixels, seen = self._bundle.pixel_size_mm, self._perspective
+        maps = difference, gradient_map, depth_mm
+        return tactile_frame(camera_frame, *maps, pixels, stages, touched=where, perspective=seen)
 
     def _slopes(self, difference: Floats, cells: Bools, touched: Bools) -> Floats:
         if not self._masked:

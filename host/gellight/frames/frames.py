@@ -23,6 +23,7 @@ from gellight.base.field_docs import with_field_docs
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force, FrameMeasures, MapOnRequest
 from gellight.frames.normals import normals
+from gellight.frames.point_cloud import points_of
 from gellight.frames.pose import ObjectPose
 from gellight.frames.shear import DotsSeen, Shear, ShearTruth, Slip
 from gellight.frames.status import ExposuresStatus
@@ -265,6 +266,8 @@ class Provenance:
     """camera frames between the last tactile frame that this reader had and this one"""
     gel_thickness_mm: float | None = None
     """None where nobody knows"""
+    camera_height_mm: float = 0.0
+    """above the gel, as it seems from within it; 0 where nobody knows: it is then taken to be far away"""
 
 
 @with_field_docs
@@ -300,6 +303,12 @@ class TactileFrame:
     def normal_map(self) -> NDArray[np.float32]:
         """(H, W, 3) unit normals of the gel surface, towards the camera."""
         return normals(self.gradient_map)
+
+    @cached_property
+    def points_mm(self) -> NDArray[np.float32] | None:
+        """(H, W, 3) where the gel lies that each pixel shows: see `points_of`; None where no provenance tells sizes."""
+        made = self.provenance
+        return points_of(self.depth_mm, made.pixel_size_mm, made.camera_height_mm) if made else None
 
     @cached_property
     def force(self) -> Force | None:

@@ -9,8 +9,12 @@ UNSURE_VERTEX = np.dtype([("xyz", "<f4", 3), ("error_mm", "<f4")])
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
-def points_of(depth_mm: NDArray[np.float32], pixel_size_mm: tuple[float, float]) -> NDArray[np.float32]:
+def points_of(
+    depth_mm: NDArray[np.float32], pixel_size_mm: tuple[float, float], camera_height_mm: float = 0.0
+) -> NDArray[np.float32]:
     """Return (H, W, 3) x, y, z of the gel surface, mm, from the image centre: x right, y up, z towards the camera.
+
+    A camera so high above the gel sees what is d deep farther out by d / H of its distance; 0: far away.
 
     y points up, unlike that of images, so that the axes are right-handed: 3D programs would show a mirrored gel.
     """
@@ -19,17 +23,24 @@ def points_of(depth_mm: NDArray[np.float32], pixel_size_mm: tuple[float, float])
     points[..., 0] = (np.arange(width) - (width - 1) / 2) * pixel_size_mm[0]
     points[..., 1] = (((height - 1) / 2 - np.arange(height)) * pixel_size_mm[1])[:, None]
     points[..., 2] = depth_mm
+    if camera_height_mm:
+        points[..., :2] *= 1 - depth_mm[..., None] / np.float32(camera_height_mm)
     return points
 
 
-def ply(depth_mm: NDArray[np.float32], pixel_size_mm: tuple[float, float], image: NDArray[np.uint8]) -> bytes:
+def ply(
+    depth_mm: NDArray[np.float32],
+    pixel_size_mm: tuple[float, float],
+    image: NDArray[np.uint8],
+    camera_height_mm: float = 0.0,
+) -> bytes:
     """Return a PLY file of the gel surface, mm, as triangles, coloured by the (H, W, 3) camera image.
 
-    Pixels without depth are left out.
+    camera_height_mm: as in `points_of`. Pixels without depth are left out.
     """
     known = np.isfinite(depth_mm)
     vertices = np.empty(np.count_nonzero(known), VERTEX)
-    vertices["xyz"], vertices["rgb"] = points_of(depth_mm, pixel_size_mm)[known], image[known]
+    vertices["xyz"], vertices["rgb"] = points_of(depth_mm, pixel_size_mm, camera_height_mm)[known], image[known]
     return _ply(vertices, ["uchar red", "uchar green", "uchar blue"], _triangles(known))
 
 

@@ -75,10 +75,11 @@ def _misfit_at(
     """Return the function from an offset in mm to the sum of squared residuals in units of the noise."""
     grey, valid, light = signals.grey[:, chosen], signals.valid[:, chosen], references[:, chosen]
     x, y, z = points.x_mm[chosen], points.y_mm[chosen], points.z_mm[chosen]
+    seen = points.seen_mm and (points.seen_mm[0][chosen], points.seen_mm[1][chosen])
     deviation = signals.deviation.astype(np.float32)
 
     def misfit(offset: float) -> float:
-        rows = light_rows(Points(x, y, z + np.float32(offset)), light, ring)
+        rows = light_rows(Points(x, y, z + np.float32(offset), seen), light, ring)
         scaled, used = solve_robustly(grey, rows, valid, deviation)
         wrong = (grey - predict(rows, scaled)) / deviation[:, None]
         return float((np.minimum(wrong**2, OUTLIER_SQUARED) * used).sum(dtype=np.float64))

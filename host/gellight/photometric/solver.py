@@ -13,8 +13,9 @@ Behind a window p is where the LED seems to stand, and f_k holds the light that 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from math import isinf
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,22 @@ class Points:
     x_mm: Floats
     y_mm: Floats
     z_mm: Floats
+    seen_mm: tuple[Floats, Floats] | None = None
+    """x and y of the gel at rest in the pixels that show them; None: those of the points"""
+
+    @classmethod
+    def seen_at(cls, x_mm: Floats, y_mm: Floats, z_mm: Floats, camera_height_mm: float) -> Self:
+        """Return what a camera sees, so high above the gel, or infinitely, where it sees x, y of the gel at rest."""
+        if isinf(camera_height_mm):
+            return cls(x_mm, y_mm, z_mm)
+        share = 1 - z_mm / np.float32(camera_height_mm)
+        return cls(x_mm * share, y_mm * share, z_mm, (x_mm, y_mm))
+
+    @property
+    def at_rest(self) -> "Points":
+        """The points of the gel at rest in their pixels."""
+        x, y = self.seen_mm or (self.x_mm, self.y_mm)
+        return Points(x, y, np.zeros_like(x))
 
 
 def flat_gel(image_shape: tuple[int, int], pixel_size_mm: tuple[float, float]) -> Points:
@@ -66,15 +83,17 @@ def light_row(
     """
     if window_mm:
         brought, above = light_through(points, position, axis, exponent, window_mm)
-        level = replace(points, z_mm=np.zeros_like(points.z_mm))
-        at_rest, above_rest = light_through(level, position, axis, exponent, window_mm)
+        at_rest, above_rest = light_through(points.at_rest, position, axis, exponent, window_mm)
         share = reference * np.divide(brought, at_rest * above_rest, out=np.zeros_like(above), where=at_rest > 0)
         return np.stack([share * (position[0] - points.x_mm), share * (position[1] - points.y_mm), share * above])
     x, y, z = position[0] - points.x_mm, position[1] - points.y_mm, position[2] - points.z_mm
-    sideways = x * x + y * y
-    ratio = (sideways + position[2] ** 2) / (sideways + z * z)
-    across = x * axis[0] + y * axis[1]
-    leaving = (across + z * axis[2]) / (across + position[2] * axis[2])
+    sideways, across = x * x + y * y, x * axis[0] + y * axis[1]
+    away, along = sideways, across
+    if points.seen_mm:
+        rest_x, rest_y = position[0] - points.seen_mm[0], position[1] - points.seen_mm[1]
+        away, along = rest_x * rest_x + rest_y * rest_y, rest_x * axis[0] + rest_y * axis[1]
+    ratio = (away + position[2] ** 2) / (sideways + z * z)
+    leaving = (across + z * axis[2]) / (along + position[2] * axis[2])
     # (d0/d)^3 from distance and direction; the cosine to the axis has another d0/d in it, to the power m.
     factor = reference * ratio ** ((3 + exponent) / 2) * np.maximum(leaving, 0) ** exponent / position[2]
     return np.stack([factor * x, factor * y, factor * z])

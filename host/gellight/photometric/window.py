@@ -30,10 +30,10 @@ def window_of(geometry: Mapping[str, Any]) -> float:
 def seen_height_mm(geometry: Mapping[str, Any]) -> float:
     """Return how high above the gel the camera of [geometry] seems to stand from within the gel.
 
-    That is h in air, n (h - t) + t behind a window of thickness t near the axis; infinite where the gel is to be seen
-    along parallel rays.
+    That is h in air, n (h - t) + t behind a window of thickness t near the axis; infinite where nobody tells h, and
+    where the gel is to be seen along parallel rays.
     """
-    if not geometry.get("perspective"):
+    if not geometry.get("perspective", "camera_height_mm" in geometry):
         return inf
     height, window = geometry.get("camera_height_mm", CAMERA_MM), window_of(geometry)
     return float(INDEX * (height - window) + window if window else height)

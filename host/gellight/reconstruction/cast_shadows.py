@@ -5,11 +5,13 @@ tell that from a slope, so the gel there is found too steep and the contact too 
 (`lights.json`), the slopes that were found tell the shadows, on means over 4 x 4 pixels (cells):
 
 1. The slopes are integrated to a surface of cells.
-2. Seen from a point at the distance r from the foot of a LED, the LED stands at the slope s = (z_led - z) / r. The
-   point is in shadow where a nearer point of the same ray has a smaller s. Rays that cross more rows than columns are
-   followed away from the LED row by row: the smallest s up to there, between the two cells of the row before that a ray
-   passes, is that row's, or s there. The other rays are followed column by column.
-3. `led_light` says how much light a hidden LED would bring to gel of the slope that was found.
+2. Light comes to a point at the distance r from the foot of a LED at the slope s = (z_led - z) / r; through a window
+   it leaves the LED at such a slope, which it keeps. The point is in shadow where a nearer point of the same ray has a
+   smaller s. Rays that cross more rows than columns are followed away from the LED row by row: the smallest s up to
+   there, between the two cells of the row before that a ray passes, is that row's, or s there. The other rays are
+   followed column by column. In a picture that is taken from a height rays do not come from the LED's foot, but from
+   where the camera would see the LED.
+3. `led_light` says how much light a hidden LED would bring to gel of the slope that was found, and at which s.
 4. By how much the network answers otherwise to the colour of the cell with that light is added to the slopes of the
    pixels, linear between cells, before they are smoothed and integrated. Where the colour changes little, the Jacobian
    that `linearised` has of the cell tells it; only where it changes by more than `LIMIT_GREY` is the network asked.
@@ -18,11 +20,11 @@ tell that from a slope, so the gel there is found too steep and the contact too 
 Depth does the same everywhere: gel that is pressed in lies nearer to the LEDs. A network that learnt from balls as they
 look shows gentle slopes deep, because a ball has them in its middle, and reads the gel beside a contact too flat. Where
 the manifest says `light_by_depth`, the network learnt colours as they would be at the depth of the gel at rest, and in
-step 3 each cell gets the light, too, that it would have there (`LedLight.lost_by_depth`). All is then done twice, for
-the depth of the first round is felt in the wrong light.
+step 3 each cell gets the light, too, that it would have there. All is then done twice, for the depth of the first round
+is felt in the wrong light.
 """
 
-from dataclasses import dataclass
+from math import inf
 from typing import Self
 
 import numpy as np
@@ -32,13 +34,13 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.pixel_grid import between_blocks
 from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import has_lights, read_lights
-from gellight.photometric.solver import Points
 from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX, cell_means
 from gellight.reconstruction.integration import integrate
-from gellight.reconstruction.led_light import LedLight, unit_normals
+from gellight.reconstruction.led_light import LedLight
 from gellight.reconstruction.lens.lens_file import has_lens
 from gellight.reconstruction.linearised import LIMIT_GREY, CellNetwork, widened
+from gellight.reconstruction.perspective import Perspective
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -48,8 +50,6 @@ EDGE_MM = 0.08
 ROUNDS = 2
 """where depth changes the light: after one alone walls are felt up to six times as far off; a third one brings steep
 objects normals that are a tenth better, and waves a depth that is half as far off again"""
-DEEPEST = 0.15
-"""of the height of the LEDs: gel is not pressed in further, so nothing is sought where nothing so deep would shade"""
 _BEYOND = np.float32(1e3)
 """slope at which a LED stands where nothing is known of the surface: nothing hides it"""
 _DIAGONAL = 1.00001
@@ -67,10 +67,12 @@ class CastShadows:
         self.cell_mm = CELL_PX * bundle.pixel_size_mm[0], CELL_PX * bundle.pixel_size_mm[1]
         self.cells = -(-bundle.image_shape[0] // CELL_PX), -(-bundle.image_shape[1] // CELL_PX)
         self.light = LedLight.of(model, self.cells)
-        self.deepest_mm = DEEPEST * float(self.light.leds[:, 2].min())
         place = (network.middle - (np.array(bundle.image_shape[::-1]) - 1) / 2) * bundle.pixel_size_mm
         x, y = np.moveaxis(place.reshape(*self.cells, 2), 2, 0).astype(np.float32)
         self.x_mm, self.y_mm = np.ascontiguousarray(x[0]), np.ascontiguousarray(y[:, 0])
+        self.height_mm = bundle.manifest.camera_height_mm or inf
+        self.on_cells = self.light.on_cells(self.x_mm, self.y_mm, self.height_mm)
+        self.perspective = Perspective(self.x_mm, self.y_mm, self.height_mm) if self.height_mm < inf else None
         self.rest = cell_means(bundle.reference.astype(np.float32), CELL_PX).reshape(-1, 3)
         """(h w, 3) grey levels at rest"""
 
@@ -118,89 +120,74 @@ class CastShadows:
         return np.asarray(change, np.float32)
 
     def _may_shade(self, slopes: Floats) -> bool:
-        deepest = self._surface(np.full(self.cells, self.deepest_mm, np.float32), slopes)
-        return any(deepest.away_from(led).any() for led in self.light.leds)
+        """Whether some cell would be turned away from a LED as deep as gel is pressed at most."""
+        deepest = np.full(self.cells, self.on_cells.most_mm[1], np.float32)
+        return any(self._facing(led, deepest, slopes)[1].min() < 0 for led in range(len(self.on_cells.feet)))
 
     def depth_mm(self, slopes: Floats, touched: Bools) -> Floats:
         """Integrate the (h, w, 2) slopes of cells."""
         at_rest = far_from_touch(touched, COARSE_PX // CELL_PX)
-        return np.asarray(integrate(slopes, self.cell_mm, at_rest=at_rest, bulge=self._bulge), np.float32)
+        seen = self.perspective.seen(slopes) if self.perspective else slopes
+        depth = np.asarray(integrate(seen, self.cell_mm, at_rest=at_rest, bulge=self._bulge), np.float32)
+        depth = self.perspective.depth_mm(depth) if self.perspective else depth
+        return np.clip(depth, *self.on_cells.most_mm)
 
     def lost(self, depth_mm: Floats, slopes: Floats) -> Floats:
         """Return the light that each cell lacks, (h, w, 3), in shares of the light at rest.
 
         depth_mm: (h, w). slopes: (h, w, 2).
         """
-        surface, light = self._surface(depth_mm, slopes), self.light
-        points = Points(surface.x.ravel(), surface.y.ravel(), depth_mm.ravel())
-        shares = light.shares.reshape(*light.shares.shape[:2], -1)
-        normal = unit_normals(slopes).reshape(3, -1)
-        lost = np.zeros((3, depth_mm.size), np.float32)
-        if self.by_depth:
-            lost += light.lost_by_depth(points, slopes.reshape(-1, 2), shares)
-        for number, led in enumerate(light.leds if self.hide else ()):
-            away = surface.away_from(led)
-            if away.any():  # a smooth surface casts no shadow where all of it faces the light
-                hidden = surface.hidden_from(led, away, self.cell_mm).ravel()
-                lost += shares[number] * light.on(number, points, normal, hidden)
-        return np.moveaxis(lost.reshape(3, *self.cells), 0, 2)
+        upright = 1 / np.sqrt(1 + (slopes**2).sum(axis=2))
+        lost = np.zeros((3, *self.cells), np.float32)
+        for led, light in enumerate(self.on_cells.light):
+            level, now = self._facing(led, depth_mm, slopes)
+            b_1, b_2, b_3 = light[3:6]
+            lit = np.maximum(1 + depth_mm * (b_1 + depth_mm * (b_2 + depth_mm * b_3)), 0) * np.maximum(now, 0)
+            less = np.maximum(level, 0) - lit if self.by_depth else np.zeros_like(lit)
+            if self.hide and now.min() < 0:  # a smooth surface casts no shadow where all of it faces the light
+                less += self._hidden(led, depth_mm, now < 0) * lit
+            lost += light[6:] * (upright * less)
+        return np.moveaxis(lost, 0, 2)
 
-    def _surface(self, depth_mm: Floats, slopes: Floats) -> "_Surface":
-        return _Surface(depth_mm, slopes[..., 0], slopes[..., 1], *np.meshgrid(self.x_mm, self.y_mm))
+    def _facing(self, led: int, depth_mm: Floats, slopes: Floats) -> tuple[Floats, Floats]:
+        """Return a - slopes . way to the foot (see `OnCells`), at the depth of rest and as deep as it is, (h, w)."""
+        (x, y), (a_0, a_1, a_2) = self.on_cells.feet[led, :2], self.on_cells.light[led, :3]
+        across, down = slopes[..., 0], slopes[..., 1]
+        level = a_0 - across * (x - self.x_mm) - down * (y - self.y_mm[:, None])
+        moved = across * self.x_mm + down * self.y_mm[:, None]
+        return level, level + depth_mm * (a_1 + depth_mm * a_2 - moved / np.float32(self.height_mm))
 
-
-@dataclass(frozen=True, eq=False)
-class _Surface:
-    """A surface on cells, (h, w) each."""
-
-    depth_mm: Floats
-    across: Floats
-    """d(depth)/dx"""
-    down: Floats
-    """d(depth)/dy"""
-    x: Floats
-    """mm"""
-    y: Floats
-
-    def away_from(self, led: Floats) -> Bools:
-        """Mark the cells that are turned away from a LED (6,)."""
-        x, y, z = led[0] - self.x, led[1] - self.y, led[2] - self.depth_mm
-        return np.asarray(z - self.across * x - self.down * y < 0)
-
-    def hidden_from(self, led: Floats, away: Bools, cell_mm: tuple[float, float]) -> Floats:
-        """Return the share of a LED that is hidden from each cell, (h, w); away: of `away_from`."""
-        hidden = np.zeros_like(self.depth_mm)
-        surface = np.stack([self.x, self.y, self.depth_mm])
-        turned = surface[[1, 0, 2]].swapaxes(1, 2)
-        for rows in (slice(None), slice(None, None, -1)):
-            _follow_rays(surface[:, rows], led[:3], away[rows], cell_mm, _DIAGONAL, hidden[rows])
-            _follow_rays(turned[:, rows], led[[1, 0, 2]], away.T[rows], cell_mm[::-1], 1 / _DIAGONAL, hidden.T[rows])
+    def _hidden(self, led: int, depth_mm: Floats, away: Bools) -> Floats:
+        """Return the share of a LED that is hidden from each cell, (h, w); away: cells that are turned away from it."""
+        (x, y, from_x, from_y), (v_0, v_1, v_2, per_row, per_column) = self.on_cells.feet[led], self.on_cells.rays[led]
+        slant = v_0 + depth_mm * (v_1 + depth_mm * v_2)
+        sideways = np.maximum(np.hypot(x - self.x_mm, y - self.y_mm[:, None]), min(self.cell_mm))
+        hidden = np.zeros_like(depth_mm)
+        rows, columns = np.stack([slant, sideways, per_row]), np.stack([slant.T, sideways.T, per_column.T])
+        for forward, order in ((True, slice(None)), (False, slice(None, None, -1))):
+            below, beside = ((at[order] >= of) == forward for at, of in ((self.y_mm, from_y), (self.x_mm, from_x)))
+            _follow_rays(rows[:, order], away[order], below, _DIAGONAL, hidden[order])
+            _follow_rays(columns[:, order], away.T[order], beside, 1 / _DIAGONAL, hidden.T[order])
         return hidden
 
 
-def _follow_rays(
-    surface: Floats, led: Floats, away: Bools, cell_mm: tuple[float, float], furthest: float, hidden: Floats
-) -> None:
-    """Write how much of a LED is hidden from the cells (h, w) beyond it, from the first row to the last.
+def _follow_rays(rays: Floats, away: Bools, beyond: Bools, furthest: float, hidden: Floats) -> None:
+    """Write how much of a LED is hidden from the cells (h, w) of the rows beyond it, from the first row to the last.
 
-    surface: (3, h, w) and led: (3,) in x, y, z. furthest: columns that a ray may cross in a row.
+    rays: (3, h, w) slope at which light leaves the LED, distance from its foot, and cells along the row that a ray
+    crosses in a row. furthest: as many it may cross.
     """
-    x, y, depth_mm = surface
-    forward = y[0, 0] < y[-1, 0]
-    beyond = y[:, 0] >= led[1] if forward else y[:, 0] < led[1]
     rows = np.flatnonzero(away.any(axis=1) & beyond)
     if not len(rows):
         return
-    least = np.full(depth_mm.shape[1] + 2, _BEYOND)
+    least = np.full(away.shape[1] + 2, _BEYOND)
     # One row that faces the light before the first that does not.
-    for row in range(max(rows[0] - 1, int(np.argmax(beyond))), len(depth_mm)):
-        to_x, to_y, to_z = led[0] - x[row], led[1] - y[row, 0], led[2] - depth_mm[row]
-        ahead = to_x * (cell_mm[1] / (max(abs(to_y), 1e-6) * cell_mm[0]))
+    for row in range(max(rows[0] - 1, int(np.argmax(beyond))), len(away)):
+        slant, sideways, ahead = rays[:, row]
         right, left = np.clip(ahead, 0, 1), np.clip(-ahead, 0, 1)
         before = least[1:-1] + right * (least[2:] - least[1:-1]) + left * (least[:-2] - least[1:-1])
-        sideways = np.maximum(np.hypot(to_x, to_y), min(cell_mm))
-        least[1:-1] = np.minimum(before, to_z / sideways)
-        part = np.clip(0.5 + (to_z - before * sideways) / EDGE_MM, 0, 1)
+        least[1:-1] = np.minimum(before, slant)
+        part = np.clip(0.5 + (slant - before) * sideways / EDGE_MM, 0, 1)
         part[np.abs(ahead) > furthest] = 0
         if row > rows[-1] and not part.any():
             return

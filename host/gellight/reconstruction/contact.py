@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from scipy import ndimage
 
 from gellight.frames.frames import Contact, Patch
 from gellight.frames.pixel_grid import bounding_box, pixel_size_xy
+from gellight.reconstruction.perspective import Perspective
 
 THRESHOLD_MM = 0.02
 """Default depth from which the gel counts as pressed: the depth error of the GelLight paper's sensor."""
@@ -112,11 +114,13 @@ def measure_patches(
     depth_mm: NDArray[np.floating],
     gradient_map: NDArray[np.floating],
     pixel_size_mm: float | tuple[float, float],
+    perspective: Perspective | None = None,
 ) -> list[Patch]:
     """Measure each connected part of a contact patch, the deepest first.
 
-    mask: (H, W) the contact patch. depth_mm: (H, W) mm. gradient_map: (H, W, 2). Pixels that touch at a corner are
-    connected. Parts smaller than `SMALLEST_PATCH_PX` are left out, and all but the `MOST_PATCHES` deepest.
+    mask: (H, W) the contact patch. depth_mm: (H, W) mm. gradient_map: (H, W, 2). perspective: of the camera; None: it
+    looks along parallel rays. Pixels that touch at a corner are connected. Parts smaller than `SMALLEST_PATCH_PX` are
+    left out, and all but the `MOST_PATCHES` deepest.
     NaN in depth or slope is left out of the figures.
     """
     if not mask.any():
@@ -137,9 +141,36 @@ def measure_patches(
         slopes_x, slopes_y = (gradient_map[rows, columns, axis][inside] for axis in (0, 1))
         x, y = (count * _mean_index(np.count_nonzero(inside, axis=axis)) for axis in (0, 1))
         places = x + count * (left + columns.start), y + count * (top + rows.start)
-        sums = np.nanmax(depths), np.nansum(depths, dtype=np.float64), np.nanmax(slopes_x**2 + slopes_y**2)
-        parts.append([count, *places, *sums])
+        volume, steepest = np.nansum(depths, dtype=np.float64), np.nanmax(slopes_x**2 + slopes_y**2)
+        if perspective:
+            at_y, at_x = np.nonzero(inside)
+            at = at_x + left + columns.start, at_y + top + rows.start
+            seen = perspective.sums(depths, np.stack([slopes_x, slopes_y], axis=1), at, mask.shape)
+            parts.append([*seen[:3], np.nanmax(depths), seen[3], steepest])
+        else:
+            parts.append([count, *places, np.nanmax(depths), volume, steepest])
     return patches_of(np.array(parts).reshape(-1, 6), mask.shape, (size_x, size_y))
+
+
+def patched(
+    contact: Contact,
+    depth_mm: NDArray[np.floating],
+    gradient_map: NDArray[np.floating],
+    pixel_size_mm: float | tuple[float, float],
+    perspective: Perspective | None,
+) -> tuple[Contact, list[Patch]]:
+    """Return a contact and its parts, measured as `measure_patches` does; both on the gel where the view is known."""
+    patches = measure_patches(contact.mask, depth_mm, gradient_map, pixel_size_mm, perspective)
+    return on_gel(contact, patches) if perspective else contact, patches
+
+
+def on_gel(contact: Contact, patches: list[Patch]) -> Contact:
+    """Return a contact with the area and the place of its parts, which were measured on the gel."""
+    area = sum(patch.area_mm2 for patch in patches)
+    if not area:
+        return contact
+    x, y = (sum(patch.area_mm2 * patch.centroid_mm[axis] for patch in patches) / area for axis in (0, 1))
+    return replace(contact, area_mm2=area, centroid_mm=(x, y))
 
 
 def patches_of(
@@ -147,8 +178,8 @@ def patches_of(
 ) -> list[Patch]:
     """Return the patches of the parts of a contact, the deepest first, at most `MOST_PATCHES`.
 
-    parts: (N, 6) pixels, sums of their columns and rows, largest depth and sum of depth in mm, largest square of the
-    slope.
+    parts: (N, 6) pixels of gel at rest that are as large, sums of their columns and rows, largest depth and sum of
+    depth in mm, largest square of the slope.
     """
     (size_x, size_y), (middle_y, middle_x) = pixel_size_mm, [(length - 1) / 2 for length in image_shape]
     deepest = parts[np.argsort(-parts[:, 3], kind="stable")[:MOST_PATCHES]].tolist()

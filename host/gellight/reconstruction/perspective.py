@@ -17,23 +17,26 @@ from numpy.typing import NDArray
 from gellight.bundle.bundle import Bundle
 from gellight.frames.pixel_grid import gel_points_mm
 
+Array = NDArray[np.floating]
 Floats = NDArray[np.float32]
 
 
 class Perspective:
     """The view of one camera above the gel."""
 
-    def __init__(self, image_shape: tuple[int, int], pixel_size_mm: tuple[float, float], height_mm: float) -> None:
-        """Keep p / H of its pixels. height_mm: H, as it seems from within the gel."""
-        self._over_height: Floats = (gel_points_mm(image_shape, pixel_size_mm) / height_mm).astype(np.float32)
-        self._height_mm = np.float32(height_mm)
+    def __init__(self, x_mm: Array, y_mm: Array, height_mm: float) -> None:
+        """Keep p / H of pixels at x_mm (W,), y_mm (H,) from the axis. height_mm: H, as it seems from within the gel."""
+        self.x: Floats = np.asarray(x_mm / height_mm, np.float32)
+        self.y: Floats = np.asarray(y_mm / height_mm, np.float32)
+        self.height_mm = np.float32(height_mm)
 
     @classmethod
     def of_bundle(cls, bundle: Bundle, block_px: int = 1) -> Self | None:
         """Return that of a bundle, over squares of `block_px`; None where nobody told the height: for parallel rays."""
         height_mm, (x_mm, y_mm) = bundle.manifest.camera_height_mm, bundle.pixel_size_mm
-        shape = bundle.image_shape[0] // block_px, bundle.image_shape[1] // block_px
-        return cls(shape, (x_mm * block_px, y_mm * block_px), height_mm) if height_mm else None
+        (height, width), size = (side // block_px for side in bundle.image_shape), (x_mm * block_px, y_mm * block_px)
+        points = gel_points_mm((height, width), size)
+        return cls(points[0, :, 0], points[:, 0, 1], height_mm) if height_mm else None
 
     def seen(self, slopes: Floats) -> Floats:
         """Return the slopes q of L over the picture, (H, W, 2), for the slopes of the gel."""
@@ -45,15 +48,25 @@ class Perspective:
 
     def depth_mm(self, logarithmic: Floats) -> Floats:
         """Return the depth of the gel for L, mm."""
-        return np.asarray(-self._height_mm * np.expm1(-logarithmic / self._height_mm), np.float32)
+        return np.asarray(-self.height_mm * np.expm1(-logarithmic / self.height_mm), np.float32)
 
     def logarithmic(self, depth_mm: Floats) -> Floats:
         """Return L for the depth of the gel."""
-        return np.asarray(-self._height_mm * np.log1p(-depth_mm / self._height_mm), np.float32)
+        return np.asarray(-self.height_mm * np.log1p(-depth_mm / self.height_mm), np.float32)
 
-    def share(self, depth_mm: Floats) -> Floats:
-        """Return 1 - d / H: how far from the axis the gel lies, as a share of how far it is seen."""
-        return np.asarray(1 - depth_mm / self._height_mm, np.float32)
+    def sums(
+        self, depth_mm: Floats, slopes: Floats, at: tuple[NDArray[np.intp], NDArray[np.intp]], shape: tuple[int, ...]
+    ) -> tuple[float, float, float, float]:
+        """Return how many pixels of gel at rest are as large as some pixels, and sums of their columns, rows, depths.
+
+        depth_mm: (N,). slopes: (N, 2) of the gel. at: columns and rows of the pixels in a picture of a shape. A pixel
+        shows (1 - d / H)^2 / (1 + p . g / H) as much gel as at rest: the determinant of dx / dp for x = p (1 - d / H).
+        """
+        share = 1 - depth_mm.astype(np.float64) / self.height_mm
+        pixels = share**2 / (1 + self.x[at[0]] * slopes[:, 0] + self.y[at[1]] * slopes[:, 1])
+        middles = [(side - 1) / 2 for side in shape[1::-1]]
+        columns, rows = (float((pixels * (m + share * (n - m))).sum()) for m, n in zip(middles, at, strict=True))
+        return float(pixels.sum()), columns, rows, float((pixels * depth_mm).sum())
 
     def _along(self, slopes: Floats) -> Floats:
-        return np.asarray((self._over_height * slopes).sum(axis=2, keepdims=True), np.float32)
+        return np.asarray(slopes[..., :1] * self.x[:, None] + slopes[..., 1:] * self.y[:, None, None], np.float32)

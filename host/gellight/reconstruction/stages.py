@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, TactileFrame
 from gellight.frames.measures import FrameMeasures
-from gellight.reconstruction.contact import find_contact, measure_patches, without_untouched
+from gellight.reconstruction.contact import find_contact, patched, without_untouched
+from gellight.reconstruction.perspective import Perspective
 
 STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
 """Keys of `TactileFrame.stage_seconds`, in the order of the path; `lens` follows `gradient` where there is one."""
@@ -96,16 +97,17 @@ def tactile_frame(
     exposures: ExposureReport | None = None,
     measures: FrameMeasures | None = None,
     touched: NDArray[np.bool_] | None = None,
+    perspective: Perspective | None = None,
 ) -> TactileFrame:
     """Do the last two stages, normals and contact, and put the frame together.
 
-    touched: (H, W) where the picture says so; None: contact may be anywhere.
+    touched: (H, W) where the picture says so; None: contact may be anywhere. perspective: None along parallel rays.
     """
     stages.end("normals")
     contact = find_contact(depth_mm, pixel_size_mm)
     if touched is not None:
         contact = without_untouched(contact, touched, depth_mm, pixel_size_mm)
-    contacts = measure_patches(contact.mask, depth_mm, gradient_map, pixel_size_mm)
+    contact, contacts = patched(contact, depth_mm, gradient_map, pixel_size_mm, perspective)
     stages.end("contact")
     return TactileFrame(
         camera_frame=camera_frame,

@@ -5,6 +5,7 @@ is computed, and the pixels that are touched or shadowed are solved again with i
 LEDs 20 mm away is lit from lower angles than the gel at rest: without this second look its slopes are 5 % wrong.
 """
 
+from math import inf
 from typing import Any, TypeVar, cast
 
 import cv2
@@ -78,7 +79,7 @@ class PhotometricReconstructor:
             raise ValueError(f"the lights are for {model.image_shape} pixels, the calibration {bundle.image_shape}")
         self.bundle = bundle
         self.model = model
-        self._perspective = Perspective.of_bundle(bundle, block_px)
+        self._perspective, self._whole_view = (Perspective.of_bundle(bundle, side) for side in (block_px, 1))
         self._smoother = Smoother(smoothing_px // block_px)
         self._block = block_px
         self._shape = model.image_shape[0] // block_px, model.image_shape[1] // block_px
@@ -116,8 +117,10 @@ class PhotometricReconstructor:
         gradient_map, depth = self._enlarged(gradient_map), self._enlarged(depth)
         self._last = report = self._report(series, signals, used, predicted)
         stages.end("still")
-        size_mm, measures = self.bundle.pixel_size_mm, self._measures
-        return tactile_frame(picture, difference, gradient_map, depth, size_mm, stages, report, measures=measures)
+        size_mm, maps = self.bundle.pixel_size_mm, (difference, gradient_map, depth)
+        return tactile_frame(
+            picture, *maps, size_mm, stages, report, measures=self._measures, perspective=self._whole_view
+        )
 
     def _signals(self, series: ExposureSeries) -> Signals:
         """Take the pictures apart into the light of each LED."""
@@ -182,10 +185,7 @@ class PhotometricReconstructor:
     def _places(self, pixels: NDArray[np.intp], depth_mm: Floats) -> Points:
         """Return where the gel is that pixels see, `depth_mm` (N,) deep."""
         x, y = self._points.x_mm[pixels], self._points.y_mm[pixels]
-        if self._perspective is None:
-            return Points(x, y, depth_mm)
-        share = self._perspective.share(depth_mm)
-        return Points(x * share, y * share, depth_mm)
+        return Points.seen_at(x, y, depth_mm, self.bundle.manifest.camera_height_mm or inf)
 
     def _touched(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Bools:
         """Mark the pixels whose slopes stand out of the noise, on cells of 4 x 4 pixels."""

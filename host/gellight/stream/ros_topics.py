@@ -109,7 +109,8 @@ class RosTopics:
 
     def _points(self, frame: TactileFrame) -> bytes:
         assert frame.provenance is not None
-        points = points_of(frame.depth_mm, frame.provenance.pixel_size_mm) * np.float32(1e-3)
+        seen = frame.provenance.pixel_size_mm, frame.provenance.camera_height_mm
+        points = points_of(frame.depth_mm, *seen) * np.float32(1e-3)
         height, width, _ = points.shape
         return self._cloud(frame, (height, width), np.dtype([(name, "<f4") for name in "xyz"]), points.tobytes())
 

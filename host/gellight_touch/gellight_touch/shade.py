@@ -7,7 +7,9 @@ import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.reconstruction.cast_shadows import EDGE_MM
+from gellight.reconstruction.led_light import LedLight
 from gellight.reconstruction.native.library import Library, NativePathError, fitting_library
+from gellight.reconstruction.native.native_shadows import rays_of, work_of
 from gellight_touch.layer import Floats
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions
 from sim_reference.imaging import ring_irradiance, ring_light
@@ -23,18 +25,19 @@ class Shade:
     def __init__(self, geometry: SensorGeometry, library: Library) -> None:
         """Compute the light of each LED on the gel at rest."""
         (h, w), (rows, columns) = CELLS, geometry.image_shape
-        self._c, self._exponent = library, geometry.emission_exponent
+        self._c = library
         self._cell_mm = columns * geometry.pixel_size_mm / w, rows * geometry.pixel_size_mm / h
         self._x_mm, self._y_mm = (
             ((np.arange(n) - (n - 1) / 2) * size).astype(np.float32)
             for n, size in zip((w, h), self._cell_mm, strict=True)
         )
-        self._leds = np.hstack([led_positions(geometry), led_axes(geometry)]).astype(np.float32)
+        leds = np.hstack([led_positions(geometry), led_axes(geometry)]).astype(np.float32)
         self._rest, shares = _at_rest(geometry)
-        self._shares = np.concatenate([shares.ravel(), np.ascontiguousarray(shares.swapaxes(2, 3)).ravel()])
-        self._lost = np.zeros((3, h, w), np.float32)
-        self._work = np.zeros(8 * h * w + 4 * (w + h + 64), np.float32)
-        self._flags, self._near = np.zeros(w + h, np.uint8), np.zeros((h, w), np.uint8)
+        exponent, black = geometry.emission_exponent, np.zeros(3, np.float32)
+        light = LedLight(leds, exponent, shares, black, gamma=1.0).on_cells(self._x_mm, self._y_mm)
+        self._leds = light.feet, light.light, rays_of(light), len(light.feet)
+        self._lost, self._work = np.zeros((3, h, w), np.float32), np.zeros(work_of(h, w), np.float32)
+        self._flags, self._near = np.zeros(w + h, np.uint8), np.ones((h, w), np.uint8)
 
     @classmethod
     def of(cls, geometry: SensorGeometry) -> Self:
@@ -48,9 +51,9 @@ class Shade:
         """Take what the shadows of a surface take off its light (3, H, W); depth and slopes are (H, W)."""
         h, w = CELLS
         depth, *slopes = (cv2.resize(plane, (w, h), interpolation=cv2.INTER_AREA) for plane in (depth_mm, across, down))
-        given = (depth, np.stack(slopes), self._x_mm, self._y_mm, self._leds, len(self._leds))
-        kept = (self._shares, *self._cell_mm, EDGE_MM, self._exponent, self._lost, self._work, self._flags)
-        hide, by_depth = True, False
+        given = (depth, np.stack(slopes), self._x_mm, self._y_mm, *self._leds)
+        nearness, hide, by_depth = 0.0, True, False
+        kept = (nearness, *self._cell_mm, EDGE_MM, self._lost, self._work, self._flags)
         if self._c.call("lost_light", *given, *kept, self._near, hide, by_depth, w, h):
             for channel, lost in enumerate(self._lost):
                 light[channel] -= cv2.resize(lost * self._rest[channel], light.shape[:0:-1])

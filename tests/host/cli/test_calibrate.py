@@ -12,6 +12,8 @@ import pytest
 from gellight.base.errors import InputError, TrainingError
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.calibrate import training
+from gellight.cli.calibrate.detect import Pressed
+from gellight.cli.calibrate.told_ball import told_ball
 from gellight.cli.calibrate.training import Recorded, ball_warning, which_ball
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames import view
@@ -25,6 +27,24 @@ from gellight.reconstruction.integration import angle_deg
 from tests.helpers.command_line import refused
 from tests.helpers.pressed_pictures import BALL, run, sources
 from tests.helpers.pressed_unit import pressed_unit
+
+
+def test_the_settings_tell_how_high_the_camera_stands(
+    pressed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    quick = ["--recipe", "fast", "--width", "1", "--epochs", "1", "--largest-normal-error-deg", "90"]
+    for told_mm, words in ((0.0, "seen from far away"), (45.0, "seen from 45.0 mm above the gel")):
+        if told_mm:
+            monkeypatch.setenv("GELLIGHT_GEOMETRY_CAMERA_HEIGHT_MM", f"{told_mm}")
+        result = run("fit", *sources(pressed), "--out", tmp_path / f"{told_mm}", *quick)
+        assert words in result.stdout
+        assert load_bundle(tmp_path / f"{told_mm}").manifest.camera_height_mm == told_mm
+    balls = Pressed(ball_radius_mm=4.0, pixel_size_mm=0.1).ball, told_ball(4.0, 0.1)
+    assert [ball.camera_height_mm for ball in balls] == [45.0, 45.0]
+    monkeypatch.setenv("GELLIGHT_GEOMETRY_WINDOW", "true")
+    assert told_ball(4.0, 0.1).camera_height_mm == pytest.approx(1.41 * (45 - 8) + 8)
+    monkeypatch.setenv("GELLIGHT_GEOMETRY_PERSPECTIVE", "false")
+    assert told_ball(4.0, 0.1).camera_height_mm == np.inf
 
 
 def test_fit_writes_a_bundle_that_says_how_it_came_about(bundle: Path, pressed: Path) -> None:

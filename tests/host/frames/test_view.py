@@ -11,6 +11,7 @@ from gellight.bundle.bundle import extend_bundle, load_bundle
 from gellight.frames.dots import find_dots
 from gellight.frames.picture import FILE_NAME, PictureSteps, steps_of
 from gellight.frames.pixel_grid import block_means, gel_points_mm, plane_means, spread_blocks
+from gellight.frames.point_cloud import points_of
 from gellight.frames.view import View, read_view
 from gellight.lab.optics.lens.lattice import view_of_grid
 from gellight.opening import open_camera
@@ -61,6 +62,13 @@ def test_pixels_beyond_the_last_block_are_false_and_blocks_beyond_the_image_are_
     blocks = np.ones((3, 3), np.bool_)
     assert np.array_equal(spread_blocks(blocks, 2, shape), np.indices(shape).max(axis=0) < 6)
     assert np.array_equal(spread_blocks(blocks, 4, shape), np.ones(shape))
+
+
+def test_gel_that_is_deep_lies_nearer_to_the_axis_than_it_is_seen() -> None:
+    depth = np.array([[0.0, 2.0], [1.0, 0.5]], np.float32)
+    flat, seen = points_of(depth, (0.2, 0.4)), points_of(depth, (0.2, 0.4), 50.0)
+    np.testing.assert_allclose(seen[0], [[-0.1, 0.2, 0], [0.1 * 0.96, 0.2 * 0.96, 2]], atol=1e-7)
+    np.testing.assert_allclose(seen[..., :2], flat[..., :2] * (1 - depth[..., None] / 50), atol=1e-7)
 
 
 def test_points_of_the_gel_are_measured_from_the_image_centre() -> None:

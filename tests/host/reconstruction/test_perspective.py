@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from gellight.reconstruction.contact import measure_patches
 from gellight.reconstruction.integration import integrate, surface_gradient
 from gellight.reconstruction.perspective import Perspective
 
 SHAPE, PIXEL_MM, HEIGHT_MM = (121, 161), 0.1, 53.1
-SEEN = Perspective(SHAPE, (PIXEL_MM, PIXEL_MM), HEIGHT_MM)
 Y, X = ((np.indices(SHAPE)[axis] - (SHAPE[axis] - 1) / 2) * PIXEL_MM for axis in (0, 1))
+SEEN = Perspective(X[0], Y[:, 0], HEIGHT_MM)
 
 
 def test_a_plane_keeps_its_heights() -> None:
@@ -19,11 +20,11 @@ def test_a_plane_keeps_its_heights() -> None:
     assert found == pytest.approx(depth, abs=2e-5)
 
 
-def bump() -> tuple[np.ndarray, np.ndarray]:
-    """Depth and slopes, in each pixel, of a Gaussian bump that lies far from the axis, solved by Newton's method."""
-    depth = np.zeros(SHAPE)
+def bump(at_x: np.ndarray = X, at_y: np.ndarray = Y) -> tuple[np.ndarray, np.ndarray]:
+    """Depth and slopes, in each pixel, of a Gaussian bump that lies far from the axis, as a fixed point."""
+    depth = np.zeros(at_x.shape)
     for _ in range(60):
-        x, y = X * (1 - depth / HEIGHT_MM) - 4, Y * (1 - depth / HEIGHT_MM) + 3
+        x, y = at_x * (1 - depth / HEIGHT_MM) - 4, at_y * (1 - depth / HEIGHT_MM) + 3
         depth = np.exp(-(x**2 + y**2) / 2)
     return depth, np.stack([-x * depth, -y * depth], axis=2)
 
@@ -36,6 +37,19 @@ def test_a_bump_beside_the_axis_keeps_its_form() -> None:
     assert np.abs(integrate(slopes.astype(np.float32), PIXEL_MM, at_rest=depth < 1e-6) - depth).max() > 4e-3
 
 
+def test_a_patch_is_as_large_as_it_is_on_the_gel() -> None:
+    """What is deeper than a half of exp(-r^2 / 2) is a disc of the radius sqrt(2 ln 2), of which half the volume."""
+    y, x = (np.indices((400, 500)) - np.array([199.5, 249.5])[:, None, None]) * 0.025
+    (depth, slopes), view = bump(x, y), Perspective(x[0], y[:, 0], HEIGHT_MM)
+    mask = depth > 0.5
+    (patch,), (flat,) = (measure_patches(mask, depth, slopes, 0.025, seen) for seen in (view, None))
+    assert patch.area_mm2 == pytest.approx(2 * np.pi * np.log(2), rel=2e-3)
+    assert patch.volume_mm3 == pytest.approx(np.pi, rel=2e-3)
+    assert patch.centroid_mm == pytest.approx((4, -3), abs=5e-3)
+    assert flat.area_mm2 > 1.015 * patch.area_mm2
+    assert flat.centroid_mm[0] > 4.03
+
+
 def test_the_slopes_of_the_depth_are_those_of_the_gel() -> None:
     depth, slopes = bump()
     logarithmic = (-HEIGHT_MM * np.log(1 - depth / HEIGHT_MM)).astype(np.float32)
@@ -45,6 +59,6 @@ def test_the_slopes_of_the_depth_are_those_of_the_gel() -> None:
 
 
 def test_a_camera_far_away_changes_nothing() -> None:
-    far, slopes = Perspective(SHAPE, (PIXEL_MM, PIXEL_MM), 1e9), bump()[1].astype(np.float32)
+    far, slopes = Perspective(X[0], Y[:, 0], 1e9), bump()[1].astype(np.float32)
     assert np.array_equal(far.seen(slopes), slopes)
     assert np.array_equal(far.slopes(slopes), slopes)

@@ -1,6 +1,6 @@
 """`gellight calibrate channels`: GelNet over three or more lights, shown one after the other."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +9,7 @@ import typer
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.cli.calibrate.directions import Pictures
+from gellight.cli.calibrate.told_ball import told_ball
 from gellight.cli.calibrate.training_options import SizedTraining
 from gellight.cli.options import AsJson, NewBundle, Sensor, with_options
 from gellight.cli.showing import progress, show
@@ -16,7 +17,6 @@ from gellight.daemon.bundle_choice import sensor_name
 from gellight.lab.optics.lights.ball_series import LitBalls
 from gellight.lab.optics.lights.channel_fit import fit_channels
 from gellight.lab.optics.lights.live_series import take_series
-from gellight.lab.training.presses import Ball
 from gellight.opening import open_camera
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.sensor.lighting.sequence_choice import chosen_groups
@@ -63,9 +63,11 @@ class Given:
         ).read()
 
     def _from_sensor(self, sequence: str) -> LitBalls:
-        ball = Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
+        ball = told_ball(self.ball_radius_mm, self.pixel_size_mm)
         settings = load_settings({"sensor.url": self.sensor})
         with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
+            if camera.stage:
+                ball = replace(ball, camera_height_mm=camera.stage.camera_height_mm)
             groups = chosen_groups(sequence, RingGeometry.from_overrides(settings.geometry.overrides()).colours)
             name = sensor_name(camera)
             return take_series(camera, groups, ball, self.balls_to_press, sensor=name, ask=_ask, tell=_tell)

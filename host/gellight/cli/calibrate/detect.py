@@ -10,6 +10,7 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
+from gellight.cli.calibrate.told_ball import told_ball
 from gellight.cli.options import AsJson, Overwrite, check_out, with_options
 from gellight.cli.showing import show
 from gellight.frames.image_files import image_files, read_image
@@ -55,7 +56,7 @@ class Pressed:
         """The ball; InputError for what is no length, or not given."""
         if self.ball_radius_mm is None or self.pixel_size_mm is None:
             raise InputError("what was pressed? give --ball-radius-mm and --pixel-size-mm")
-        return Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
+        return told_ball(self.ball_radius_mm, self.pixel_size_mm)
 
     def __post_init__(self) -> None:
         """Refuse a pitch that is no length."""

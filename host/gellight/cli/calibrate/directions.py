@@ -8,13 +8,13 @@ import numpy as np
 import typer
 
 from gellight.base.errors import InputError
+from gellight.cli.calibrate.told_ball import told_ball
 from gellight.cli.options import AsJson, Overwrite, check_out, with_options
 from gellight.cli.showing import show
 from gellight.frames.image_files import image_files, read_grey
 from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
 from gellight.lab.optics.lights.ball_series import LitBalls, divided, read_series
 from gellight.lab.training.label_file import read_presses
-from gellight.lab.training.presses import Ball
 from gellight.reconstruction.image_noise import noise_of_one
 
 
@@ -35,7 +35,7 @@ class Pictures:
 
     def read(self) -> LitBalls:
         """Read all of it; InputError for what is wrong."""
-        ball = Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
+        ball = told_ball(self.ball_radius_mm, self.pixel_size_mm)
         balls, flat = (same_size(image_files(text), self.white) for text in (self.balls, self.untouched))
         untouched = np.stack([read_grey(path, self.white) for path in flat])
         presses = read_presses(self.presses, ball=ball, image_shape=(untouched.shape[1], untouched.shape[2]))

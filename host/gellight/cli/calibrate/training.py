@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.cli.calibrate.told_ball import told_ball
 from gellight.cli.calibrate.training_options import Like, SizedTraining, Threads, Trainer, check_training
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
@@ -67,7 +68,7 @@ class Recorded:
 
     def read(self) -> Given:
         """Return what a network is trained on; raises InputError for what cannot be used."""
-        ball = Ball(radius_mm=self.ball_radius_mm, pixel_size_mm=self.pixel_size_mm)
+        ball = told_ball(self.ball_radius_mm, self.pixel_size_mm)
         untouched = read_reference(self.reference, bounded=True)
         shape, dots, view = untouched.image_shape, untouched.dots, untouched.view
         if view:
@@ -149,7 +150,7 @@ def evaluate(
     errors = validation.evaluate(bundle, labelled, ball)
     felt_mm = felt_radius_mm(bundle, labelled)
     balls = {"ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}
-    felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.3g} mm"
+    felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.3g} mm, {ball.seen_from()}"
     text = "\n".join([*_error_lines(errors), *_bounds_lines(errors), felt])
     show({**errors.as_json(), **balls}, as_json, text)
 
@@ -230,6 +231,7 @@ def _fit_lines(written: Bundle) -> list[str]:
         else "one press is all learnt from: how large the errors are, nobody knows",
         *light_line(written),
         *like_words(metrics),
+        f"balls {Ball.seen_by(written, metrics['ball_radius_mm']).seen_from()}",
         *depth_line(written),
         *ball_warning(metrics.get("likely_ball_radius_mm"), metrics["ball_radius_mm"]),
         *_pixel_warning(metrics.get("pixel_ratio"), written.image_shape),

@@ -92,7 +92,8 @@ def _written(frame: TactileFrame, out: Path, kind: Kind, depth_scale_um: float, 
         case Kind.PNG:
             content = encode_png(four_panels(frame, scale_um=depth_scale_um))
         case _:
-            content = ply(frame.depth_mm, bundle.pixel_size_mm, frame.camera_frame.image)
+            seen = bundle.pixel_size_mm, frame.camera_frame.image, bundle.manifest.camera_height_mm
+            content = ply(frame.depth_mm, *seen)
     write_file(out / f"{frame.camera_frame.sequence:06}.{kind}", content)
     return 1
 

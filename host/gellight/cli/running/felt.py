@@ -39,5 +39,6 @@ def felt_frames(recording: Recording, bundle: Bundle | None) -> Iterator[Tactile
                 unix_s=info.unix_s,
                 ages_s={},
                 gel_thickness_mm=gel_thickness_mm(wanted),
+                camera_height_mm=wanted.manifest.camera_height_mm,
             )
             yield replace(path.reconstruct(replace(frame, time_s=info.time_s, stamp=stamp)), provenance=provenance)

@@ -21,7 +21,7 @@ from sim_reference.deformation import Deformation, GelModel
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.imaging import led_irradiance, ring_light
-from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE, Surface, depth_at, sample, untouched
+from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE, Surface, sample, shape_at, untouched
 
 Array = NDArray[np.float64]
 BRIGHTEST_GREY = 200.0
@@ -225,7 +225,7 @@ class Scene:
         if press is not None:
             moved = self._sheared(press).moved_mm(places[:, 0] - press.x_mm, places[:, 1] - press.y_mm)
             now = places + moved
-            depth = depth_at(self.deformation(press), now[:, 0], now[:, 1], *press.place)
+            depth = shape_at(self.deformation(press), now[:, 0], now[:, 1], *press.place)[0]
         return seen_px(places + moved, depth, self.geometry), moved
 
     def _compute(self, press: Press) -> Lit:

@@ -83,7 +83,8 @@ def adapt(
     kept = [replace(table, rows=rows_of_now(table, bundle, change)) for table in kept]
     learnt, lights = kept, _lights_of_now(bundle, change)
     if lights and bundle.manifest.light_by_depth:
-        learnt = [at_rest_depth(table, lights, untouched.image, bundle.pixel_size_mm) for table in kept]
+        seen = bundle.pixel_size_mm, bundle.manifest.camera_height_mm
+        learnt = [at_rest_depth(table, lights, untouched.image, *seen) for table in kept]
     like = learnt[1] if len(learnt) > 1 else None
     network, record = train(learnt[0], options, untouched=untouched.image, like=like, progress=progress)
     told = {"from": bundle.identity, "frames": untouched.frames, **change.as_json()}

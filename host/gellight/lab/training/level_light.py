@@ -6,6 +6,7 @@ the formula; `cast_shadows` takes the light of the felt depth off in the frame p
 """
 
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 
@@ -32,11 +33,16 @@ def lights_of_unit(bundle: Bundle, untouched: Floats) -> LightModel:
 
 
 def at_rest_depth(
-    table: PressTable, model: LightModel, untouched: Floats, pixel_size_mm: tuple[float, float]
+    table: PressTable,
+    model: LightModel,
+    untouched: Floats,
+    pixel_size_mm: tuple[float, float],
+    camera_height_mm: float = 0.0,
 ) -> PressTable:
     """Return the table with the colours that its slopes have at the depth of the gel at rest.
 
-    untouched: (H, W, 3) picture of the gel at rest, grey levels. A table that does not know its depth stays as it is.
+    untouched: (H, W, 3) picture of the gel at rest, grey levels. camera_height_mm: as in the manifest. A table that
+    does not know its depth stays as it is.
     """
     if table.depth_mm is None:
         return table
@@ -47,6 +53,7 @@ def at_rest_depth(
     x_mm, y_mm = ((place - (np.array(table.image_size) - 1) / 2) * pixel_size_mm).T
     column, row = place.astype(np.intp).T
     shares = light.shares[:, :, row // CELL_PX, column // CELL_PX]
-    lost = light.lost_by_depth(Points(x_mm, y_mm, table.depth_mm), slopes, shares)
+    points = Points.seen_at(x_mm, y_mm, table.depth_mm, camera_height_mm or inf)
+    lost = light.lost_by_depth(points, slopes, shares)
     rows[:, :COLOURS] = light.with_light(rows[:, :COLOURS], lost.T, untouched[row, column])
     return replace(table, rows=rows)

@@ -52,6 +52,15 @@ class Ball:
         """The height of the camera as a manifest tells it: 0 where nobody told."""
         return self.camera_height_mm if math.isfinite(self.camera_height_mm) else 0.0
 
+    def seen_from(self) -> str:
+        """Return for people from where it is seen."""
+        if height_mm := self.told_height_mm:
+            return f"seen from {height_mm:.1f} mm above the gel"
+        return (
+            "taken to be seen from far away: tell geometry.camera_height_mm, or slopes are off the more the deeper a "
+            "press is and the farther it lies from the axis"
+        )
+
     @classmethod
     def seen_by(cls, bundle: Bundle, radius_mm: float) -> Self:
         """Return the ball as the camera of a bundle sees it; of pixels that are not square the mean."""

@@ -60,6 +60,12 @@ def make_starter(
         out, sensor="not calibrated: learnt on other units", overwrite=overwrite,
         reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
         rest_grey=max(bundle.manifest.rest_grey for bundle in bundles), follow_light=True, network=network,
-        pixel_size_mm=(pixel_size_mm, pixel_size_mm), presses=table.arrays(),
+        pixel_size_mm=(pixel_size_mm, pixel_size_mm), camera_height_mm=_height_mm(bundles), presses=table.arrays(),
         metrics={OTHER_UNITS: names, "training": record},
     )  # fmt: skip
+
+
+def _height_mm(bundles: Sequence[Bundle]) -> float:
+    """Return the mean of what is told of the camera's height; 0 where one of them does not tell."""
+    heights = [bundle.manifest.camera_height_mm for bundle in bundles]
+    return float(np.mean(heights)) if all(heights) else 0.0

@@ -7,7 +7,6 @@ import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -182,7 +181,7 @@ def fit(
     follow = drift > reference.noise_grey
     table = build_table(presses, reference.image, ball, how.table_options, follow_light=follow)
     like = under_light_of(how.like, reference.image) if how.like else None
-    learnt, begun = _learnt(table, like, how, reference, size := (ball.pixel_size_mm, ball.pixel_size_mm))
+    learnt, begun = _learnt(table, like, how, reference, ball)
     network, record = train(learnt, how.options, untouched=reference.image, like=begun, progress=progress, check=check)
     metrics |= {LIKE: how.like.manifest.sensor} if how.like else {}
     rest_grey = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
@@ -191,7 +190,7 @@ def fit(
         reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
         rest_grey=rest_grey, follow_light=follow, level_plane=level_plane, light_by_depth=learnt is not table,
         camera_height_mm=ball.told_height_mm,
-        network=network, pixel_size_mm=size, presses=table.arrays(like),
+        network=network, pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm), presses=table.arrays(like),
         metrics={**metrics, "training": record},
         extra_files={
             **(extra_files or {}), **(steps.files() if steps else {}), **(lights_file(how.lights) if how.lights else {})
@@ -200,13 +199,13 @@ def fit(
 
 
 def _learnt(
-    table: PressTable, like: PressTable | None, how: Learning, reference: Reference, pixel_size_mm: tuple[float, float]
+    table: PressTable, like: PressTable | None, how: Learning, reference: Reference, ball: Ball
 ) -> tuple[PressTable, PressTable | None]:
     """Return what is learnt from, and the presses of a like unit; at the depth of the gel at rest where it can be."""
     if how.lights is None or table.depth_mm is None:
         return table, like
-    at_rest = partial(at_rest_depth, model=how.lights, untouched=reference.image, pixel_size_mm=pixel_size_mm)
-    return at_rest(table), like and at_rest(like)
+    seen = how.lights, reference.image, (ball.pixel_size_mm, ball.pixel_size_mm), ball.told_height_mm
+    return at_rest_depth(table, *seen), like and at_rest_depth(like, *seen)
 
 
 def like_words(metrics: Mapping[str, Any]) -> list[str]:

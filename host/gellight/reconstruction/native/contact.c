@@ -196,11 +196,13 @@ static int find_runs(const uint8_t *mask, int32_t *begin, int32_t *end, int32_t 
 
 /* Measure the connected parts of a contact (`contact.measure_patches`), in the order of their first pixels.
  *
- * slopes: two planes. fewest: pixels, smaller parts are left out. runs: 4 H ceil(W / 2); parts: (H W / fewest, 6) pixels, sums
- * of their columns and rows, largest depth, sum of depth, largest square of the slope. Returns how many parts, or -1 where
- * one has no pixel in a touched cell: that is no contact. */
-EXPORT int measure_parts(const uint8_t *mask, const uint8_t *touched, const float *depth, const float *slopes, int fewest,
-                         int32_t *runs, double *parts, int width, int height) {
+ * slopes: two planes. view_x: (W) and view_y: (H) pixels from the axis, in heights of the camera; nearness: 1 / its height, 0
+ * along parallel rays. fewest: pixels, smaller parts are left out. runs: 4 H ceil(W / 2); parts: (H W / fewest, 6) pixels of
+ * gel at rest that are as large (`Perspective.shares`), sums of their columns and rows, largest depth, sum of depth, largest
+ * square of the slope. Returns how many parts, or -1 where one has no pixel in a touched cell: that is no contact. */
+EXPORT int measure_parts(const uint8_t *mask, const uint8_t *touched, const float *depth, const float *slopes,
+                         const float *view_x, const float *view_y, float nearness, int fewest, int32_t *runs, double *parts,
+                         int width, int height) {
     const ptrdiff_t most = (ptrdiff_t)height * ((width + 1) / 2), plane = (ptrdiff_t)width * height;
     int32_t *begin = runs, *end = begin + most, *parent = end + most, *size = parent + most;
     const int count = find_runs(mask, begin, end, parent, width, height);
@@ -224,17 +226,30 @@ EXPORT int measure_parts(const uint8_t *mask, const uint8_t *touched, const floa
     for (int k = 0; k < count; k++) {
         const int number = size[root(parent, k)], y = begin[k] / width;
         if (number < 0) continue;
-        double *part = parts + 6 * (ptrdiff_t)number, sum = 0;
+        double *part = parts + 6 * (ptrdiff_t)number, sum = 0, pixels = end[k] - begin[k], columns, rows;
+        const int x = begin[k] % width;
         float deepest = (float)part[3], steepest = (float)part[5];
         for (int at = begin[k]; at < end[k]; at++) {
             sum += depth[at];
             deepest = larger(deepest, depth[at]);
             steepest = larger(steepest, squared(slopes[at]) + squared(slopes[plane + at]));
         }
-        const double pixels = end[k] - begin[k];
+        columns = pixels * (x + (pixels - 1) / 2), rows = pixels * y;
+        if (nearness > 0) {
+            const double middle_x = (width - 1) / 2.0, middle_y = (height - 1) / 2.0;
+            pixels = columns = rows = sum = 0;
+            for (int at = begin[k], j = x; at < end[k]; at++, j++) {
+                const float share = 1 - depth[at] * nearness;
+                const float here = share * share / (1 + view_x[j] * slopes[at] + view_y[y] * slopes[plane + at]);
+                pixels += here;
+                columns += here * (middle_x + share * (j - middle_x));
+                rows += here * (middle_y + share * (y - middle_y));
+                sum += here * depth[at];
+            }
+        }
         part[0] += pixels;
-        part[1] += pixels * (begin[k] % width + (pixels - 1) / 2);
-        part[2] += pixels * y;
+        part[1] += columns;
+        part[2] += rows;
         part[3] = deepest;
         part[4] += sum;
         part[5] = steepest;

@@ -4,7 +4,6 @@ An unusual network stays in ONNX Runtime, rows of an unusual length in SciPy. Th
 """
 
 import time
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -19,7 +18,8 @@ from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.contact import (
     SMALLEST_PATCH_PX,
     THRESHOLD_MM,
-    measure_patches,
+    on_gel,
+    patched,
     patches_of,
     without_untouched,
 )
@@ -117,14 +117,14 @@ class NativePath:
         touched_pixels = self._without_lens()
         if touched_pixels is not None:
             stages.end("lens")
-        if self._perspective:
-            _replace(self._m.measured, self._perspective.seen)
+        if seen := self._perspective:
+            self._run("slopes_by_view", self._m.measured, seen.x, seen.y, 1.0)
         depth_mm = self._depth(touched_pixels, far, camera_frame.time_s)
         stages.end("depth")
         self._smooth_adaptively(self._m.touched if touched_pixels is None else touched_pixels)
-        if self._perspective:
-            depth_mm[:] = self._perspective.depth_mm(depth_mm)
-            _replace(self._m.surface, self._perspective.slopes)
+        if seen:
+            self._run("depth_by_view", depth_mm, 1 / float(seen.height_mm))
+            self._run("slopes_by_view", self._m.surface, seen.x, seen.y, -1.0)
         gradient_map = self._gradient_map(depth_mm)
         stages.end("normals")
         contact, contacts = self._felt(self._contact(depth_mm), depth_mm, gradient_map, touched_pixels)
@@ -297,19 +297,16 @@ class NativePath:
         """Return the contact without what nothing touches, and its parts; touched: pixels, if the lens moved them."""
         m, pixel_size = self._m, self._bundle.pixel_size_mm
         if touched is None:
-            maps = (contact.mask, m.touched, depth_mm, m.surface)
-            count = self._run("measure_parts", *maps, SMALLEST_PATCH_PX, m.runs, m.parts)
+            maps, seen = (contact.mask, m.touched, depth_mm, m.surface), self._perspective
+            view = (seen.x, seen.y, 1 / float(seen.height_mm)) if seen else (m.work, m.work, 0.0)
+            count = self._run("measure_parts", *maps, *view, SMALLEST_PATCH_PX, m.runs, m.parts)
             if count >= 0:
-                return contact, patches_of(m.parts[:count], contact.mask.shape, pixel_size)
+                patches = patches_of(m.parts[:count], contact.mask.shape, pixel_size)
+                return on_gel(contact, patches) if seen else contact, patches
             touched = self._pixels()
         contact = without_untouched(contact, touched, depth_mm, pixel_size)
-        return contact, measure_patches(contact.mask, depth_mm, gradient_map, pixel_size)
+        return patched(contact, depth_mm, gradient_map, pixel_size, self._perspective)
 
     def _run(self, function: str, *arguments: NDArray[Any] | float) -> int:
         """Call a function of the library with arrays and numbers, then width and height."""
         return self._c.call(function, *arguments, self._width, self._height)
-
-
-def _replace(planes: Floats, by: Callable[[Floats], Floats]) -> None:
-    """Put into (2, H, W) slopes what is made of them as (H, W, 2)."""
-    planes[:] = np.moveaxis(by(np.moveaxis(planes, 0, 2)), 2, 0)

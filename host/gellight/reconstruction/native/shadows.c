@@ -35,97 +35,62 @@ EXPORT void slope_means(const float *slopes, float *means, float *work, int widt
         }
 }
 
+/* A LED: its foot, and the place of the picture from which its shadows fall. Then 9 planes of its light on cells, and twice
+ * 4 planes of its rays, with columns for rows the second time: see `led_light.OnCells`. */
 typedef struct {
-    float x, y, z, axis_x, axis_y, axis_z;
+    float x, y, from_x, from_y;
 } Led;
 
-/* A surface on cells, w along a row and h down, or turned so that its columns are the rows. */
+/* A surface on cells, w along a row and h down, under a camera 1 / nearness high. */
 typedef struct {
     int w, h;
-    float size_x, size_y;
     const float *x, *y, *z, *gx, *gy, *upright;
-    const uint8_t *away; /* rows in which some cell is turned away from the LED */
-    float *lost;
-    float furthest; /* cells along a row that a ray may move in one row down */
+    float nearness;
 } Surface;
 
+/* Depths on cells as a LED's rays go over them, w along a row and h down, or turned so that columns are rows. */
 typedef struct {
-    float edge_mm, exponent;
-} Rules;
+    int w, h;
+    float nearest; /* a cell's smaller side */
+    const float *x, *y, *z;
+    const uint8_t *away; /* rows in which some cell is turned away from the LED */
+    float *hidden;
+    float furthest; /* cells along a row that a ray may move in one row down */
+} Field;
 
-/* How much of a LED is hidden from row i, columns first to last - 1: the smallest slope at which it stands on each ray
- * comes from the row before, `least`, and goes on to `next`. Returns whether any is. */
-ONCE int hide_row(const Surface *s, const Led *led, int i, int first, int last, float edge_mm, const float *restrict least,
-                    float *restrict next, float *restrict hidden) {
-    const float *restrict z = s->z + (ptrdiff_t)i * s->w, *restrict px = s->x;
-    const float ly = led->y - s->y[i], down = larger(__builtin_fabsf(ly), 1e-6f), per_row = s->size_y / (down * s->size_x);
-    const float nearest = smaller(s->size_x, s->size_y), per_edge = 1 / edge_mm, furthest = s->furthest;
+INLINE float parabola(float a, float b, float c, float z) { return a + z * (b + z * c); }
+
+/* How much of a LED is hidden from row i: the smallest slope at which light left it on each ray comes from the row before,
+ * `least`, and goes on to `next`. Returns whether any is. */
+ONCE int hide_row(const Field *s, float led_x, float led_y, const float *rays, int i, float edge_mm, const float *restrict least,
+                  float *restrict next) {
+    const ptrdiff_t at = (ptrdiff_t)i * s->w, plane = (ptrdiff_t)s->h * s->w;
+    const float *restrict z = s->z + at, *restrict px = s->x, *restrict v0 = rays + at, *restrict v1 = v0 + plane,
+                *restrict v2 = v1 + plane, *restrict per_row = v2 + plane;
+    float *restrict hidden = s->hidden + at;
+    const float ly = led_y - s->y[i], per_edge = 1 / edge_mm, furthest = s->furthest, nearest = s->nearest;
+    const int w = s->w;
     int any = 0;
-    for (int j = first; j < last; j++) {
-        const float lx = led->x - px[j], lz = led->z - z[j], ahead = lx * per_row;
+    for (int j = 0; j < w; j++) {
+        const float lx = led_x - px[j], ahead = per_row[j], slant = parabola(v0[j], v1[j], v2[j], z[j]);
         const float right = smaller(larger(ahead, 0), 1), left = smaller(larger(-ahead, 0), 1);
         const float before = least[j] + right * (least[j + 1] - least[j]) + left * (least[j - 1] - least[j]);
         const float away = larger(__builtin_sqrtf(lx * lx + ly * ly), nearest);
-        const float part = smaller(larger(0.5f + (lz - before * away) * per_edge, 0), 1);
-        next[j] = smaller(before, lz / away);
+        const float part = smaller(larger(0.5f + (slant - before) * away * per_edge, 0), 1);
+        next[j] = smaller(before, slant);
         hidden[j] = __builtin_fabsf(ahead) <= furthest ? part : 0;
     }
-    for (int j = first; j < last; j++) any |= hidden[j] > 0;
+    for (int j = 0; j < w; j++) any |= hidden[j] > 0;
     return any;
 }
 
-/* How the light of a LED differs from that at depth 0, but for its angle to the surface. */
-INLINE float falls_off(const Led *led, float lx, float ly, float lz, float exponent) {
-    const float sideways = lx * lx + ly * ly, ratio = (sideways + led->z * led->z) / (sideways + lz * lz);
-    const float across = lx * led->axis_x + ly * led->axis_y;
-    const float leaving = larger((across + lz * led->axis_z) / (across + led->z * led->axis_z), 0);
-    return exponent == 1 ? ratio * ratio * leaving : power(ratio, 0.5f * (3 + exponent)) * power(leaving, exponent);
-}
-
-/* Add the light that row i lacks: share at rest x hidden x what the light would be. */
-INLINE void add_lost(const Surface *s, const Led *led, const float *shares, int i, int first, int last, float exponent,
-                     const float *restrict hidden) {
-    const ptrdiff_t at = (ptrdiff_t)i * s->w, plane = at + (ptrdiff_t)(s->h - i) * s->w;
-    const float *restrict z = s->z + at, *restrict gx = s->gx + at, *restrict gy = s->gy + at, *restrict px = s->x;
-    const float *restrict upright = s->upright + at, *restrict red = shares + at, *restrict green = red + plane,
-                *restrict blue = green + plane;
-    float *restrict r = s->lost + at, *restrict g = r + plane, *restrict b = g + plane;
-    const Led here = *led;
-    const float ly = here.y - s->y[i];
-    for (int j = first; j < last; j++) {
-        const float lx = here.x - px[j], lz = here.z - z[j], falls = falls_off(&here, lx, ly, lz, exponent);
-        const float light = hidden[j] * falls / here.z * upright[j] * larger(lz - gx[j] * lx - gy[j] * ly, 0);
-        r[j] += red[j] * light;
-        g[j] += green[j] * light;
-        b[j] += blue[j] * light;
-    }
-}
-
-/* Add the light that cells first to last - 1 of row i would have more at the depth of the gel at rest. */
-INLINE void add_by_depth(const Surface *s, const Led *led, const float *shares, int i, int first, int last, float exponent) {
-    const ptrdiff_t at = (ptrdiff_t)i * s->w, plane = (ptrdiff_t)s->h * s->w;
-    const float *restrict z = s->z + at, *restrict gx = s->gx + at, *restrict gy = s->gy + at, *restrict px = s->x;
-    const float *restrict upright = s->upright + at, *restrict red = shares + at, *restrict green = red + plane,
-                *restrict blue = green + plane;
-    float *restrict r = s->lost + at, *restrict g = r + plane, *restrict b = g + plane;
-    const Led here = *led;
-    const float ly = here.y - s->y[i];
-    for (int j = first; j < last; j++) {
-        const float lx = here.x - px[j], lz = here.z - z[j], sloped = gx[j] * lx + gy[j] * ly;
-        const float now = falls_off(&here, lx, ly, lz, exponent) * larger(lz - sloped, 0);
-        const float light = upright[j] * (larger(here.z - sloped, 0) - now) / here.z;
-        r[j] += red[j] * light;
-        g[j] += green[j] * light;
-        b[j] += blue[j] * light;
-    }
-}
-
-/* Go down the rows on one side of a LED (step 1 or -1), away from it, over the rays that cross more rows than columns. */
-ONCE void sweep(const Surface *s, const Led *led, const float *shares, int step, const Rules *rules, float *work) {
+/* Go down the rows on one side of a LED (step 1 or -1), away from it, over the rays that cross more rows than columns.
+ * led: x, y and from where its shadows fall, along the rows. */
+ONCE void sweep(const Field *s, float led_x, float led_y, float from_y, const float *rays, int step, float edge_mm, float *work) {
     const int w = s->w, end = step > 0 ? s->h : -1;
-    float *least = work + 16, *next = least + w + 32, *hidden = next + w + 32;
+    float *least = work + 16, *next = least + w + 32;
     int begin = step > 0 ? 0 : s->h - 1, final;
-    while (begin != end && (step > 0 ? s->y[begin] < led->y : s->y[begin] >= led->y)) begin += step;
+    while (begin != end && (step > 0 ? s->y[begin] < from_y : s->y[begin] >= from_y)) begin += step;
     const int nearest = begin;
     while (begin != end && !s->away[begin]) begin += step;
     if (begin == end) return;
@@ -133,19 +98,33 @@ ONCE void sweep(const Surface *s, const Led *led, const float *shares, int step,
     if (begin != nearest) begin -= step; /* one row that faces the light, before the first that does not */
     for (int j = -1; j <= w; j++) least[j] = next[j] = BEYOND;
     for (int i = begin; i != end; i += step) {
-        const float wide = __builtin_fabsf(led->y - s->y[i]) * s->size_x / s->size_y;
-        const int first = clamped((int)((led->x - wide - s->x[0]) / s->size_x) - 3, w + 1);
-        const int last = larger_int(clamped((int)((led->x + wide - s->x[0]) / s->size_x) + 5, w + 1), first);
-        const int any = hide_row(s, led, i, first, last, rules->edge_mm, least, next, hidden);
+        const int any = hide_row(s, led_x, led_y, rays, i, edge_mm, least, next);
         if (!any && (step > 0 ? i > final : i < final)) return;
         float *swap = least;
         least = next;
         next = swap;
-        if (!any) continue;
-        if (rules->exponent == 1)
-            add_lost(s, led, shares, i, first, last, 1, hidden);
-        else
-            add_lost(s, led, shares, i, first, last, rules->exponent, hidden);
+    }
+}
+
+/* Add the light that row i lacks, columns first to last - 1: that at the depth of rest, where the network answers `by_depth`,
+ * less what is not hidden of that at its own. */
+INLINE void add_lost(const Surface *s, const Led *led, const float *light, const float *restrict hidden, int i, int first,
+                     int last, float by_depth, float *lost) {
+    const ptrdiff_t at = (ptrdiff_t)i * s->w, plane = (ptrdiff_t)s->h * s->w;
+    const float *restrict z = s->z + at, *restrict gx = s->gx + at, *restrict gy = s->gy + at, *restrict px = s->x, *restrict upright = s->upright + at;
+    const float *restrict a0 = light + at, *restrict a1 = a0 + plane, *restrict a2 = a1 + plane, *restrict b1 = a2 + plane,
+                *restrict b2 = b1 + plane, *restrict b3 = b2 + plane, *restrict red = b3 + plane, *restrict green = red + plane,
+                *restrict blue = green + plane;
+    float *restrict r = lost + at, *restrict g = r + plane, *restrict b = g + plane;
+    const float led_x = led->x, ly = led->y - s->y[i], y = s->y[i] * s->nearness, nearness = s->nearness;
+    for (int j = first; j < last; j++) {
+        const float d = z[j], level = a0[j] - gx[j] * (led_x - px[j]) - gy[j] * ly;
+        const float now = level + d * (a1[j] + d * a2[j] - gx[j] * px[j] * nearness - gy[j] * y);
+        const float lit = larger(parabola(1, b1[j], b2[j] + d * b3[j], d), 0) * larger(now, 0);
+        const float less = upright[j] * (by_depth * (larger(level, 0) - lit) + hidden[j] * lit);
+        r[j] += red[j] * less;
+        g[j] += green[j] * less;
+        b[j] += blue[j] * less;
     }
 }
 
@@ -157,16 +136,19 @@ ONCE void transpose(const float *from, float *to, int w, int h) {
 }
 
 /* Mark rows and columns in which some cell is turned away from a LED; returns whether any is. */
-ONCE int turned_away(const Surface *s, const Led *led, uint8_t *rows, uint8_t *restrict columns) {
+ONCE int turned_away(const Surface *s, const Led *led, const float *light, uint8_t *rows, uint8_t *restrict columns) {
+    const ptrdiff_t plane = (ptrdiff_t)s->h * s->w;
     int any = 0;
     for (int j = 0; j < s->w; j++) columns[j] = 0;
     for (int i = 0; i < s->h; i++) {
         const ptrdiff_t at = (ptrdiff_t)i * s->w;
         const float *restrict z = s->z + at, *restrict gx = s->gx + at, *restrict gy = s->gy + at, *restrict px = s->x;
-        const float ly = led->y - s->y[i], led_x = led->x, led_z = led->z;
+        const float *restrict a0 = light + at, *restrict a1 = a0 + plane, *restrict a2 = a1 + plane;
+        const float ly = led->y - s->y[i], y = s->y[i] * s->nearness, led_x = led->x, nearness = s->nearness;
         int found = 0;
         for (int j = 0; j < s->w; j++) {
-            const int away = led_z - z[j] - gx[j] * (led_x - px[j]) - gy[j] * ly < 0;
+            const float lx = led_x - px[j] + px[j] * nearness * z[j];
+            const int away = parabola(a0[j], a1[j], a2[j], z[j]) - gx[j] * lx - gy[j] * (ly + y * z[j]) < 0;
             columns[j] |= (uint8_t)away;
             found |= away;
         }
@@ -177,67 +159,63 @@ ONCE int turned_away(const Surface *s, const Led *led, uint8_t *rows, uint8_t *r
 }
 
 /* Whether some cell of a surface that is all `deepest` mm deep is turned away from a LED. work: h w; the rest as below. */
-EXPORT int may_shade(const float *slopes, const float *x, const float *y, const float *leds, int count, float deepest, float *work,
-                     uint8_t *flags, int w, int h) {
-    for (ptrdiff_t at = 0; at < (ptrdiff_t)w * h; at++) work[at] = deepest;
-    const Surface s = {.w = w, .h = h, .x = x, .y = y, .z = work, .gx = slopes, .gy = slopes + (ptrdiff_t)w * h};
-    for (int k = 0; k < count; k++) {
-        const Led led = {.x = leds[6 * k], .y = leds[6 * k + 1], .z = leds[6 * k + 2]};
-        if (turned_away(&s, &led, flags, flags + h)) return 1;
-    }
+EXPORT int may_shade(const float *slopes, const float *x, const float *y, const float *leds, const float *light, int count,
+                     float nearness, float deepest, float *work, uint8_t *flags, int w, int h) {
+    const ptrdiff_t n = (ptrdiff_t)w * h;
+    for (ptrdiff_t at = 0; at < n; at++) work[at] = deepest;
+    const Surface s = {w, h, x, y, work, slopes, slopes + n, work, nearness};
+    for (int k = 0; k < count; k++)
+        if (turned_away(&s, (const Led *)leds + k, light + 9 * n * k, flags, flags + h)) return 1;
     return 0;
 }
 
-/* Add it to each row from the first to the last cell that is `near`. */
-ONCE void depth_light(const Surface *s, const Led *led, const float *shares, const uint8_t *near, float exponent) {
-    for (int i = 0; i < s->h; i++, near += s->w) {
-        int first = 0, last = s->w;
-        while (first < last && !near[first]) first++;
-        while (last > first && !near[last - 1]) last--;
-        if (exponent == 1)
-            add_by_depth(s, led, shares, i, first, last, 1);
-        else
-            add_by_depth(s, led, shares, i, first, last, exponent);
+/* How much of a LED is hidden from each cell. z, hidden: of the surface, then the same turned. */
+ONCE void hide(const Surface *s, const Led *led, const float *rays, float size_x, float size_y, float edge_mm, float *turned_z,
+               float *hidden, const uint8_t *flags, float *work) {
+    const ptrdiff_t n = (ptrdiff_t)s->w * s->h;
+    const float nearest = smaller(size_x, size_y);
+    float *turned = hidden + n;
+    for (ptrdiff_t at = 0; at < 2 * n; at++) hidden[at] = 0;
+    const Field down = {s->w, s->h, nearest, s->x, s->y, s->z, flags, hidden, DIAGONAL};
+    const Field across = {s->h, s->w, nearest, s->y, s->x, turned_z, flags + s->h, turned, 1 / DIAGONAL};
+    for (int step = -1; step < 2; step += 2) {
+        sweep(&down, led->x, led->y, led->from_y, rays, step, edge_mm, work);
+        sweep(&across, led->y, led->x, led->from_x, rays + 4 * n, step, edge_mm, work);
     }
+    for (int i = 0; i < s->h; i++)
+        for (int j = 0; j < s->w; j++) hidden[(ptrdiff_t)i * s->w + j] += turned[(ptrdiff_t)j * s->h + i];
 }
 
-/* The light that cells lack, (3, h, w), in shares of the light at rest: for the shadows of a surface where it can `hide`
- * LEDs, and for cells that are `near` against gel at the depth of rest where the network answers `by_depth`.
+/* The light that cells which are `near` lack, (3, h, w), in shares of the light at rest: for the shadows of a surface where it
+ * `may_hide` LEDs, and against gel at the depth of rest where the network answers `by_depth`.
  *
- * depth: (h, w) mm. slopes: (2, h, w). x: (w) and y: (h) middles of the cells, mm. leds: (count, 6) position and axis. shares:
- * of each LED in the light of each channel at rest, (count, 3, h, w), then the same with columns for rows. edge_mm: see
- * `cast_shadows.EDGE_MM`. near: (h, w). work: 8 h w + 4 (w + h + 64); flags: w + h. Returns whether there is any. */
-EXPORT int lost_light(const float *depth, const float *slopes, const float *x, const float *y, const float *leds, int count,
-                      const float *shares, float size_x, float size_y, float edge_mm, float exponent, float *lost, float *work,
-                      uint8_t *flags, const uint8_t *near, int hide, int by_depth, int w, int h) {
+ * depth: (h, w) mm. slopes: (2, h, w). x: (w) and y: (h) middles of the cells, mm. leds: (count, 4), light: (count, 9, h, w) and
+ * rays: (count, 2, 4, h w), see Led. nearness: 1 / the camera's height. edge_mm: see `cast_shadows.EDGE_MM`. near: (h, w). work:
+ * 5 h w + 3 (w + h + 64); flags: w + h. Returns whether there is any. */
+EXPORT int lost_light(const float *depth, const float *slopes, const float *x, const float *y, const float *leds,
+                      const float *light, const float *rays, int count, float nearness, float size_x, float size_y, float edge_mm,
+                      float *lost, float *work, uint8_t *flags, const uint8_t *near, int may_hide, int by_depth, int w, int h) {
     const ptrdiff_t n = (ptrdiff_t)w * h;
-    float *upright = work, *turned = upright + n, *turned_lost = turned + 4 * n, *rows = turned_lost + 3 * n;
-    const Rules rules = {edge_mm, exponent};
+    float *upright = work, *turned = upright + n, *hidden = turned + n, *none = hidden + 2 * n, *rows = none + w + h;
+    const Surface s = {w, h, x, y, depth, slopes, slopes + n, upright, nearness};
     for (ptrdiff_t at = 0; at < n; at++) upright[at] = 1 / __builtin_sqrtf(1 + squared(slopes[at]) + squared(slopes[n + at]));
-    for (ptrdiff_t at = 0; at < 3 * n; at++) lost[at] = turned_lost[at] = 0;
-    const Surface down = {w, h, size_x, size_y, x, y, depth, slopes, slopes + n, upright, flags, lost, DIAGONAL};
-    const Surface across = {h, w, size_y, size_x, y, x, turned, turned + n, turned + 2 * n, turned + 3 * n, flags + h,
-                            turned_lost, 1 / DIAGONAL};
+    for (ptrdiff_t at = 0; at < 3 * n; at++) lost[at] = 0;
+    for (int j = 0; j < w; j++) none[j] = 0;
     int any = 0;
     for (int k = 0; k < count; k++) {
-        const float *p = leds + 6 * k, *share = shares + (ptrdiff_t)3 * n * k, *turned_share = share + (ptrdiff_t)3 * n * count;
-        const Led led = {p[0], p[1], p[2], p[3], p[4], p[5]}, turned_led = {p[1], p[0], p[2], p[4], p[3], p[5]};
-        if (by_depth) depth_light(&down, &led, share, near, exponent);
-        if (!hide || !turned_away(&down, &led, flags, flags + h)) continue;
-        if (!any++) {
-            transpose(depth, turned, w, h);
-            transpose(slopes + n, turned + n, w, h);
-            transpose(slopes, turned + 2 * n, w, h);
-            transpose(upright, turned + 3 * n, w, h);
+        const Led *led = (const Led *)leds + k;
+        const float *of_led = light + 9 * n * k;
+        const int hides = may_hide && turned_away(&s, led, of_led, flags, flags + h);
+        if (!hides && !by_depth) continue;
+        if (hides && !any++) transpose(depth, turned, w, h);
+        if (hides) hide(&s, led, rays + 8 * n * k, size_x, size_y, edge_mm, turned, hidden, flags, rows);
+        const uint8_t *in = near;
+        for (int i = 0; i < h; i++, in += w) {
+            int first = 0, last = w;
+            while (first < last && !in[first]) first++;
+            while (last > first && !in[last - 1]) last--;
+            add_lost(&s, led, of_led, hides ? hidden + (ptrdiff_t)i * w : none, i, first, last, (float)by_depth, lost);
         }
-        for (int step = -1; step < 2; step += 2) {
-            sweep(&down, &led, share, step, &rules, rows);
-            sweep(&across, &turned_led, turned_share, step, &rules, rows);
-        }
-    }
-    for (int c = 0; any && c < 3; c++) {
-        transpose(turned_lost + c * n, turned, h, w);
-        for (ptrdiff_t at = 0; at < n; at++) lost[c * n + at] += turned[at];
     }
     return any || by_depth;
 }

@@ -131,6 +131,28 @@ EXPORT void level_and_slopes(float *depth, float level, float *slopes, float siz
     }
 }
 
+/* Two planes of slopes g to g / (1 + towards (x, y) . g), in place: with 1 those of the gel to those over the picture, with -1
+ * back (`perspective.py`). x: (width) and y: (height), in heights of the camera. Gel without a slope has none in either. */
+EXPORT void slopes_by_view(float *slopes, const float *x, const float *y, float towards, int width, int height) {
+    for (int row = 0; row < height; row++) {
+        float *restrict gx = slopes + (ptrdiff_t)row * width, *restrict gy = gx + (ptrdiff_t)height * width;
+        const float along = towards * y[row];
+        for (int i = 0; i < width; i++) {
+            const float share = 1 / (1 + towards * x[i] * gx[i] + along * gy[i]);
+            gx[i] *= share;
+            gy[i] *= share;
+        }
+    }
+}
+
+/* What was integrated from slopes over the picture to the depth, in place: H (1 - exp(-L / H)) as a series, nearness: 1 / H. */
+EXPORT void depth_by_view(float *depth, float nearness, int width, int height) {
+    for (ptrdiff_t at = 0; at < (ptrdiff_t)width * height; at++) {
+        const float t = depth[at] * nearness;
+        depth[at] *= 1 - t * 0.5f * (1 - t * (1.0f / 3) * (1 - t * 0.25f * (1 - t * 0.2f)));
+    }
+}
+
 /* Two planes of slopes to (height, width, 2). */
 EXPORT void gradient_map(const float *slopes, float *map, int width, int height) {
     const ptrdiff_t count = (ptrdiff_t)width * height;

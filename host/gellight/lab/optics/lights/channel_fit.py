@@ -55,6 +55,7 @@ def fit_channels(
         reference_frames=1,
         noise_grey=balls.noise_grey,
         pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm),
+        camera_height_mm=ball.told_height_mm,
         network=network,
         presses=shown(table, lights.untouched).arrays(),
         metrics={
