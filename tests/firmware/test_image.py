@@ -135,6 +135,7 @@ def test_steps_keep_their_time_while_the_host_talks(board: BenchBoard, ring: Lig
     assert ring.counters().bad_framing == 100
 
 
+@pytest.mark.nightly
 def test_the_fastest_sequence_keeps_its_time_under_the_longest_commands(board: BenchBoard, ring: LightRing) -> None:
     """A whole table is loaded again and again, which takes all 32 steps' checksum, while the shortest steps run."""
     since = len(board.waveform.frame_starts_us)

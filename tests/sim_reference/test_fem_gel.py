@@ -164,6 +164,7 @@ def test_patches_keep_a_nearly_incompressible_gel_from_locking() -> None:
     assert locked > 1.15
 
 
+@pytest.mark.nightly
 def test_a_load_presses_as_deep_as_it_takes_to_press_with_that_force() -> None:
     held = COARSE.press(BALL, SPACING, 0.5, GEOMETRY)
     loaded = COARSE.press_under(held.force_n, BALL, SPACING, GEOMETRY)

@@ -112,6 +112,7 @@ def test_the_programme_leaves_out_what_cannot_be_computed(
     assert "100 steps were not enough" in told[0]
 
 
+@pytest.mark.nightly
 def test_every_press_of_the_finite_elements_is_weighed_within_the_error() -> None:
     """Pictures with noise, of a gel that is no ideal layer; none of it was fitted."""
     reconstructor = Reconstructor(load_bundle("synthetic"))

@@ -36,7 +36,7 @@ def test_the_verb_writes_surface_and_report(tmp_path: Path) -> None:
     assert "exists" in refused(again)
 
 
-@pytest.mark.parametrize("gel", ["fem", "layer"])
+@pytest.mark.parametrize("gel", [pytest.param("fem", marks=pytest.mark.nightly), "layer"])
 def test_a_force_presses_as_deep_as_it_takes(tmp_path: Path, gel: str) -> None:
     request = PressRequest(**{**BALL.__dict__, "depth_mm": None, "force_n": 0.3, "gel": gel})
     report = press_once(request, tmp_path, GEOMETRY, lambda _: None)

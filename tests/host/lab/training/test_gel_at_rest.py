@@ -63,6 +63,7 @@ def shares(presses: list[Press], reference: np.ndarray, rest_grey: float) -> tup
     return view, contact, far
 
 
+@pytest.mark.nightly
 @pytest.mark.real_images("digit_ball")
 def test_on_a_digit_the_contact_and_its_skirt_are_touched_and_not_the_whole_view() -> None:
     reference = read_image(DIGIT / "background_scripts_0000.png").astype(np.float32)
