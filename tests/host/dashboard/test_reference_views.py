@@ -49,6 +49,17 @@ def test_the_reference_keeps_its_name_while_frames_and_light_change() -> None:
     assert len(names) == 1
 
 
+@pytest.mark.parametrize(("later_s", "names"), [(0.9, 1), (1.1, 2)])
+def test_light_that_is_followed_over_the_view_is_a_new_reference_once_a_second(later_s: float, names: int) -> None:
+    image, reference = scene(1)
+    views = ReferenceViews()
+    first = seen(image, reference)
+    tilted = seen(image, reference * np.linspace(0.98, 1.02, 640, dtype=np.float32)[:, None])
+    at_s = first.camera_frame.time_s + later_s
+    tilted = replace(tilted, camera_frame=replace(tilted.camera_frame, time_s=at_s))
+    assert len({views.of(frame)[0] for frame in (first, tilted)}) == names
+
+
 def test_another_zero_is_another_reference() -> None:
     image, reference = scene(1)
     views = ReferenceViews()
