@@ -5,6 +5,7 @@ import re
 import shlex
 from collections.abc import Iterator
 from itertools import takewhile
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -77,6 +78,15 @@ def refused(document: str, words: str, complete: bool) -> str:
 
 def test_every_command_in_the_documents_can_be_typed() -> None:
     assert [why for command in COMMANDS if (why := refused(*command))] == []
+
+
+def test_every_module_that_a_document_runs_is_there() -> None:
+    places = [ROOT, ROOT / "models", ROOT / "host"]
+    for document in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *ROOT.glob("docs/*.md"), *ROOT.glob("*/README.md")):
+        for module in re.findall(r"python -m ((?:tests|gelnet|gellight)\.[\w.]*\w)", document.read_text()):
+            path = module.replace(".", "/")
+            files = [place / name for place in places for name in (f"{path}.py", f"{path}/__main__.py")]
+            assert any(map(Path.is_file, files)), f"{document.name} runs {module}, which is not there"
 
 
 def test_no_command_stands_outside_a_block_or_behind_another_one() -> None:
