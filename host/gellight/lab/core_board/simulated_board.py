@@ -50,7 +50,7 @@ class SimulatedBoard:
         """when the trigger pin falls after a strobe"""
         self._unique_id = unique_id
         self._past_us = 0
-        """virtual time before the core was started last"""
+        """virtual time before the core was started last: not 0 where `_restart` starts it anew"""
         self._power_on(record.ljust(FLASH_BYTES, b"\xff"), 0)
         if ring_c is not None:
             self._core.call("warm_ring", thermistor_reading(ring_c))
@@ -132,7 +132,7 @@ class SimulatedBoard:
         self._lock.notify_all()
 
     def _restart(self) -> None:
-        """Start anew, as the host asked it to: to that host the board is gone."""
+        """Start anew, as the host asked it to: to that host the board is gone. Behind a terminal it comes back."""
         self._end()
 
     def _check_there(self) -> None:

@@ -5,8 +5,8 @@ Whatever the two ways took, the offset (board minus host) then lay between b2 - 
 pings with short round trips simply have narrow bounds. Between pings the offset moves with the drift of the two
 crystals, which the pings bound as well; so the bounds of a time grow with its distance from the pings.
 
-The clock of an emulated board stands still while its machine is busy. Pings that contradict each other show that; from
-then on only the pings right before and after a moment are believed about it, each for itself.
+The clock of a board that was started anew, or whose computer stood still, jumps. Pings that contradict each other show
+that; from then on only the pings right before and after a moment are believed about it, each for itself.
 """
 
 from collections import deque

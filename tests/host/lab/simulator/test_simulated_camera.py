@@ -290,7 +290,7 @@ def test_the_schedule_stays_where_frames_are_read_late(monkeypatch: pytest.Monke
 
 
 def test_a_board_that_stays_dark_for_long_ends_no_stream(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A computer that was too busy for its emulated board is quiet again some time."""
+    """A computer that was too busy for its board is quiet again some time."""
     monkeypatch.setattr(simulated_camera, "DARK_S", 0.2)
     with open_quiet() as camera:
         assert camera.ring is not None
