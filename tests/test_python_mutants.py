@@ -92,6 +92,6 @@ def test_a_file_is_judged_by_the_tests_that_import_it_its_own_first() -> None:
 
 def test_a_file_is_judged_by_other_rooms_that_reach_it_through_what_they_start() -> None:
     tests = judges(HOST / "daemon/frame_threads.py")
-    assert "tests/host/cli/test_several_sensors.py" in tests.outside
+    assert "tests/host/cli/test_main.py" in tests.outside
     assert len(set(tests.outside)) == len(tests.outside)
     assert len(tests.outside) < 30

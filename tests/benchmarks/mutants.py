@@ -103,7 +103,8 @@ def verbs() -> dict[Path, set[str]]:
     found: dict[Path, set[str]] = {}
     for group in VERB_TABLES:
         for node in ast.walk(ast.parse((COMMAND_LINE / group).read_text())):
-            for word, value in zip(node.keys, node.values, strict=True) if isinstance(node, ast.Dict) else ():
+            pairs = zip(node.keys, node.values, strict=True) if isinstance(node, ast.Dict) else ()
+            for word, value in ((word, value) for word, value in pairs if isinstance(value, ast.Tuple)):
                 home = ast.literal_eval(value)[0].partition(":")[0]
                 found.setdefault(COMMAND_LINE / f"{home.replace('.', '/')}.py", set()).add(ast.literal_eval(word))
     return found

@@ -10,7 +10,7 @@ from gellight.base.errors import BoardError
 from gellight.lab.doctor.sensor_checks import check_board
 from gellight.ring.heat import chip_temperature_c, ring_temperature_c
 from gellight.ring.light_ring import LightRing
-from gellight.ring.protocol import DIMMING_US, HOTTEST_C, RING_HOTTEST_C, DimmedEvent, StatusReply
+from gellight.ring.protocol import DIMMING_US, HOTTEST_C, RING_HOTTEST_C, DimmedEvent
 from tests.firmware.emulator.analog import THERMISTOR_PIN, Divider
 from tests.firmware.emulator.chip import ROOM_C
 from tests.firmware.helpers.wiring import opened, wired
@@ -126,9 +126,3 @@ def test_a_pin_that_is_wired_otherwise_is_no_ntc(image: bytes) -> None:
         assert board.chip.gpio[THERMISTOR_PIN].pad_value & 0x80 == 0  # still an output
         assert ring.dimmed == 0
     assert board.faults == []
-
-
-def test_a_board_of_protocol_2_1_does_not_say() -> None:
-    told = StatusReply(0, 0, 0, 0, 450, 270, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, ring_temperature=400).pack()
-    assert StatusReply.unpack(told).ring_temperature == 400
-    assert ring_temperature_c(StatusReply.unpack(told[:-2])) is None

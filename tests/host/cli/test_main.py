@@ -40,7 +40,7 @@ def test_the_version_is_that_of_the_installed_package() -> None:
     ("words", "why"),
     [
         ("export a.mcap --out b --as obj", "'obj' is not one of 'npz', 'png', 'ply', 'video', 'hdf5', 'lerobot'."),
-        ("export a.mcap --out b --every 0", "'0' is not allowed: give at least 1"),
+        ("export a.mcap --out b --every 0", "'0' is not allowed: give a number at least 1"),
         ("run --frames x", "'x' is not allowed: give a whole number"),
     ],
 )

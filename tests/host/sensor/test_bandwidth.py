@@ -38,7 +38,7 @@ def isochronous(sizes: tuple[int, ...] = SIZES, interval: int = 1) -> bytes:
 def plug(bench: Bench, port: str, serial: str, descriptors: bytes | None = None, **changes: Any) -> None:
     bench.plug(port, serial, formats=changes.pop("formats", WIDE), **changes)
     folder = bench.usb.sysfs / "bus" / "usb" / "devices" / port
-    folder.mkdir(parents=True)
+    folder.mkdir(parents=True, exist_ok=True)
     if descriptors is not None:
         (folder / "descriptors").write_bytes(descriptors)
 

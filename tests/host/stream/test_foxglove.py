@@ -163,7 +163,7 @@ def test_without_the_package_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch)
 def test_a_sensor_that_is_to_be_shown_is_and_says_where(capsys: pytest.CaptureFixture[str]) -> None:
     settings = load_settings({"stream.foxglove": True, "stream.foxglove_port": 0})
     daemon, _ = bump_daemon(period_s=0.02)
-    with daemon, published(daemon, settings):
+    with daemon, published(daemon, settings, ""):
         (url,) = re.findall(r"Foxglove: open (ws://\S+)", capsys.readouterr().err)
         assert looked_at(url, {"/gellight/image_raw"})["/gellight/image_raw"].height == 48
 

@@ -272,7 +272,7 @@ def test_sensors_without_names_have_topics_of_their_own(router: tuple[zenoh.Sess
         came[str(sample.key_expr).split("/")[1]].set()
 
     (one, _), (other, _) = bump_daemon(), bump_daemon()
-    with one, other, published(one, settings), published(other, settings):
+    with one, other, published(one, settings, ""), published(other, settings, ""):
         held = router[0].declare_subscriber("0/*/contact/**", note)
         assert all(event.wait(20) for event in came.values())
         held.undeclare()
