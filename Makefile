@@ -25,7 +25,7 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: $(VENV)/.host
 	@$(BIN)/gellight demo $(ARGS)
 
-# Every promise once: some twenty minutes on two cores.
+# Every promise once: a quarter of an hour on two cores.
 test: check pytest
 
 # That, and what takes long or needs much: a virtual machine, other compilers, browsers, PyTorch, circuit boards.
