@@ -33,7 +33,7 @@ from gellight.stream.foxglove import FoxgloveServer
 from gellight.stream.network import zenoh_settings
 from gellight.stream.publisher import Publisher, name_of_sensor
 from gellight.stream.ros2 import Ros2Publisher
-from gellight.stream.running import running, starting
+from gellight.stream.running import running
 from gellight.stream.sinks import sent_to
 
 STATUS_S = 1.0
@@ -52,19 +52,15 @@ def run_sensor(settings: Settings, options: RunOptions, *, dashboard: bool, as_j
 
 @contextmanager
 def opened(settings: Settings, *, every: bool = True, dashboard: bool = True) -> Iterator[tuple[SensorSession, str]]:
-    """Open the sensor of `settings`, serve and publish it; yield it and the address of its dashboard.
-
-    Meanwhile who waits for it knows that something starts.
-    """
+    """Open the sensor of `settings`, serve and publish it; yield it and the address of its dashboard."""
     give_back_large_arrays()
     check_buses(settings.sensor.url)
     if settings.stream.enabled and settings.stream.zenoh_config:
         zenoh_settings(Path(settings.stream.zenoh_config))  # a wrong file is told before a sensor is opened
     with ExitStack() as stack:
-        with starting() if settings.stream.enabled else nullcontext():
-            daemon = stack.enter_context(open_session(settings, every=every))
-            address = stack.enter_context(served(daemon, settings, dashboard))
-            stack.enter_context(published(daemon, settings, address))
+        daemon = stack.enter_context(open_session(settings, every=every))
+        address = stack.enter_context(served(daemon, settings, dashboard))
+        stack.enter_context(published(daemon, settings, address))
         yield daemon, address
 
 

@@ -1,7 +1,6 @@
 """Which daemons of this user publish on this computer: one small file each, locked as long as its daemon lives.
 
-    $XDG_RUNTIME_DIR/gellight/<name>.json       who publishes, and where; else in the user's state folder
-    $XDG_RUNTIME_DIR/gellight/<process>.starting    who will, as soon as its sensor is open
+    $XDG_RUNTIME_DIR/gellight/<name>.json    who publishes, and where; else in the user's state folder
 
 The system gives the lock back when the daemon ends, however it ends: a file that is not locked is of a daemon that is
 gone.
@@ -78,32 +77,6 @@ def announced(
             yield daemon
         finally:
             _place(free).unlink(missing_ok=True)
-
-
-@contextmanager
-def starting() -> Iterator[None]:
-    """Say, as long as the context lasts, that this process opens a sensor and will publish it: see `is_starting`."""
-    folder().mkdir(mode=0o700, parents=True, exist_ok=True)
-    place = folder() / f"{os.getpid()}.starting"
-    with place.open("w") as handle:
-        lock(handle)
-        try:
-            yield
-        finally:
-            place.unlink(missing_ok=True)
-
-
-def is_starting() -> bool:
-    """Whether some process of this user is about to publish."""
-    return any(_is_held(place) for place in folder().glob("*.starting"))
-
-
-def _is_held(place: Path) -> bool:
-    try:
-        with place.open() as handle:
-            return is_locked(handle)
-    except OSError:
-        return False
 
 
 def running() -> list[RunningDaemon]:

@@ -39,7 +39,7 @@ from gellight.stream.calls import (
     made,
 )
 from gellight.stream.network import LAN_PORT, close, found_by_multicast, key, name_of, subscribing_session
-from gellight.stream.running import is_starting, meant, running
+from gellight.stream.running import meant, running
 from gellight.stream.shared_memory import MappedMemory, OverwrittenError
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
 from gellight.stream.wire import decode
@@ -78,8 +78,8 @@ def subscribe(
     encrypted.
     every: give every frame and not only the newest. maps: of `MapOnRequest`, `pressure_mpa` and `confidence`: the
     daemon computes them for all who ask and sends them along; what does not come is computed here when it is asked for.
-    wait_s: how long a daemon is waited for that is not there, as one that starts now; where others of this user are
-    there and none is starting, `MISTYPED_S` at most, since the name is a wrong one then.
+    wait_s: how long a daemon is waited for that is not there, as one that starts now; after `MISTYPED_S` the log says
+    which are there, since the name may be a wrong one.
     config: a file of zenoh's own settings, for TLS and access control. token: of a daemon of another computer or user,
     to change something: light, mode, zero, presses; reading needs none. Raises StreamError with the remedy.
     """
@@ -118,18 +118,12 @@ def _awaited(target: str, config: Path | None, wait_s: float) -> tuple[str, str,
             return _found(target, config)
         except _NobodyThereError as error:
             waited_s = time.monotonic() - begun_s
-            if waited_s >= (min(wait_s, MISTYPED_S) if _mistyped(target) else wait_s):
+            if waited_s >= wait_s:
                 raise
             if waited_s >= MISTYPED_S and not told:
                 told = True
                 logger.warning("%s; waiting %.0f s more", error, wait_s - waited_s)
             time.sleep(LOOK_AGAIN_S)
-
-
-def _mistyped(target: str) -> bool:
-    """Whether others are there, none of that name, and none that starts."""
-    names = [daemon.name for daemon in running()]
-    return bool(names) and target not in (*names, "auto") and not is_starting()
 
 
 def _found(target: str, config: Path | None) -> tuple[str, str, str, str]:
