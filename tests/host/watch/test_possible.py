@@ -88,8 +88,8 @@ def test_the_deepest_presses_of_the_simulated_sensor_can_be(halved_scene: Scene,
 )
 def test_every_press_of_a_real_sensor_can_be_by_its_own_bundle(tmp_path: Path, name: str) -> None:
     known = SETS[name](tmp_path)
-    short = Learning(options=TrainingOptions(recipe="fast", epochs=4))
-    bundle = fit(known.presses[::2], known.reference, known.ball, tmp_path / "bundle", sensor=name, how=short)
+    how = Learning(options=TrainingOptions(recipe="fast"))
+    bundle = fit(known.presses[::2], known.reference, known.ball, tmp_path / "bundle", sensor=name, how=how)
     path = Reconstructor(bundle)
     frames = [
         path.reconstruct(CameraFrame(image=press.picture(), time_s=0.0, sequence=0)) for press in known.presses[:12]
@@ -98,4 +98,6 @@ def test_every_press_of_a_real_sensor_can_be_by_its_own_bundle(tmp_path: Path, n
     assert not [finding for frame in frames for finding in (*impossible_depth(frame, 5.0), *guessed_contact(frame))]
     if name == "digit":  # a second picture of the untouched gel, of another day
         later = CameraFrame(image=read_image(real("digit_ball") / "background.png"), time_s=1.0, sequence=1)
-        assert path.reconstruct(later).contact.area_mm2 == 0
+        untouched = path.reconstruct(later)
+        assert untouched.contact.area_mm2 == 0
+        assert untouched.depth_mm.max() < 0.1  # 0.47 to 0.55 where only the median of the light is taken off
