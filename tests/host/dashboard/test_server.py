@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import resource
 import socket
 import threading
 import time
@@ -223,6 +224,8 @@ def test_a_thousand_pages_at_once_leave_the_others_their_frames(
     server: DashboardServer, page: Page, source: FormulaSource
 ) -> None:
     """Beyond 32 each is told why, and every place that becomes free is given away again."""
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(4096, most), most))  # both ends of each lie in this process
 
     async def crowd() -> None:
         async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0), headers=bearer()) as session:
