@@ -44,7 +44,8 @@ class LightDrift:
         """Return the (H, W, 3) light as a share of the reference's."""
         y, x = (np.linspace(-1, 1, n, dtype=np.float32) for n in image_shape)
         constant, across, down = self.gains.astype(np.float32)
-        return np.asarray((constant + np.outer(y, down))[:, None] + np.outer(x, across))
+        along = np.stack([(constant + np.outer(x, across)).ravel(), np.tile(down, len(x))])
+        return np.asarray(np.stack([np.ones_like(y), y], axis=1) @ along).reshape(*image_shape, 3)
 
     @property
     def size(self) -> float:
@@ -78,15 +79,14 @@ def difference_of(image: NDArray[np.number], reference: Floats, *, follow_light:
 
     Where the light is too far off, perhaps because a touch fills the view, the median alone is taken off.
     """
-    difference: Floats = np.subtract(image, reference, dtype=np.float32)
-    if not follow_light:
-        return difference
-    drift = light_drift(image, reference)
-    if drift.refusal:
-        difference -= np.median(difference, axis=(0, 1))
+    drift = light_drift(image, reference) if follow_light else None
+    if drift is None or drift.refusal:
+        difference: Floats = np.subtract(image, reference, dtype=np.float32)
+        if drift is not None:
+            difference -= np.median(difference, axis=(0, 1))
         return difference
     light = drift.over((reference.shape[0], reference.shape[1]))
-    np.subtract(image, reference * light, out=difference)
+    difference = np.subtract(image, reference * light, dtype=np.float32)
     if drift.multiplied:
         difference /= light
     return difference
@@ -114,19 +114,20 @@ def _fitted(now: Array, then: Array, terms: Array) -> tuple[Array, float]:
     Least squares with Tukey's weights: cells that leave much do not count. Also returns what the median cell leaves.
     """
     weights = np.eye(3, 1) * np.median(now / np.maximum(then, 1), axis=0)
+    products = (terms[:, :, None] * terms[:, None, :]).reshape(-1, 9)
+    squared, mixed = (np.ascontiguousarray((then * by).T) for by in (then, now))
     for _ in range(_ROUNDS):
         left, typical_grey = _left(now, then, terms, weights)
         counts = np.maximum(0, 1 - (left / (_BEYOND * typical_grey)) ** 2) ** 2
         ridge = (typical_grey / _USUAL) ** 2 * np.eye(3)
-        for channel in range(3):
-            columns = terms * then[:, channel, None]
-            weighted = columns.T * counts
-            weights[:, channel] = np.linalg.solve(weighted @ columns + ridge, weighted @ now[:, channel] + ridge[0])
+        normal = ((squared * counts) @ products).reshape(3, 3, 3) + ridge
+        weights = np.linalg.solve(normal, ((mixed * counts) @ terms + ridge[0])[..., None])[..., 0].T
     return weights, _left(now, then, terms, weights)[1]
 
 
 def _left(now: Array, then: Array, terms: Array, weights: Array) -> tuple[Array, float]:
-    left = np.sqrt(((now - then * (terms @ weights)) ** 2).sum(axis=1))
+    apart = now - then * (terms @ weights)
+    left = np.sqrt(np.einsum("ij,ij->i", apart, apart))
     return left, float(np.median(left)) + _LEAST_GREY
 
 
