@@ -26,8 +26,6 @@ from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE, Surface, sample, sh
 Array = NDArray[np.float64]
 BRIGHTEST_GREY = 200.0
 """of the untouched gel, at its brightest pixel: slopes that face the LEDs still do not clip"""
-deformed = lru_cache(maxsize=16)(press_object)
-"""what a press does to the gel: the same for every scene, and wherever it happens"""
 SPACING_MM = GRID_EXTENT_MM / GRID_SIZE
 MARGIN_MM = 15.0
 """of gel around a body: three thicknesses of the default gel"""
@@ -95,16 +93,27 @@ def _upper_side(name: str, within_mm: float, turn_rad: tuple[float, float, float
     return turned.upper_side(Rotation.from_rotvec(turn_rad).as_matrix(), size, SPACING_MM)
 
 
+@lru_cache(maxsize=16)
+def deformed(name: str, depth_mm: float, geometry: SensorGeometry, model: GelModel) -> Deformation:
+    """Return what a press does to the gel: the same for every scene, and wherever it happens."""
+    return _as(np.float32, press_object(name, depth_mm, geometry, model))
+
+
 @lru_cache(maxsize=64)
 def deformed_by_body(press: Press, geometry: SensorGeometry, model: GelModel) -> Deformation:
     """Press a body, wherever that happens: `press` lies in the middle."""
-    return model(press.upper_side[0], SPACING_MM, press.depth_mm, geometry)
+    return _as(np.float32, model(press.upper_side[0], SPACING_MM, press.depth_mm, geometry))
+
+
+def _as(kind: type[np.floating], deformation: Deformation) -> Deformation:
+    """Return it in that precision: float32, in which it is kept, rounds by 1e-7 of the depth and halves the memory."""
+    return replace(deformation, depth_mm=deformation.depth_mm.astype(kind), pressure=deformation.pressure.astype(kind))
 
 
 @lru_cache(maxsize=4)
 def _in_use(kept: Deformation) -> Deformation:
-    """Return a deformation whose spline, as large as itself, lives as long as it is looked at."""
-    return replace(kept)
+    """Return a deformation whose spline, twice as large as what is kept, lives as long as it is looked at."""
+    return _as(np.float64, kept)
 
 
 Lit = tuple[Press | None, Surface, NDArray[np.float32]]
@@ -186,7 +195,7 @@ class Scene:
         """Return what the press does to the gel, on the grid of the object."""
         if press.is_body:
             return _in_use(deformed_by_body(replace(press, x_mm=0.0, y_mm=0.0, path=()), self._gel, self._model))
-        return _in_use(deformed(press.object_name, press.depth_mm, self._gel, model=self._model))
+        return _in_use(deformed(press.object_name, press.depth_mm, self._gel, self._model))
 
     def shear(self, press: Press | None) -> ShearTruth | None:
         """Return how the gel is moved along itself; None where no dots are printed on it."""
