@@ -53,6 +53,11 @@ class Table:
         """Return the table of the chosen rows."""
         return replace(self, rows=self.rows[mask], image=self.image[mask])
 
+    def joined(self, other: "Table") -> "Table":
+        """Return the table with the rows of another one of the same sensor behind its own."""
+        rows, image = np.concatenate([self.rows, other.rows]), np.concatenate([self.image, other.image])
+        return replace(self, rows=rows, image=image)
+
 
 def load_table(path: Path) -> Table:
     """Read and check an npz with rows (N, C + 4), image (N,) and image_size (2,) = W, H; raises TableError.

@@ -155,8 +155,7 @@ def with_taught(table: Table, untouched: Floats, random: np.random.Generator) ->
     slopes[:count] = fit_teacher(table, untouched).answer(pixels[:count])
     new, numbers = np.concatenate([pixels, slopes], axis=1), table.image[of]
     far = _far_from_presses(table, pixels[:, 3:5])
-    rows = np.concatenate([table.rows, new[far]])
-    return replace(table, rows=rows, image=np.concatenate([table.image, numbers[far]]))
+    return table.joined(replace(table, rows=new[far], image=numbers[far]))
 
 
 def _far_from_presses(table: Table, places: Floats) -> NDArray[np.bool_]:

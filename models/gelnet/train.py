@@ -16,6 +16,7 @@ import numpy as np
 
 from gelnet.export import ExportError
 from gelnet.recipes import DEFAULT_WIDTH, RECIPES, Recipe
+from gelnet.steeper import steeper_rows
 from gelnet.table import Table, TableError, load_table
 from gelnet.teacher import UNLIKE, unlikeness, with_taught
 from gelnet.trainers import GPU, NAMES, make_trainer
@@ -39,11 +40,12 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _taught(table: Table, recipe: Recipe, seed: int) -> tuple[Table, Recipe]:
-    """Add what a teacher says of places where nothing was pressed, in the place of jitter, where the light is known."""
+    """Add places where nothing was pressed, and slopes that no press has; in the place of jitter, for known light."""
     if table.untouched is None or not recipe.place_jitter:
         return table, recipe
     taught = with_taught(table, table.untouched, np.random.default_rng(seed))
-    return taught, replace(recipe, place_jitter=0.0)
+    steeper = steeper_rows(table, table.untouched, np.random.default_rng(seed))
+    return taught.joined(steeper), replace(recipe, place_jitter=0.0)
 
 
 def _unlikeness(table: Table, recipe: Recipe, name: str) -> float | None:

@@ -65,4 +65,4 @@ def test_it_learns_from_all_and_says_that_it_is_not_of_this_unit(units: list[Bun
     felt = GradientNetwork(starter.network, starter.image_shape, noise_grey=1.0).infer(
         asked, np.full((2, 2), 80, np.float32)
     )
-    assert felt == pytest.approx((asked[:, :2] - asked[:, 2:]) / 100, abs=0.05)
+    assert felt == pytest.approx((asked[:, :2] - asked[:, 2:]) / 100, abs=0.07)  # of slopes up to 1.2
