@@ -34,7 +34,7 @@ STORY: list[Action] = [
 
 @pytest.fixture(scope="module")
 def accounts() -> tuple[Account, Account]:
-    from gellight.ring.firmware.build import committed_image
+    from gellight.ring.firmware.targets import committed_image
 
     image = committed_image()
     return first_emulator(image, STORY), second_emulator(image, STORY)
