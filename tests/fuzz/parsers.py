@@ -166,7 +166,7 @@ def _no_bundle(zero: str) -> Bundle:
 
 
 def _network(content: bytes) -> None:
-    session = NetworkSession(content, threads=1, source="fuzz")
+    session = NetworkSession(content, source="fuzz")
     session.slopes_and_jacobian(np.zeros((2, 5), np.float32))
 
 

@@ -33,7 +33,7 @@ DOORS = {
         "frames/image_files.py", "frames/jpeg.py", "frames/pixel_grid.py", "frames/video_files.py", "frames/view.py",
         "reconstruction/at_rest.py", "reconstruction/confidence.py", "reconstruction/force.py",
         "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
-        "reconstruction/linearised.py", "reconstruction/smoothing.py", "tracking/starts.py", "tracking/view.py",
+        "reconstruction/cast_shadows.py", "reconstruction/smoothing.py", "tracking/starts.py", "tracking/view.py",
         "series/reconstructor.py", "lab/report/pictures.py", "lab/report/video.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py",
         "lab/training/labelling/plate.py",

@@ -2,7 +2,6 @@
 
 stages.py        the names and times of the stages of a frame path, and the frame at its end
 gelnet.py        difference image to gradient map, pixel by pixel; which pixels are touched
-linearised.py    the same from the network and its Jacobian at the means of cells, which is faster
 network_session.py  the network in ONNX Runtime
 cast_shadows.py  which LEDs the surface hides from which pixels, and the slopes with their light
 at_rest.py       where the gel is at rest

@@ -22,13 +22,13 @@ def change_percent(levels: Floats, untouched: Floats) -> Floats:
 class ChannelNetwork:
     """The network of a bundle with K channels, for pictures of one size."""
 
-    def __init__(self, network: bytes, untouched: Floats, *, source: str, threads: int = 1) -> None:
+    def __init__(self, network: bytes, untouched: Floats, *, source: str) -> None:
         """Load an ONNX file for lights under which the untouched gel shows (K, H, W) grey levels.
 
         source: the name of the bundle, for messages. Raises BundleError for a network of another form.
         """
         self._untouched = untouched
-        self._session = NetworkSession(network, threads=threads, source=source, channels=len(untouched))
+        self._session = NetworkSession(network, source=source, channels=len(untouched))
         rows, columns = np.indices(untouched.shape[1:], dtype=np.float32)
         self._places = np.stack([columns.ravel(), rows.ravel()], axis=1)
         self._zero = self._answers(np.zeros((len(self._places), len(untouched)), np.float32))

@@ -37,17 +37,17 @@ def read_directions(bundle: Bundle) -> LightDirections:
     return lights
 
 
-def slopes_by(bundle: Bundle, lights: LightDirections, mode: str, *, threads: int = 1) -> Callable[[Floats], Floats]:
+def slopes_by(bundle: Bundle, lights: LightDirections, mode: str) -> Callable[[Floats], Floats]:
     """Return what turns (K, H, W) grey levels into (H, W, 2) slopes: GelNet in mode "network", else least squares."""
     if mode == "network":
-        return ChannelNetwork(bundle.network, lights.untouched, source=bundle.source, threads=threads).gradient_map
+        return ChannelNetwork(bundle.network, lights.untouched, source=bundle.source).gradient_map
     return lambda levels: lights.gradient_map(levels)[0]
 
 
 class SingleLightPath:
     """Reconstructs series of exposures under the light groups of a bundle. One path serves one thread."""
 
-    def __init__(self, bundle: Bundle, mode: str, *, threads: int = 1, smoothing_px: int = NARROWEST_PX) -> None:
+    def __init__(self, bundle: Bundle, mode: str, *, smoothing_px: int = NARROWEST_PX) -> None:
         """Prepare for mode "network" or "photometric".
 
         Raises BundleError where the bundle does not tell the light groups, or its network is of another form.
@@ -59,7 +59,7 @@ class SingleLightPath:
                 f"{bundle.source} is for recorded pictures of its lights, and does not tell how a ring shows them: use "
                 "`gellight reconstruct`, or calibrate with `gellight calibrate channels --sensor`"
             )
-        self._slopes = slopes_by(bundle, self._lights, mode, threads=threads)
+        self._slopes = slopes_by(bundle, self._lights, mode)
         self._smoother = Smoother(smoothing_px)
         self._measures = BundleMeasures(bundle, from_network=mode == "network")
         self._last: ExposureReport | None = None

@@ -24,7 +24,6 @@ from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.light_drift import difference_of
-from gellight.reconstruction.linearised import CellNetwork
 from gellight.watch.cells import Cells, spread
 
 Array = NDArray[np.float64]
@@ -72,7 +71,7 @@ class ErrorEstimate:
             rest_grey=bundle.manifest.rest_grey,
             source=bundle.source,
         )
-        self._shadows = CastShadows.of_bundle(bundle, CellNetwork(self._network))
+        self._shadows = CastShadows.of_bundle(bundle, self._network)
         self._places = np.zeros(bundle.image_shape, np.bool_)
         self._places[_EVERY_PX // 2 :: _EVERY_PX, _EVERY_PX // 2 :: _EVERY_PX] = True
         self._derivative = np.stack([self._slopes_per_grey(channel) for channel in range(3)], axis=2)

@@ -66,14 +66,14 @@ def test_each_source_wins_over_the_weaker_ones(folders: dict[str, Path]) -> None
 
 def test_environment_variables_are_read_as_what_the_key_wants(folders: dict[str, Path]) -> None:
     environment = {
-        "GELLIGHT_RECONSTRUCTION_MASKED": "false",
+        "GELLIGHT_RECONSTRUCTION_CAST_SHADOWS": "false",
         "GELLIGHT_GEOMETRY_PIXEL_SIZE_MM": "0.05",
         "GELLIGHT_SENSOR_CALIBRATION": "2024",
         "GELLIGHT_NO_SKIPS": "1",
         "HOME": "/",
     }
     settings = loaded(environment=environment, **folders)
-    assert settings.reconstruction.masked is False
+    assert settings.reconstruction.cast_shadows is False
     assert settings.geometry.pixel_size_mm == 0.05
     assert settings.sensor.calibration == "2024"
 
@@ -101,7 +101,7 @@ def test_a_misspelt_key_names_file_and_the_key_that_was_meant(folders: dict[str,
         ),
         ("[dashboard]\nport = '8420'", "dashboard.port = '8420' is not allowed"),
         ("[dashboard]\nport = true", "dashboard.port = True is not allowed"),
-        ("[reconstruction]\nmasked = 1", "reconstruction.masked = 1 is not allowed: give true or false"),
+        ("[reconstruction]\ncast_shadows = 1", "reconstruction.cast_shadows = 1 is not allowed: give true or false"),
         ("[geometry]\npixel_size_mm = 0", "geometry.pixel_size_mm = 0 is not allowed: give a number above 0"),
         ("[geometry]\ngel_diameter_mm = inf", "geometry.gel_diameter_mm = inf is not allowed"),
         ("[geometry]\npoisson_ratio = 0.5", "give a number at least 0 and below 0.5"),

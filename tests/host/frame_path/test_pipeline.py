@@ -116,14 +116,6 @@ def test_a_later_frame_changes_nothing_of_an_earlier_one(tmp_path: Path) -> None
     assert not any(np.shares_memory(a, b) for a in arrays for b in (second.depth_mm, second.gradient_map))
 
 
-def test_the_same_frame_gives_the_same_result_on_any_number_of_threads(tmp_path: Path) -> None:
-    bundle = linear_bundle(tmp_path / "b", SHAPE)
-    camera_frame = photograph(gaussian(SHAPE, 18, (0, 0), height=9).gradient_map, noise_grey=1.0)
-    one = Reconstructor(bundle).reconstruct(camera_frame)
-    two = Reconstructor(bundle, threads=2).reconstruct(camera_frame)
-    np.testing.assert_allclose(one.depth_mm, two.depth_mm, atol=1e-6)
-
-
 @pytest.mark.parametrize(
     ("image", "message"),
     [

@@ -256,8 +256,8 @@ def test_depth_computed_on_another_processor_keeps_to_the_stated_bound(
         if name:
             loaded = library.Library(library.library_file(name))
             monkeypatch.setattr(pipeline, "fitting_library", lambda found=(name, loaded): found)
-        reconstructor = Reconstructor(bundle, form=pipeline.Form.NATIVE if name else pipeline.Form.CELLS)
-        assert reconstructor.status()["computed_by"] == (f"C, {name}" if name else "NumPy, cells")
+        reconstructor = Reconstructor(bundle, native=bool(name))
+        assert reconstructor.status()["computed_by"] == (f"C, {name}" if name else "NumPy")
         camera = open_replay(f"replay://{recording}?speed=0")
         maps[name] = [reconstructor.reconstruct(camera.read()).depth_mm for _ in range(3)]
     assert len(maps) > 1
