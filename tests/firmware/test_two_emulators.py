@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from gellight.lab.core_board.built_board import thermistor_ohm
+from gellight.lab.core_board.simulated_board import thermistor_ohm
 from gellight.ring import protocol as p
 from tests.firmware.helpers.two_emulators import Account, Action, command, first_emulator, second_emulator
 

@@ -18,8 +18,7 @@ from gellight.frames.status import PathStatus
 from gellight.photometric.directions import FILE_NAME
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import GradientNetwork
-from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
-from gellight.reconstruction.lens.undistortion import Undistortion
+from gellight.reconstruction.lens.undistortion import Undistortion, has_lens, read_undistortion
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.native.judge import refuse_disagreement
 from gellight.reconstruction.native.library import NativePathError, fitting_library

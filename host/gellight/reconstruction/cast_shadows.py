@@ -34,11 +34,10 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.pixel_grid import between_blocks
 from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import has_lights, read_lights
-from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX, GradientNetwork, block_middles, cell_means
-from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.integration import far_from_touch, integrate
 from gellight.reconstruction.led_light import LedLight
-from gellight.reconstruction.lens.lens_file import has_lens
+from gellight.reconstruction.lens.undistortion import has_lens
 from gellight.reconstruction.perspective import Perspective
 
 Floats = NDArray[np.float32]

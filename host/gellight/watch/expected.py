@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.pixel_grid import spread_blocks
-from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
-from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.integration import far_from_touch, integrate
 from gellight.reconstruction.light_drift import difference_of
 from gellight.watch.cells import Cells, spread
 

@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any
 
-from gellight.lab.core_board.built_board import thermistor_reading
 from gellight.lab.core_board.core import Core, packaged_library
-from gellight.lab.core_board.simulated_board import UNIQUE_ID
+from gellight.lab.core_board.simulated_board import UNIQUE_ID, thermistor_reading
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Edge, SyncMode
 from gellight.ring.firmware.targets import committed_image

@@ -108,7 +108,7 @@ def test_a_misspelt_key_names_file_and_the_key_that_was_meant(folders: dict[str,
         ("[geometry]\nled_colours = 'RGX'", "geometry.led_colours = 'RGX' is not allowed: give text like"),
         ("[sensor]\nurl = ''", "sensor.url = '' is not allowed"),
         ("sensor = 3", "sensor = 3 is no section: write [sensor]"),
-        ("[reconstruction]\nzebra = 1", "choose one of mode, light_groups, frames_per_light, threads"),
+        ("[reconstruction]\nzebra = 1", "choose one of mode, light_groups, frames_per_light, smoothing_px"),
         ("[dashbord]\nport = 1", "unknown section dashbord: did you mean dashboard?"),
         ("[dashboard", "is not TOML in UTF-8"),
         ("a = " + "[" * 20_000, "is not TOML in UTF-8"),
@@ -121,9 +121,9 @@ def test_a_wrong_value_is_named_with_what_is_allowed(folders: dict[str, Path], l
 
 
 def test_every_mistake_of_a_file_is_reported_at_once(folders: dict[str, Path]) -> None:
-    text = complaint(folders, "[dashboard]\nport = -1\n[reconstruction]\nthreads = 0\n")
+    text = complaint(folders, "[dashboard]\nport = -1\n[reconstruction]\nsmoothing_px = -1\n")
     assert "dashboard.port = -1" in text
-    assert "reconstruction.threads = 0" in text
+    assert "reconstruction.smoothing_px = -1" in text
 
 
 def test_a_mistake_is_reported_even_where_a_stronger_source_hides_it(folders: dict[str, Path]) -> None:
@@ -215,7 +215,7 @@ class TestCommand:
         monkeypatch.chdir(folders["folder"])
         monkeypatch.setenv("XDG_CONFIG_HOME", str(folders["user_folder"]))
         monkeypatch.setenv("GELLIGHT_DASHBOARD_PORT", "8001")
-        write(folders, "[reconstruction]\nthreads = 2\n")
+        write(folders, "[reconstruction]\nsmoothing_px = 3\n")
 
     def run(self, *arguments: str) -> str:
         result = invoke("config", *arguments)
@@ -225,12 +225,12 @@ class TestCommand:
     def test_show_tells_values_and_where_they_come_from(self) -> None:
         text = self.run("show")
         assert "port = 8001  # environment variable GELLIGHT_DASHBOARD_PORT" in text
-        assert "threads = 2  # " in text
+        assert "smoothing_px = 3  # " in text
         assert 'url = "auto"\n' in text
 
     def test_what_show_prints_can_be_read_back(self, folders: dict[str, Path]) -> None:
         write(folders, self.run("show"))
-        assert loaded(environment={}, **folders).reconstruction.threads == 2
+        assert loaded(environment={}, **folders).reconstruction.smoothing_px == 3
 
     def test_show_json(self) -> None:
         shown = json.loads(self.run("show", "--json"))

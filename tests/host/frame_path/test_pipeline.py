@@ -9,7 +9,7 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
-from gellight.reconstruction.at_rest import far_from_touch
+from gellight.reconstruction.integration import far_from_touch
 from gellight.reconstruction.stages import STAGES
 from tests.helpers.analytic_surfaces import gaussian, smooth_cap
 from tests.helpers.linear_sensor import linear_bundle, photograph

@@ -27,8 +27,8 @@ from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.photometric.directions import LightDirections
 from gellight.reconstruction.light_drift import light_drift
 from gellight.reconstruction.measures import BundleMeasures
-from gellight.series.recorded import frame_of_lights
 from gellight.series.single_light_path import has_single_lights, read_directions, slopes_by
+from gellight.series.summary import frame_of_lights
 from gellight.watch.findings import WatchFinding, other_light
 from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth, learnt_elsewhere
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, Patch, TactileFrame
 from gellight.frames.pixel_grid import bounding_box, spread_blocks
-from gellight.reconstruction.at_rest import far_cells, far_from_touch
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.contact import (
     SMALLEST_PATCH_PX,
@@ -23,7 +22,7 @@ from gellight.reconstruction.contact import (
     without_untouched,
 )
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
-from gellight.reconstruction.integration import level_of_sample, rest_level, sample_grid
+from gellight.reconstruction.integration import far_cells, far_from_touch, level_of_sample, rest_level, sample_grid
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.native.cells import (
@@ -35,11 +34,10 @@ from gellight.reconstruction.native.cells import (
     CellAnswers,
 )  # fmt: skip
 from gellight.reconstruction.native.cosine import CosineRows
-from gellight.reconstruction.native.lent_arrays import LentArrays
 from gellight.reconstruction.native.library import Library, NativePathError
 from gellight.reconstruction.native.native_shadows import NativeShadows
 from gellight.reconstruction.native.network import fastest
-from gellight.reconstruction.native.work import WorkMemory
+from gellight.reconstruction.native.work import LentArrays, WorkMemory
 from gellight.reconstruction.perspective import Perspective
 from gellight.reconstruction.rest_plane import RestPlane, tilt
 from gellight.reconstruction.smoothing import FilterTaps
