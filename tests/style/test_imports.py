@@ -41,7 +41,7 @@ DOORS = {
     ),
     "onnxruntime": ("reconstruction/network_session.py",),
     "serial": ("ring/transport.py", "ring/firmware/flash.py"),
-    "usb": ("ring/transport.py", "ring/firmware/flash.py"),
+    "usb": ("ring/firmware/flash.py",),
     "aiohttp": ("dashboard/",),
     "zenoh": ("stream/",),
     "foxglove": ("stream/foxglove.py",),
