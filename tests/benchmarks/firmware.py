@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware.tools.build import build_elf
 from gellight.ring.enumerations import SyncMode
-from gellight.ring.firmware.build import build_elf, committed_image
+from gellight.ring.firmware.targets import committed_image
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.protocol import DWELL_MIN_US
 from tests.firmware.helpers.fuzzing import compile_fuzzer, fuzz

@@ -13,8 +13,7 @@ import numpy as np
 
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.lab.calibration.force.adding import THICKNESSES
-from gellight.lab.calibration.force.fit import chosen_layer, left_out_share
+from gellight.lab.calibration.force.fit import THICKNESSES, chosen_layer, left_out_share
 from gellight.reconstruction.contact import find_contact
 from gellight.reconstruction.force import Layer, indenting
 from tests.helpers.fem_presses import NAMES, SPACING_MM, depth_mm, force_n, picture

@@ -1,4 +1,4 @@
-"""Time the frame path: `python -m tests.benchmarks.frame_times [--calibration BUNDLE] [--rounds N] [--threads N]`.
+"""Time the frame path: `python -m tests.benchmarks.frame_times [--calibration BUNDLE] [--rounds N]`.
 
 Its stages and forms, and against what is usual (PyTorch): all in one run on the same frames, in turn, so that a busy
 machine slows all of them down. CPU is the processor time of the whole process: it also counts a second thread that a
@@ -19,17 +19,18 @@ import onnx
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.frame_path.pipeline import Form, Reconstructor
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.photometric.lights_file import FILE_NAME as LIGHTS
-from gellight.reconstruction.lens.lens_file import has_lens
+from gellight.reconstruction.lens.undistortion import has_lens
 from tests.helpers.analytic_surfaces import Surface, smooth_cap
 
 _GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])
 _BALL_SHARE = 0.21
 _STEEP_PX = 53
 """makes waves of 37 px, steep enough that one pixel in eight goes through the network by itself"""
+NUMPY = "in NumPy, at every touched pixel"
 USUAL = "usual: PyTorch, 64-64-64"
 """the slopes alone, by a network of the usual width"""
 
@@ -54,10 +55,11 @@ class FrameTimes:
     single: float
     """share of the pixels that the network was asked for one by one; 0 where NumPy computes"""
     computed_by: str
-    stages: dict[str, Times]
+    stages: dict[str, float]
+    """the least wall time over the rounds, ms"""
     whole: Times
     others: dict[str, Times]
-    """the other forms, and the usual network on rows of all pixels (difference, x and y stacked first)"""
+    """the form in NumPy, and the usual network on rows of all pixels (difference, x and y stacked first)"""
     ratios: dict[str, float]
     """CPU of the others over that of the whole frame"""
 
@@ -66,22 +68,21 @@ def frame_times(
     bundle: Bundle,
     *,
     rounds: int = 15,
-    threads: int = 1,
     press: NDArray[np.uint8] | None = None,
     untouched: NDArray[np.uint8] | None = None,
 ) -> list[FrameTimes]:
     """Time frames at rest, with 21 % of the view touched, with all of it, smooth and steep, and a picture of a press.
 
     The scenes are tinted by their slopes, as under three coloured lights. In the size of the bundle and in half of it
-    along each axis, unless the bundle has a lens. threads: of the network. press: in the size of the bundle, or in any
-    with a picture of the same gel untouched.
+    along each axis, unless the bundle has a lens. press: in the size of the bundle, or in any with a
+    picture of the same gel untouched.
     """
     tasks = [(sized, scenes(sized)) for sized in ([bundle] if has_lens(bundle) else [bundle, halved(bundle)])]
     if press is not None:
         tasks.append((bundle if untouched is None else over(bundle, untouched), {"press": press}))
     times = []
     for sized, pictures in tasks:
-        contest = _Contest(sized, threads)
+        contest = _Contest(sized)
         times += [contest.run(name, picture, rounds) for name, picture in pictures.items()]
     return times
 
@@ -151,21 +152,15 @@ def _timed(run: Callable[[], object]) -> tuple[float, float]:
 class _Contest:
     """Everything that is timed against each other, for images of one size."""
 
-    def __init__(self, bundle: Bundle, threads: int) -> None:
-        self._by_wall, self._by_cpu = (
-            Reconstructor(bundle, threads=threads, clock=clock) for clock in (time.perf_counter, time.process_time)
-        )
-        self._forms = {
-            f"form {form.value}": Reconstructor(bundle, threads=threads, form=form)
-            for form in (Form.CELLS, Form.PIXELS)
-        }
-        self._usual = usual_network(threads)
+    def __init__(self, bundle: Bundle) -> None:
+        self._path, self._numpy = Reconstructor(bundle), Reconstructor(bundle, native=False)
+        self._usual = usual_network()
 
     def run(self, scene: str, image: NDArray[np.uint8], rounds: int) -> FrameTimes:
         frame = CameraFrame(image=image, time_s=0.0, sequence=0)
-        result = self._by_wall.reconstruct(frame)
-        runs: dict[str, Callable[[], object]] = {"": lambda: self._by_wall.reconstruct(frame)}
-        runs |= {name: lambda form=form: form.reconstruct(frame) for name, form in self._forms.items()}  # type: ignore[misc]
+        result = self._path.reconstruct(frame)
+        runs: dict[str, Callable[[], object]] = {"": lambda: self._path.reconstruct(frame)}
+        runs[NUMPY] = lambda: self._numpy.reconstruct(frame)
         runs[USUAL] = lambda: self._usual(result.difference)
         if (measures := result.measures) is not None:
             runs["confidence, beside"] = lambda: measures.confidence(image, result.gradient_map)
@@ -178,24 +173,18 @@ class _Contest:
             scene=scene,
             image_width_px=width,
             image_height_px=height,
-            touched=float(self._by_wall.touched(result.difference).mean()),
-            single=self._by_wall.network_rows.pixels / (height * width),
-            computed_by=str(self._by_wall.status()["computed_by"]),
+            touched=float(self._path.touched(result.difference).mean()),
+            single=self._path.network_rows.pixels / (height * width),
+            computed_by=str(self._path.status()["computed_by"]),
             stages=stages,
             whole=whole,
             others=found,
             ratios={name: round(times.cpu_ms / whole.cpu_ms, 2) for name, times in found.items()},
         )
 
-    def _stages(self, frame: CameraFrame, rounds: int) -> dict[str, Times]:
-        cpu, wall = (
-            [reconstructor.reconstruct(frame).stage_seconds for _ in range(rounds)]
-            for reconstructor in (self._by_cpu, self._by_wall)
-        )
-        return {
-            stage: Times(*(round(min(seconds[stage] for seconds in times) * 1e3, 3) for times in (cpu, wall)))
-            for stage in cpu[0]
-        }
+    def _stages(self, frame: CameraFrame, rounds: int) -> dict[str, float]:
+        times = [self._path.reconstruct(frame).stage_seconds for _ in range(rounds)]
+        return {stage: round(min(seconds[stage] for seconds in times) * 1e3, 3) for stage in times[0]}
 
 
 def _in_turn(runs: dict[str, Callable[[], object]], rounds: int) -> dict[str, Times]:
@@ -210,11 +199,11 @@ def _in_turn(runs: dict[str, Callable[[], object]], rounds: int) -> dict[str, Ti
     return {name: Times(cpu_ms=round(float(ms[0]), 3), wall_ms=round(float(ms[1]), 3)) for name, ms in least.items()}
 
 
-def usual_network(threads: int) -> Callable[[NDArray[np.float32]], object]:
+def usual_network() -> Callable[[NDArray[np.float32]], object]:
     """Return what the usual stacks do: the same rows through 5-64-64-64-2 in PyTorch."""
     import torch  # heavy, and nothing for those who want the scenes alone
 
-    torch.set_num_threads(threads)
+    torch.set_num_threads(1)
     layers = [part for a, b in itertools.pairwise((5, 64, 64, 64)) for part in (torch.nn.Linear(a, b), torch.nn.ReLU())]
     network = torch.nn.Sequential(*layers, torch.nn.Linear(64, 2))
 
@@ -239,7 +228,8 @@ def table(times: Sequence[FrameTimes]) -> str:
             f"{t.scene}, {size} px, {t.touched:.1%} touched, {t.single:.1%} pixel by pixel, {t.computed_by}; "
             "ms: CPU, wall"
         )
-        for name, ms in [*t.stages.items(), ("whole frame", t.whole), *t.others.items()]:
+        lines += [f"  {name:35}{wall_ms:9.2f}" for name, wall_ms in t.stages.items()]
+        for name, ms in [("whole frame", t.whole), *t.others.items()]:
             ratio = f"{t.ratios[name]:9.1f} x the whole frame" if name in t.ratios else ""
             lines.append(f"  {name:26}{ms.cpu_ms:9.2f}{ms.wall_ms:9.2f}{ratio}")
     return "\n".join(lines)
@@ -253,15 +243,11 @@ def main(words: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser("python -m tests.benchmarks.frame_times")
     parser.add_argument("--calibration", default="synthetic", help="bundle whose network is timed")
     parser.add_argument("--rounds", type=int, default=15, help="frames and plain runs, in turn")
-    parser.add_argument("--threads", type=int, default=1, help="of the networks")
     parser.add_argument("--press", type=picture, help="picture of a press, timed too")
     parser.add_argument("--untouched", type=picture, help="the same gel untouched, of any size")
     given = parser.parse_args(words)
     bundle = load_bundle(given.calibration)
-    found = frame_times(
-        bundle, rounds=given.rounds, threads=given.threads, press=given.press, untouched=given.untouched
-    )
-    print(table(found))
+    print(table(frame_times(bundle, rounds=given.rounds, press=given.press, untouched=given.untouched)))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from gellight.frames.timing import CameraTiming
+from gellight.frames.camera import CameraTiming
 from gellight.lab.doctor.shutter_meter import measure_shutter
 from gellight.ring.light_groups import colour_triples
 from gellight.sensor.lighting.lock import hold_frames

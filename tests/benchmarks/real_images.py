@@ -26,7 +26,7 @@ from gellight.lab.training.labelling.plate import plate_grid, untouched_between
 from gellight.lab.training.labelling.refinement import refine
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.training import TrainingOptions, train
-from gellight.series.channel_network import ChannelNetwork
+from gellight.series.single_light_path import ChannelNetwork
 from tests.helpers.places import real
 
 

@@ -22,7 +22,7 @@ def test_all_scenes_and_a_real_press_are_timed(tmp_path: Path, capsys: pytest.Ca
     timing.main([*given, "--press", press, "--untouched", untouched])
     printed = capsys.readouterr().out
     sized = ("at rest, 160 x 120 px", "ball, 80 x 60 px", "all touched, steep", "press, 306 x 230")
-    others = ("form cells", timing.USUAL)
+    others = (timing.NUMPY, timing.USUAL)
     assert [word for word in (*STAGES, *others, *sized, "x the whole frame") if word not in printed] == []
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gellight.ring.firmware.build import committed_image
+from gellight.ring.firmware.targets import committed_image
 from gellight.ring.light_ring import LightRing
 from tests.firmware.helpers.virtual_board import VirtualBoard, compile_library, load
 from tests.helpers.bench_board import BenchBoard, VirtualTransport

@@ -11,13 +11,13 @@ from zlib import crc32
 import pytest
 import usb.core
 
+from firmware.tools import build
 from gellight.base.errors import BoardError, InputError
-from gellight.ring.firmware import build, flash
+from gellight.ring.firmware import flash
 from gellight.ring.firmware.image import (
     FLASH_BASE,
     HEADER,
     boot2_crc,
-    flash_image,
     from_uf2,
     header_at,
     image_crc,
@@ -70,7 +70,7 @@ def test_a_damaged_image_is_noticed(image: bytes) -> None:
 
 def test_other_files_are_no_firmware() -> None:
     with pytest.raises(InputError, match="ELF"):
-        flash_image(b"\x7fELF\x02\x01" + bytes(100), family=0, boot2=True)
+        build.flash_image(b"\x7fELF\x02\x01" + bytes(100), family=0, boot2=True)
 
 
 @pytest.mark.nightly

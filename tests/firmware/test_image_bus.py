@@ -12,10 +12,10 @@ from gellight.ring import protocol as p
 from gellight.ring.enumerations import Check, SyncMode
 from gellight.ring.firmware.image import FLASH_BASE, HEADER, header_at, image_crc
 from gellight.ring.light_ring import LightRing, Step
-from gellight.ring.transport import UsbTransport
 from gellight.ring.wire import Packet, encode
 from tests.firmware.helpers.usb_backend import EmulatedBackend
 from tests.helpers.bench_board import GREEN, RED, BenchBoard, VirtualTransport
+from tests.helpers.usb_transport import UsbTransport
 
 # ---- the bus ----
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gellight.ring.firmware.build import build
+from firmware.tools.build import build
 from tests.firmware.helpers.core_tests import CoreTests
 from tests.firmware.helpers.examination import CHECKS, examine
 from tests.firmware.helpers.mutations import ENABLES, IMAGE, LOGIC, Mutation, planted

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gellight.ring.firmware.build import build
+from firmware.tools.build import build
 from gellight.ring.light_ring import LightRing
 from tests.firmware.helpers.stack_bound import CallGraph, stack_bound
 from tests.helpers.bench_board import BenchBoard, VirtualTransport

@@ -2,15 +2,18 @@
 
 import shutil
 import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from firmware.tools.build import build, find_target, in_checkout, sources, write_image
 from gellight.base.errors import InputError
 from gellight.ring.boards import find_board, presets
 from gellight.ring.firmware import flash, targets
-from gellight.ring.firmware.build import build, committed_image, find_target, sources, write_image
 from gellight.ring.firmware.image import from_uf2, image_family, to_uf2
+from gellight.ring.firmware.targets import committed_image
 from tests.firmware.helpers.boot_loader import BootRom
 from tests.firmware.helpers.rp2350 import FLASH, RAM, RAM_BYTES, StartedChip, block_loop, uf2_blocks
 from tests.helpers.bench_board import BenchBoard
@@ -33,7 +36,7 @@ def drive(folder: Path, board_id: str) -> Path:
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("name", targets.in_checkout(CHECKOUT))
+@pytest.mark.parametrize("name", in_checkout(CHECKOUT))
 def test_each_folder_has_its_image_in_the_package(name: str) -> None:
     image = committed_image(name)
     assert to_uf2(build(CHECKOUT, target=name)) == to_uf2(image)
@@ -207,3 +210,31 @@ def test_a_folder_that_tells_too_little_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no target 'esp32': choose rp2040, rp2350"):
         build(CHECKOUT, target="esp32")
     assert find_board("pico2").name == "Raspberry Pi Pico 2"
+
+
+def test_writing_an_image_to_no_folder_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    for place in (tmp_path / "none/x.uf2", tmp_path / "file/x.uf2"):
+        with pytest.raises(InputError, match="cannot write"):
+            write_image(committed_image(), place)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        ("--checkout", "does not hold the sources of the firmware: clone GelLight's repository"),
+        ("--out", "give a name that ends with .uf2"),
+    ],
+)
+def test_building_refuses_a_folder_without_sources_and_a_file_of_another_kind(
+    tmp_path: Path, option: str, said: str
+) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    place = tmp_path if option == "--checkout" else tmp_path / "notes.txt"
+    command = [sys.executable, "-m", "firmware.tools.build", option, str(place)]
+    done = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, timeout=60)
+    assert done.returncode != 0
+    assert said in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    assert (tmp_path / "notes.txt").read_text() == "mine"

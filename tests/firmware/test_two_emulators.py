@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from gellight.lab.core_board.built_board import thermistor_ohm
+from gellight.lab.core_board.simulated_board import thermistor_ohm
 from gellight.ring import protocol as p
 from tests.firmware.helpers.two_emulators import Account, Action, command, first_emulator, second_emulator
 
@@ -34,7 +34,7 @@ STORY: list[Action] = [
 
 @pytest.fixture(scope="module")
 def accounts() -> tuple[Account, Account]:
-    from gellight.ring.firmware.build import committed_image
+    from gellight.ring.firmware.targets import committed_image
 
     image = committed_image()
     return first_emulator(image, STORY), second_emulator(image, STORY)

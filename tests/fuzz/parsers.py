@@ -26,7 +26,7 @@ from gellight.frames.jpeg import CorruptPictureError
 from gellight.frames.picture import PictureSteps, steps_of
 from gellight.frames.view import View
 from gellight.photometric import lights_file
-from gellight.reconstruction.lens import lens_file
+from gellight.reconstruction.lens import undistortion
 from gellight.reconstruction.network_session import NetworkSession
 from gellight.recording.recording_file import Recording, RecordingWriter
 from gellight.ring import protocol
@@ -111,7 +111,7 @@ def _of_the_bundle(bundle: Bundle) -> Iterator[Parser]:
     yield Parser("network", _network, (bundle.network,), refusals)
     reference = inside(REFERENCE, lambda changed: changed.reference)
     yield Parser("reference", reference, (bundle.files[REFERENCE],), refusals)
-    yield Parser("lens", inside(lens_file.FILE_NAME, lens_file.read_record), (_lens(),), refusals)
+    yield Parser("lens", inside(undistortion.FILE_NAME, undistortion.read_record), (_lens(),), refusals)
     yield Parser("lights", inside(lights_file.FILE_NAME, lights_file.read_lights), (_lights(),), refusals)
     view = View.of_corners(((2, 3), (29, 2), (30, 21), (1, 22)), SHAPE, SHAPE)
     steps = PictureSteps.of(SHAPE, view, Dots(diameter_px=5, darker_grey=20, count=9))
@@ -145,7 +145,7 @@ def _of_pictures(folder: Path) -> Iterator[Parser]:
 
 
 def _lens() -> bytes:
-    record = lens_file.LensRecord(
+    record = undistortion.LensRecord(
         image_width_px=SHAPE[1], image_height_px=SHAPE[0], centre_px=(16.0, 12.0), k1=-0.1, k2=0.01,
         px_per_mm=(20.0, 0.0, 20.0), origin_mm=(0.0, 0.0), learnt_from_circles=False, pitch_mm=1.0, images=("a.png",),
         pins=20, rms_before_px=1.0, rms_after_px=0.1, created=datetime(2026, 1, 1, tzinfo=UTC),
@@ -166,7 +166,7 @@ def _no_bundle(zero: str) -> Bundle:
 
 
 def _network(content: bytes) -> None:
-    session = NetworkSession(content, threads=1, source="fuzz")
+    session = NetworkSession(content, source="fuzz")
     session.slopes_and_jacobian(np.zeros((2, 5), np.float32))
 
 

@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from gellight.frames.camera import Camera
-from gellight.lab.calibration.choices import RoutineOptions
+from gellight.lab.calibration.choices import RoutineOptions, ToolSizes
 from gellight.lab.calibration.routine import Routine
-from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.training.training import TrainingOptions
 from gellight.opening import open_camera
 

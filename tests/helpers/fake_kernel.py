@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from gellight.sensor.v4l2.kernel import Kernel
+from gellight.sensor.v4l2.errors import Kernel
 from tests.helpers.simulated_kernel import CameraDevice as FakeCamera
 from tests.helpers.simulated_kernel import DeviceControl as FakeControl
 from tests.helpers.simulated_kernel import SimulatedKernel, refuse

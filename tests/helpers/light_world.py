@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from gellight.frames.camera import CameraTiming
 from gellight.frames.frames import LightLabel, LightState
-from gellight.frames.timing import CameraTiming
 from gellight.lab.core_board.light_timeline import Light
 from gellight.lab.simulator.shutter import Shutter, row_weights
 from gellight.ring import protocol

@@ -4,41 +4,45 @@ import numpy as np
 import pytest
 
 from gellight.bundle.bundle import Bundle
-from gellight.frame_path.pipeline import Form, Reconstructor
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.contact import find_contact
 from gellight.reconstruction.integration import angle_deg
 
 
 def both(bundle: Bundle, **options: object) -> tuple[Reconstructor, Reconstructor]:
-    native, cells = (Reconstructor(bundle, form=form, **options) for form in (Form.NATIVE, Form.CELLS))  # type: ignore[arg-type]
+    native, pixels = (Reconstructor(bundle, native=native, **options) for native in (True, False))  # type: ignore[arg-type]
     assert str(native.status()["computed_by"]).startswith("C, ")
-    assert cells.status()["computed_by"] == "NumPy, cells"
-    return native, cells
+    assert pixels.status()["computed_by"] == "NumPy"
+    return native, pixels
 
 
-def agree(found: TactileFrame, right: TactileFrame, *, but: float = 0.0) -> None:
-    """Compare two frames.
+def agree(found: TactileFrame, right: TactileFrame, *, linear: bool = False) -> None:
+    """Compare two frames, of a network that is `linear` in the colours: there cells and pixels give the same.
 
-    but: share of the pixels left out. The networks of both round otherwise, so of many pixels at a limit one may be
-    asked about in one form alone; smoothing and integration spread it.
+    Another one bends between cells: on steep waves by 0.14 degrees and 4.6 micrometres in the mean.
     """
     angle = angle_deg(found.normal_map.reshape(-1, 3), right.normal_map.reshape(-1, 3))
-    apart = np.abs(found.gradient_map - right.gradient_map) > 2e-4 * (1 + np.abs(right.gradient_map))
-    beyond = [angle >= 0.02, np.abs(found.depth_mm - right.depth_mm) >= 1e-5, apart]
-    assert max(np.count_nonzero(pixels) for pixels in beyond) <= but * angle.size
+    depth_mm = np.abs(found.depth_mm - right.depth_mm)
+    apart = np.abs(found.gradient_map - right.gradient_map) / (1 + np.abs(right.gradient_map))
+    if linear:
+        assert angle.max() < 0.02
+        assert depth_mm.max() < 1e-5
+        assert apart.max() < 2e-4
+    assert angle.mean() < 0.2
+    assert depth_mm.mean() < 6e-3
     np.testing.assert_allclose(found.difference, right.difference, atol=1e-4)
     # Of the same depth: the rim of a torn surface may jump. Pixels are square.
     contact = find_contact(found.depth_mm, 1.0)
     jumping = 1e-5 * right.depth_mm.size
     assert np.count_nonzero(found.contact.mask != contact.mask) <= jumping
-    assert found.contact.indentation_mm == pytest.approx(right.contact.indentation_mm, abs=1e-5)
-    if right.contact.centroid_mm is not None:
-        pixels, apart = np.count_nonzero(right.contact.mask), np.count_nonzero(found.contact.mask != right.contact.mask)
+    assert found.contact.indentation_mm == pytest.approx(right.contact.indentation_mm, abs=1e-5 if linear else 8e-3)
+    if linear and right.contact.centroid_mm is not None:
+        pixels, other = np.count_nonzero(right.contact.mask), np.count_nonzero(found.contact.mask != right.contact.mask)
         pixel_mm2 = right.contact.area_mm2 / pixels
         # What jumps at the rim moves the centroid by as much as it may lie from it.
-        moved_mm = apart / pixels * np.sqrt(pixel_mm2) * np.hypot(*right.depth_mm.shape)
-        assert found.contact.area_mm2 == pytest.approx(right.contact.area_mm2, abs=2 * max(apart, jumping) * pixel_mm2)
+        moved_mm = other / pixels * np.sqrt(pixel_mm2) * np.hypot(*right.depth_mm.shape)
+        assert found.contact.area_mm2 == pytest.approx(right.contact.area_mm2, abs=2 * max(other, jumping) * pixel_mm2)
         assert found.contact.centroid_mm == pytest.approx(right.contact.centroid_mm, abs=1e-3 + moved_mm)
-        assert apart < 2e-3 * pixels
+        assert other < 2e-3 * pixels
     assert tuple(found.stage_seconds) == tuple(right.stage_seconds)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import CameraError
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
-from gellight.lab.simulator.simulated_controls import SimulatedControls
+from gellight.lab.simulator.shutter import SimulatedControls
 from tests.helpers.linear_sensor import reference_image
 from tests.helpers.scripted_ring import Failures, ScriptedRing
 

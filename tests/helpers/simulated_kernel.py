@@ -15,7 +15,7 @@ from typing import Any
 
 from gellight.sensor.v4l2 import controls as c
 from gellight.sensor.v4l2 import structures as v
-from gellight.sensor.v4l2.kernel import Kernel
+from gellight.sensor.v4l2.errors import Kernel
 
 SLICE_S = 0.01
 """who waits for a picture looks so often whether the plug was pulled"""

@@ -24,7 +24,7 @@ from gellight.photometric.directions import LightDirections, lights_of, view_pla
 from gellight.photometric.light_model import LightGroups
 from gellight.photometric.lights_file import read_lights
 from gellight.photometric.solver import flat_gel, light_rows
-from gellight.series.channel_network import change_percent
+from gellight.series.single_light_path import change_percent
 from gelnet.export import export
 from gelnet.numpy_trainer import NumpyTrainer
 from gelnet.recipes import RECIPES

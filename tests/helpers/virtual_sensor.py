@@ -13,7 +13,7 @@ from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.lab.core_board.light_timeline import Light
 from gellight.lab.simulator.shutter import Shutter, row_weights
 from gellight.ring import board_link, light_ring
-from gellight.ring.firmware.build import committed_image
+from gellight.ring.firmware.targets import committed_image
 from gellight.ring.light_ring import LightRing
 from gellight.sensor import set_and_light
 from gellight.sensor.lighting import light_watch

@@ -18,7 +18,7 @@ from gellight.base.errors import BoardError, GellightError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import ReconnectingError
 from gellight.ring import board_link, light_ring
-from gellight.ring.firmware.build import committed_image
+from gellight.ring.firmware.targets import committed_image
 from gellight.ring.light_groups import colour_triples
 from gellight.ring.light_ring import LightRing
 from gellight.sensor.connection import Surroundings

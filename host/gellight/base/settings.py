@@ -114,12 +114,8 @@ class ReconstructionSettings(StrictModel):
     frames_per_light: int = Field(
         default=1, ge=1, le=64, description="frames averaged in each exposure of photometric stereo"
     )
-    threads: int = Field(default=1, ge=1, le=64, description="threads of the network")
     smoothing_px: int = Field(
         default=2, ge=0, le=50, description="half width of the narrowest smoothing of the gradient map"
-    )
-    masked: bool = Field(
-        default=True, description="run the network only where the image differs from the reference image"
     )
     cast_shadows: bool = Field(
         default=True,

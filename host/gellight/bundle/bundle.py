@@ -56,9 +56,9 @@ from gellight.bundle.manifest import (
     checked_manifest,
     manifest_toml,
     parse_manifest,
+    read_metrics,
 )
 from gellight.bundle.manifest import LedSetting as LedSetting  # part of what a caller of `write_bundle` needs
-from gellight.bundle.metrics import read_metrics
 
 logger = logging.getLogger(__name__)
 

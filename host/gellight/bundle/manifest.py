@@ -7,7 +7,16 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tomli_w
-from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    AwareDatetime,
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    ValidationError,
+    model_validator,
+)
 
 from gellight.base.allowed import in_words
 from gellight.base.errors import BundleError
@@ -141,3 +150,21 @@ def checked_manifest(where: str | Path, **values: Any) -> Manifest:
 def manifest_toml(manifest: Manifest) -> bytes:
     """Return the content of `manifest.toml`."""
     return tomli_w.dumps(manifest.model_dump()).encode()
+
+
+class _Figures(BaseModel, extra="allow"):
+    """What the program reads."""
+
+    verification: dict[str, Any] | None = None
+    """on fresh presses"""
+    pattern_match: FiniteFloat | None = None
+    ball_radius_mm: FiniteFloat | None = None
+    learnt_on_other_units: list[str] | None = None
+
+
+def read_metrics(content: bytes, source: str) -> dict[str, Any]:
+    """Return the content of the file; BundleError, naming `source`, where it is no object or a figure no figure."""
+    try:
+        return _Figures.model_validate_json(content).model_dump(exclude_unset=True)
+    except ValidationError as error:
+        raise BundleError(f"{source}: {METRICS}: {in_words(error)}; {AGAIN}") from error

@@ -39,7 +39,7 @@ def _findings(sensor: str | None) -> Iterator[Finding]:
     from gellight.lab.doctor.examination import examine  # not for the help: a second
     from gellight.lab.training.training import check_trainer
     from gellight.sensor.connection import Surroundings
-    from gellight.sensor.v4l2.kernel import LINUX
+    from gellight.sensor.v4l2.errors import LINUX
 
     yield from examine(sensor, surroundings=Surroundings(kernel=LINUX), folder=Path.cwd())
     yield check_trainer()

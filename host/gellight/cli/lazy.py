@@ -24,7 +24,7 @@ PANELS = {
     "Page": "port browser dashboard",
     "Other programs": "name lan ros2 foxglove",
     "Light": "mode sequence light-mode",
-    "Process": "threads dense workers seed",
+    "Process": "threads workers seed",
     "What is recorded": "depth map",
     "Other tools": "cylinder-diameter-mm balls-to-press",
     "Grids": "grid spacing-px pitch-mm pin-pitch-mm several",

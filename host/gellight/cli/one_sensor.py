@@ -30,11 +30,11 @@ from gellight.frames.status import SensorStatus
 from gellight.opening import REAL
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.stream.foxglove import FoxgloveServer
+from gellight.stream.frame_thread import sent_to
 from gellight.stream.network import zenoh_settings
 from gellight.stream.publisher import Publisher, name_of_sensor
 from gellight.stream.ros2 import Ros2Publisher
 from gellight.stream.running import running
-from gellight.stream.sinks import sent_to
 
 STATUS_S = 1.0
 WAIT_S = 0.5

@@ -27,8 +27,6 @@ class Method:
     least_squares: Annotated[
         bool, typer.Option("--least-squares", help="With a bundle of several lights: without its network.")
     ] = False
-    dense: Annotated[bool, typer.Option("--dense", help="Run the network on untouched pixels too.")] = False
-    threads: Annotated[int, typer.Option(min=1, max=1024, help="Threads of the network.")] = 1
 
     def __post_init__(self) -> None:
         """Refuse both sources, and none."""

@@ -32,7 +32,7 @@ app = typer.Typer(
     help="The light ring by hand.",
     no_args_is_help=True,
 )
-Url = Annotated[str, typer.Option(help="/dev/ttyACM0, serial://, serial://NUMBER, usb:// or sim://")]
+Url = Annotated[str, typer.Option(help="/dev/ttyACM0, serial://, serial://NUMBER or sim://")]
 
 
 def _wait(lit: str, seconds: float) -> None:

@@ -4,11 +4,9 @@ configuration.py        mode_config: all that runs, as one value, of a bundle an
 active_pipeline.py      what was built of it, which every frame goes through
 session.py              SensorSession: the running sensor, and the one way to exchange what runs
 assembly.py             opens the sensor that the settings name
-bundle_choice.py        which bundle belongs to a sensor
-switched_camera.py      the camera whose front, which takes the planned light, is exchanged while it runs
-sensor_state.py         how a sensor is set and lit, and how to set it the same again
+bundle_choice.py        which bundle belongs to a sensor, and what stands for none
+switched_camera.py      the camera whose front is exchanged while it runs, and how it is set the same again
 frame_threads.py        the threads that capture and reconstruct; the session's camera for a second reader
-realtime.py             camera and reconstruction before all other programs
 statistics.py           rates, ages and losses
 calibration_service.py  a calibration beside the stream, for the wizard
 needs.py                the check list before a calibration

@@ -48,7 +48,7 @@ def path_for(config: ModeConfig, bundle: Bundle) -> FramePath:
     if config.path is PathKind.PICTURE:
         return PicturePath(bundle)
     if config.path is PathKind.OWN_LIGHTS:
-        return SingleLightPath(bundle, options.mode, threads=options.threads, smoothing_px=options.smoothing_px)
+        return SingleLightPath(bundle, options.mode, smoothing_px=options.smoothing_px)
     if config.path in (PathKind.SERIES, PathKind.SLIDING_WINDOW):
         stereo = PhotometricReconstructor if config.path is PathKind.SERIES else WindowReconstructor
         groups = photometric_groups(options, config.settings.lighting)
@@ -58,13 +58,7 @@ def path_for(config: ModeConfig, bundle: Bundle) -> FramePath:
 
 def reconstructor_for(bundle: Bundle, options: ReconstructionSettings) -> Reconstructor:
     """Return the frame path of GelNet with `bundle`; BundleError for a network that cannot be run."""
-    return Reconstructor(
-        bundle,
-        threads=options.threads,
-        smoothing_px=options.smoothing_px,
-        masked=options.masked,
-        cast_shadows=options.cast_shadows,
-    )
+    return Reconstructor(bundle, smoothing_px=options.smoothing_px, cast_shadows=options.cast_shadows)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,8 +2,7 @@
 
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle
-from gellight.bundle.placeholder import placeholder
-from gellight.daemon.bundle_choice import BundleChoice
+from gellight.daemon.bundle_choice import BundleChoice, placeholder
 from gellight.daemon.session import SensorSession
 from gellight.opening import open_camera
 

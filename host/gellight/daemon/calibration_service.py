@@ -25,11 +25,10 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.camera import Camera
 from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View, view_in
-from gellight.lab.calibration.choices import LEAST_WITH_LIKE, RoutineOptions
+from gellight.lab.calibration.choices import LEAST_WITH_LIKE, RoutineOptions, ToolSizes
 from gellight.lab.calibration.presets import PRESETS, Preset
 from gellight.lab.calibration.routine import Install, Routine
 from gellight.lab.calibration.state import discard, kept_like, unfinished
-from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.simulator.virtual_hand import hand_of
 from gellight.lab.training.table import table_of_like
 from gellight.photometric.ring_geometry import RingGeometry

@@ -17,8 +17,8 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.picture import PictureSteps, steps_of
 from gellight.photometric.light_model import LightGroups, LightModel
 from gellight.photometric.lights_file import read_lights
-from gellight.reconstruction.lens.lens_file import FILE_NAME as LENS
-from gellight.reconstruction.lens.lens_file import has_lens
+from gellight.reconstruction.lens.undistortion import FILE_NAME as LENS
+from gellight.reconstruction.lens.undistortion import has_lens
 from gellight.sensor.lighting.sequence_choice import chosen_groups
 from gellight.sensor.lighting.sequenced import LightMode
 from gellight.series.single_light_path import has_single_lights, read_directions

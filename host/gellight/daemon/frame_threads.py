@@ -8,19 +8,20 @@ What ends either thread (the last image of a folder, a camera that fails) is rai
 sensor that was unplugged ends nothing: while it is away the status says so, and nobody gets a frame from before.
 """
 
+import getpass
 import logging
+import os
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from math import inf
 
-from gellight.base.errors import CameraError
+from gellight.base.errors import CameraError, InputError
 from gellight.base.locking import FairLock
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle
-from gellight.daemon.realtime import run_first
 from gellight.daemon.statistics import Statistics
 from gellight.frames.camera import Camera, EndOfStream, ReconnectingError
 from gellight.frames.camera_wrapper import CameraWrapper
@@ -282,3 +283,23 @@ class SharedCamera(CameraWrapper):
 
     def close(self) -> None:
         """Do nothing: the daemon closes its camera."""
+
+
+PRIORITY = 10
+"""of 1 to 99; the kernel's own threads for interrupts have 50"""
+
+
+def run_first(threads: Iterable[threading.Thread]) -> None:
+    """Give threads that run real-time priority; InputError where the system does not allow it, with the remedy."""
+    if not hasattr(os, "sched_setscheduler"):
+        raise InputError("real-time priority is there on Linux alone: leave service.realtime out")
+    for thread in threads:
+        try:
+            os.sched_setscheduler(thread.native_id or 0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+        except PermissionError:
+            raise InputError(
+                f"real-time priority is not allowed here: add the line `{getpass.getuser()} - rtprio {PRIORITY}` to "
+                "/etc/security/limits.conf and log in again, or leave service.realtime out"
+            ) from None
+        except ProcessLookupError:  # it has ended already, and what ended it is raised where frames are waited for
+            continue

@@ -16,8 +16,8 @@ from gellight.bundle.bundle import Bundle
 from gellight.bundle.limits import Limits
 from gellight.bundle.store import BundleStore, ListedBundle, StoredBundle
 from gellight.daemon.bundle_choice import check_sensor
-from gellight.daemon.sensor_state import SensorState
 from gellight.daemon.session import SensorSession
+from gellight.daemon.switched_camera import SensorState
 from gellight.frames.camera import Camera
 from gellight.frames.picture import steps_of
 from gellight.ring.board_link import RefusedError

@@ -20,12 +20,11 @@ from gellight.base.errors import CameraError, GellightError, InputError
 from gellight.base.mailbox import Mailbox
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle
-from gellight.bundle.placeholder import placeholder
 from gellight.daemon.active_pipeline import ActivePipeline, build_pipeline, contact_summary, path_for
+from gellight.daemon.bundle_choice import placeholder
 from gellight.daemon.configuration import ModeConfig, PathKind, in_mode, mode_config
 from gellight.daemon.frame_threads import FrameThreads, SharedCamera
-from gellight.daemon.sensor_state import SensorState
-from gellight.daemon.switched_camera import SwitchedCamera
+from gellight.daemon.switched_camera import SensorState, SwitchedCamera
 from gellight.frames.camera import Camera, PressStage
 from gellight.frames.frames import CameraFrame, SelfCheckResult, TactileFrame
 from gellight.frames.picture import FILE_NAME as PICTURE_STEPS

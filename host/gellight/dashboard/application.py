@@ -24,12 +24,11 @@ from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import guard
 from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, Track
-from gellight.dashboard.made_once import MadeOnce
-from gellight.dashboard.messages import encode, without_nan
+from gellight.dashboard.messages import MadeOnce, encode, without_nan
 from gellight.dashboard.metrics import Metrics
 from gellight.dashboard.page_files import FOR_EVER, PageFiles
-from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.scanning import ScanDesk, ScanRoutes
+from gellight.dashboard.view import ReferenceViews
 from gellight.dashboard.wizard import Wizard
 
 logger = logging.getLogger(__name__)

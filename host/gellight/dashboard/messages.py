@@ -36,16 +36,40 @@ absolute error of the measured depth over the contact (over the whole map where 
 import json
 import math
 import struct
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 
-from gellight.dashboard.made_once import MadeOnce
-from gellight.dashboard.reference_views import ReferenceViews
-from gellight.dashboard.view import jpeg, pack_contact, pack_depth, reduce, view_shape
+from gellight.dashboard.view import ReferenceViews, jpeg, pack_contact, pack_depth, reduce, view_shape
 from gellight.frames.frames import GroundTruth, TactileFrame
 from gellight.frames.pose import ObjectPose
 from gellight.reconstruction.errors import depth_errors
+
+T = TypeVar("T")
+
+
+class MadeOnce:
+    """Remembers, by name, what was made last and of what. Arrays that may be written into are made of anew."""
+
+    def __init__(self) -> None:
+        """Know nothing yet."""
+        self._made: dict[str, tuple[tuple[object, ...], Any]] = {}
+
+    def of(self, name: str, sources: tuple[object, ...], make: Callable[[], T]) -> T:
+        """Return what `make` gives; what it gave before where all `sources` are the same objects as then.
+
+        A source is an array, or a value that never changes.
+        """
+        if any(isinstance(source, np.ndarray) and source.flags.writeable for source in sources):
+            self._made.pop(name, None)  # it would keep their memory
+            return make()
+        known = self._made.get(name)
+        if known is None or any(source is not before for source, before in zip(sources, known[0], strict=True)):
+            known = self._made[name] = sources, make()
+        made: T = known[1]
+        return made
+
 
 MAGIC = b"GELF"
 VERSION = 2

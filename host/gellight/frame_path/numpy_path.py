@@ -1,24 +1,20 @@
 """The frame path in NumPy, SciPy and OpenCV: the form to read, and the one that the native path is checked against."""
 
-import time
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.pixel_grid import spread_blocks
-from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
-from gellight.reconstruction.integration import integrate, rest_level
+from gellight.reconstruction.integration import far_from_touch, integrate, rest_level
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.light_drift import difference_of
-from gellight.reconstruction.linearised import CellNetwork
 from gellight.reconstruction.perspective import Perspective
 from gellight.reconstruction.rest_plane import RestPlane, tilt
 from gellight.reconstruction.smoothing import Smoother
-from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages, tactile_frame
+from gellight.reconstruction.stages import STAGES, FlatMaps, NetworkRows, Stages, tactile_frame
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -31,28 +27,25 @@ class NumpyPath:
         self,
         bundle: Bundle,
         network: GradientNetwork,
-        cells: CellNetwork | None,
         undistortion: Undistortion | None,
         shadows: CastShadows | None,
         *,
         smoothing_px: int,
         masked: bool,
-        clock: Clock = time.perf_counter,
     ) -> None:
-        """Take the parts; see `pipeline.Reconstructor`. cells: without, every touched pixel goes through `network`."""
-        self._bundle, self._network, self._cells = bundle, network, cells
+        """Take the parts; see `pipeline.Reconstructor`."""
+        self._bundle, self._network = bundle, network
         self._undistortion, self._shadows = undistortion, shadows
         self._smoother = Smoother(smoothing_px)
         self._masked = masked
         self._perspective = Perspective.of_bundle(bundle)
         self._plane = RestPlane() if bundle.manifest.level_plane else None
-        self._clock = clock
         self.network_rows = NetworkRows()
         self._flat = FlatMaps(bundle.image_shape, stages=STAGES if undistortion is None else (*STAGES, "lens"))
 
     def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
         """Return the maps and the contact of a frame of the bundle's size."""
-        stages = Stages(self._clock)
+        stages = Stages()
         follow = self._bundle.manifest.follow_light
         difference = difference_of(camera_frame.image, self._bundle.reference, follow_light=follow)
         stages.end("difference")
@@ -61,7 +54,7 @@ class NumpyPath:
         if self._masked and not cells.any():
             return self._flat.frame(camera_frame, difference, stages)
         touched = spread_blocks(cells, CELL_PX, self._bundle.image_shape)
-        answered = self._slopes(difference, cells, touched)
+        answered = self._network.gradient_map(difference, touched if self._masked else None)
         if self._shadows and (change := self._shadows.change(difference, answered, cells)) is not None:
             answered += change
         # The slopes are smoothed and not the image: blurring colours across a rim before a non-linear map costs depth.
@@ -83,13 +76,6 @@ class NumpyPath:
         pixels, seen = self._bundle.pixel_size_mm, self._perspective
         maps = difference, gradient_map, depth_mm
         return tactile_frame(camera_frame, *maps, pixels, stages, touched=where, perspective=seen)
-
-    def _slopes(self, difference: Floats, cells: Bools, touched: Bools) -> Floats:
-        if not self._masked:
-            return self._network.gradient_map(difference)
-        if self._cells is None:
-            return self._network.gradient_map(difference, touched)
-        return self._cells.gradient_map(difference, cells)
 
     def _depth(self, slopes: Floats, touched: Bools, time_s: float) -> Floats:
         """Integrate the measured slopes; where the sensor tilts, take the plane at rest off both."""

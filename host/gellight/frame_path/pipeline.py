@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import logging
-import time
 from dataclasses import replace
-from enum import StrEnum
 from typing import Protocol
 
 import numpy as np
@@ -20,15 +18,13 @@ from gellight.frames.status import PathStatus
 from gellight.photometric.directions import FILE_NAME
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import GradientNetwork
-from gellight.reconstruction.lens.lens_file import has_lens, read_undistortion
-from gellight.reconstruction.lens.undistortion import Undistortion
-from gellight.reconstruction.linearised import CellNetwork
+from gellight.reconstruction.lens.undistortion import Undistortion, has_lens, read_undistortion
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.native.judge import refuse_disagreement
 from gellight.reconstruction.native.library import NativePathError, fitting_library
 from gellight.reconstruction.native.native_path import NativePath
 from gellight.reconstruction.smoothing import NARROWEST_PX
-from gellight.reconstruction.stages import Clock, NetworkRows, TactilePath
+from gellight.reconstruction.stages import NetworkRows, TactilePath
 
 logger = logging.getLogger(__name__)
 Floats = NDArray[np.float32]
@@ -46,17 +42,6 @@ class FramePath(Protocol):
         """Return `mode`, and what else is known of the way it is computed, ready for JSON."""
 
 
-class Form(StrEnum):
-    """How a frame is computed. On a ball all forms agree within 0.1 degrees and a micrometre in every pixel."""
-
-    NATIVE = "native"
-    """in C, the network at the means of cells: the fastest; NumPy where no library fits this machine"""
-    CELLS = "cells"
-    """in NumPy, the network at the means of cells: fast"""
-    PIXELS = "pixels"
-    """in NumPy, the network at every touched pixel: the judge of the others"""
-
-
 class Reconstructor:
     """Everything that stays the same between the frames of one sensor.
 
@@ -68,22 +53,21 @@ class Reconstructor:
         self,
         bundle: Bundle,
         *,
-        threads: int = 1,
         smoothing_px: int = NARROWEST_PX,
         masked: bool = True,
         undistorted: bool = True,
         cast_shadows: bool = True,
-        form: Form = Form.NATIVE,
-        clock: Clock = time.perf_counter,
+        native: bool = True,
     ) -> None:
         """Prepare for the frames of the calibrated sensor; takes one dense run of the network.
 
-        threads: of the network. smoothing_px: half width of the narrowest filter that smooths the gradient map. masked:
-        run the network only where the image differs from the reference; without, everywhere, pixel by pixel.
+        smoothing_px: half width of the narrowest filter that smooths the gradient map. masked: run the network only
+        where the image differs from the reference; without, everywhere.
         undistorted: take the lens out of the maps where the bundle has one; without, they lie over the picture, as
         labels do. cast_shadows: give pixels the light back that the surface keeps from them, where the bundle knows
-        its LEDs. form: how to compute; what the native form cannot do is computed by NumPy.
-        clock: that times the stages. Raises BundleError.
+        its LEDs. native: compute in C, the network at the means of cells (`native.cells`); without, and where no
+        library fits this machine, in NumPy at every touched pixel. On a ball both agree within 0.1 degrees and a
+        micrometre in every pixel. Raises BundleError.
         """
         _refuse_series(bundle)
         self.bundle = bundle
@@ -94,33 +78,24 @@ class Reconstructor:
             bundle.image_shape,
             noise_grey=bundle.manifest.noise_grey,
             rest_grey=bundle.manifest.rest_grey,
-            threads=threads,
             source=bundle.source,
         )
-        at_cells = CellNetwork(self._network)
-        cells = at_cells if masked and form is not Form.PIXELS else None
         lens = read_undistortion(bundle) if undistorted and has_lens(bundle) else None
-        shadows = CastShadows.of_bundle(bundle, at_cells, wanted=cast_shadows)
+        shadows = CastShadows.of_bundle(bundle, self._network, wanted=cast_shadows)
         self.cast_shadows = shadows is not None and shadows.hide
-        numpy_path = NumpyPath(
-            bundle, self._network, cells, lens, shadows, smoothing_px=smoothing_px, masked=masked, clock=clock
-        )
+        numpy_path = NumpyPath(bundle, self._network, lens, shadows, smoothing_px=smoothing_px, masked=masked)
         self._path: TactilePath = numpy_path
-        self._computed_by = f"NumPy, {'cells' if cells else 'pixels'}"
-        if form is Form.NATIVE and cells:
-            self._go_native(numpy_path, (cells, lens, shadows), smoothing_px, clock)
+        self._computed_by = "NumPy"
+        if native and masked:
+            self._go_native(numpy_path, lens, shadows, smoothing_px)
 
     def _go_native(
-        self,
-        judge: NumpyPath,
-        parts: tuple[CellNetwork, Undistortion | None, CastShadows | None],
-        smoothing_px: int,
-        clock: Clock,
+        self, judge: NumpyPath, lens: Undistortion | None, shadows: CastShadows | None, smoothing_px: int
     ) -> None:
         """Compute natively where a library fits this machine and answers as NumPy does; else say so in the log."""
         try:
             name, library = fitting_library()
-            path = NativePath(library, self.bundle, *parts, smoothing_px=smoothing_px, clock=clock)
+            path = NativePath(library, self.bundle, self._network, lens, shadows, smoothing_px=smoothing_px)
             refuse_disagreement(path, judge, self.bundle)
         except NativePathError as reason:
             logger.warning("frames are computed by NumPy, which takes longer: %s", reason)

@@ -2,9 +2,8 @@
 
 frames.py          CameraFrame, ExposureSeries, TactileFrame, Contact; how a frame is judged where the truth is known
 measures.py        what is computed of a tactile frame when somebody asks: force, confidence
-camera.py          what every camera promises
+camera.py          what every camera promises, and when it exposes its rows
 camera_wrapper.py  the base of cameras that stand in front of another
-timing.py          when a camera exposes its rows
 image_files.py     image files as a camera
 view.py            perspective and crop
 dots.py            marker dots, found and filled
@@ -13,6 +12,6 @@ dot_following.py   which dot is which from frame to frame
 shear.py           what is known of the gel along its surface; the same as figures that travel
 picture.py         what a bundle does to each picture, and the camera that does it
 pixel_grid.py      where pixels lie on the gel; means over blocks of them
-point_cloud.py     a depth map as points in space
+point_cloud.py     a depth map as points in space; normals
 video_files.py     the pictures of a video file
 """

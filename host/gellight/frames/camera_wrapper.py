@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from gellight.base.errors import BoardError, CameraError
 from gellight.base.locking import FairLock
 from gellight.bundle.bundle import Bundle
-from gellight.frames.camera import Camera, CameraControls, PressStage, ReconnectingError
+from gellight.frames.camera import Camera, CameraControls, CameraTiming, PressStage, ReconnectingError
 from gellight.frames.frames import FrameJudge
 from gellight.frames.status import CameraStatus
-from gellight.frames.timing import CameraTiming
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import SilentError
 

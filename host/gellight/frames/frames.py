@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from gellight.base.field_docs import with_field_docs
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force, FrameMeasures, MapOnRequest
-from gellight.frames.normals import normals
-from gellight.frames.point_cloud import points_of
+from gellight.frames.point_cloud import normals, points_of
 from gellight.frames.pose import ObjectPose
 from gellight.frames.shear import DotsSeen, Shear, ShearTruth, Slip
 from gellight.frames.status import ExposuresStatus

@@ -1,5 +1,7 @@
 """A depth map as points, and as a surface in the formats that every 3D program opens: PLY, and STL for printers."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -100,3 +102,20 @@ def mesh_stl(points_mm: NDArray[np.floating], triangles: NDArray[np.integer]) ->
     records["corners"] = placed
     records["normal"] = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
     return b"GelLight, mm".ljust(80) + np.uint32(len(placed)).tobytes() + records.tobytes()
+
+
+def normals(gradient_map: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Turn a (H, W, 2) gradient map into (H, W, 3) float32 unit normals (-gx, -gy, 1) / norm, towards the camera.
+
+    Raises ValueError for another shape.
+    """
+    if gradient_map.ndim != 3 or gradient_map.shape[2] != 2:
+        raise ValueError(f"gradient map has shape {gradient_map.shape}: give (H, W, 2)")
+    gx, gy = gradient_map[..., 0], gradient_map[..., 1]
+    length = np.sqrt(gx * gx + gy * gy + np.float32(1))
+    scale = np.reciprocal(length, out=length)
+    result = np.empty((*gx.shape, 3), np.float32)
+    np.multiply(gx, -scale, out=result[..., 0], casting="same_kind")
+    np.multiply(gy, -scale, out=result[..., 1], casting="same_kind")
+    result[..., 2] = scale
+    return result

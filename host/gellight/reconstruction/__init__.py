@@ -2,15 +2,13 @@
 
 stages.py        the names and times of the stages of a frame path, and the frame at its end
 gelnet.py        difference image to gradient map, pixel by pixel; which pixels are touched
-linearised.py    the same from the network and its Jacobian at the means of cells, which is faster
 network_session.py  the network in ONNX Runtime
 cast_shadows.py  which LEDs the surface hides from which pixels, and the slopes with their light
-at_rest.py       where the gel is at rest
 light_drift.py   what the light has changed since the reference image
 image_noise.py   the noise of a camera, as means over pixels show it
 fine_pattern.py  what tells one unit from another
 smoothing.py     how wide the gradient map may be smoothed
-integration.py   gradient map to depth map and normal map
+integration.py   gradient map to depth map and normal map; where the gel is at rest
 perspective.py   the same under a camera whose height above the gel is known
 errors.py        errors against a true surface
 contact.py       where, how large and how deep the gel is touched

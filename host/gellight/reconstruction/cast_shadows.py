@@ -13,9 +13,8 @@ tell that from a slope, so the gel there is found too steep and the contact too 
    where the camera would see the LED.
 3. `led_light` says how much light a hidden LED would bring to gel of the slope that was found, and at which s.
 4. By how much the network answers otherwise to the colour of the cell with that light is added to the slopes of the
-   pixels, linear between cells, before they are smoothed and integrated. Where the colour changes little, the Jacobian
-   that `linearised` has of the cell tells it; only where it changes by more than `LIMIT_GREY` is the network asked.
-   Cells that nothing touches lie as the gel at rest, whatever depth is found there, and stay as they are.
+   pixels, linear between cells, before they are smoothed and integrated. Cells that nothing touches lie as the gel at
+   rest, whatever depth is found there, and stay as they are.
 
 Depth does the same everywhere: gel that is pressed in lies nearer to the LEDs. A network that learnt from balls as they
 look shows gentle slopes deep, because a ball has them in its middle, and reads the gel beside a contact too flat. Where
@@ -27,6 +26,7 @@ is felt in the wrong light.
 from math import inf
 from typing import Self
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,12 +34,10 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.pixel_grid import between_blocks
 from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import has_lights, read_lights
-from gellight.reconstruction.at_rest import far_from_touch
-from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX, cell_means
-from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX, GradientNetwork, block_middles, cell_means
+from gellight.reconstruction.integration import far_from_touch, integrate
 from gellight.reconstruction.led_light import LedLight
-from gellight.reconstruction.lens.lens_file import has_lens
-from gellight.reconstruction.linearised import LIMIT_GREY, CellNetwork, widened
+from gellight.reconstruction.lens.undistortion import has_lens
 from gellight.reconstruction.perspective import Perspective
 
 Floats = NDArray[np.float32]
@@ -52,6 +50,7 @@ ROUNDS = 2
 objects normals that are a tenth better, and waves a depth that is half as far off again"""
 _BEYOND = np.float32(1e3)
 """slope at which a LED stands where nothing is known of the surface: nothing hides it"""
+_NEIGHBOURS = np.ones((3, 3), np.uint8)
 _DIAGONAL = 1.00001
 """columns per row: up to that, rays are followed row by row"""
 
@@ -59,7 +58,7 @@ _DIAGONAL = 1.00001
 class CastShadows:
     """What the surface does to the light of one sensor's LEDs."""
 
-    def __init__(self, bundle: Bundle, model: LightModel, network: CellNetwork, *, hide: bool = True) -> None:
+    def __init__(self, bundle: Bundle, model: LightModel, network: GradientNetwork, *, hide: bool = True) -> None:
         """Take the light of the sensor and the network that is asked again; hide: LEDs can be hidden by the surface."""
         self._network, self._bulge, self.hide = network, bundle.manifest.bulge, hide
         self.by_depth = bundle.manifest.light_by_depth
@@ -67,7 +66,8 @@ class CastShadows:
         self.cell_mm = CELL_PX * bundle.pixel_size_mm[0], CELL_PX * bundle.pixel_size_mm[1]
         self.cells = -(-bundle.image_shape[0] // CELL_PX), -(-bundle.image_shape[1] // CELL_PX)
         self.light = LedLight.of(model, self.cells)
-        place = (network.middle - (np.array(bundle.image_shape[::-1]) - 1) / 2) * bundle.pixel_size_mm
+        self.middle = block_middles(bundle.image_shape, CELL_PX)
+        place = (self.middle - (np.array(bundle.image_shape[::-1]) - 1) / 2) * bundle.pixel_size_mm
         x, y = np.moveaxis(place.reshape(*self.cells, 2), 2, 0).astype(np.float32)
         self.x_mm, self.y_mm = np.ascontiguousarray(x[0]), np.ascontiguousarray(y[:, 0])
         self.height_mm = bundle.manifest.camera_height_mm or inf
@@ -77,7 +77,7 @@ class CastShadows:
         """(h w, 3) grey levels at rest"""
 
     @classmethod
-    def of_bundle(cls, bundle: Bundle, network: CellNetwork, *, wanted: bool = True) -> Self | None:
+    def of_bundle(cls, bundle: Bundle, network: GradientNetwork, *, wanted: bool = True) -> Self | None:
         """Return those of a bundle; None where there is nothing to do.
 
         Nothing is hidden where it is not `wanted`, where the bundle does not know its LEDs, and in one with a lens,
@@ -96,28 +96,15 @@ class CastShadows:
         means = cell_means(slopes, CELL_PX)
         if not self.by_depth and not self._may_shade(means):
             return None
-        near, change = widened(touched), np.zeros_like(means)
-        planes = self._network.planes(cell_means(difference, CELL_PX), near)
+        near, change = cv2.dilate(touched.view(np.uint8), _NEIGHBOURS).view(np.bool_), np.zeros_like(means)
+        seen, middle = cell_means(difference, CELL_PX)[near], self.middle[near.ravel()]
+        answered = self._network.infer(seen, middle)
         for _ in range(self.rounds):
             felt = means + change
-            change[near] = self._changed(planes, self.lost(self.depth_mm(felt, touched), felt), near)
+            lost = self.lost(self.depth_mm(felt, touched), felt)[near]
+            lit = self.light.with_light(seen, lost, self.rest[near.ravel()])
+            change[near] = self._network.infer(lit, middle) - answered
         return between_blocks(change, CELL_PX, slopes.shape)
-
-    def _changed(self, planes: Floats, lost: Floats, near: Bools) -> Floats:
-        """Return by how much the network answers otherwise to the M cells that are near with the light lost, (M, 2).
-
-        planes: (h, w, 11), as `CellNetwork.planes` has them. lost: (h, w, 3).
-        """
-        cell, network = np.flatnonzero(near), self._network
-        half, seen, jacobian = np.split(planes[near], (2, 5), axis=1)
-        lit = self.light.with_light(seen, lost[near], self.rest[cell])
-        by_grey = jacobian.reshape(-1, 2, 3)
-        change = np.einsum("nij,nj->ni", by_grey, lit - seen)
-        strong = np.flatnonzero((np.abs(lit - seen) > LIMIT_GREY).any(axis=1))
-        at = cell[strong]
-        answer = network.network.infer(lit[strong], network.middle[at]) - network.zero[at]
-        change[strong] = answer - half[strong] - np.einsum("nij,nj->ni", by_grey, seen)[strong] / 2
-        return np.asarray(change, np.float32)
 
     def _may_shade(self, slopes: Floats) -> bool:
         """Whether some cell would be turned away from a LED as deep as gel is pressed at most."""

@@ -57,20 +57,17 @@ class GradientNetwork:
         *,
         noise_grey: float,
         rest_grey: float = 0.0,
-        threads: int = 1,
         source: str = "network",
     ) -> None:
         """Load an ONNX file or its content for images of `image_shape` (H, W).
 
         noise_grey: standard deviation of one pixel of the difference, grey levels. rest_grey: what means over cells
-        differ by at rest beyond it, as in the manifest. threads: of ONNX Runtime.
-        source: the name of the bundle, for messages.
+        differ by at rest beyond it, as in the manifest. source: the name of
+        the bundle, for messages.
         Raises BundleError for a network that does not keep the contract, ValueError for the rest.
         """
-        if threads < 1:
-            raise ValueError(f"threads {threads} out of range")
         self.image_shape = image_shape
-        self.session = NetworkSession(network, threads=threads, source=source)
+        self.session = NetworkSession(network, source=source)
         self.at_rest = RestChange(noise_grey, rest_grey)
         self._rows = np.zeros((BLOCK_ROWS, 5), np.float32)
         rows, columns = np.indices(image_shape, dtype=np.float32)
@@ -113,20 +110,16 @@ class GradientNetwork:
             return (self.infer(pixels, self.position) - self.zero).reshape(*self.image_shape, 2)
         if not mask.any():
             return np.zeros((*self.image_shape, 2), np.float32)
-        slopes = self.coarse_slopes(difference)
+        slopes = self._coarse_slopes(difference)
         inside = np.flatnonzero(mask)
         slopes.reshape(-1, 2)[inside] = self.infer(pixels, self.position, inside) - np.take(self.zero, inside, axis=0)
         return slopes
 
-    def coarse_slopes(self, difference: Floats) -> Floats:
+    def _coarse_slopes(self, difference: Floats) -> Floats:
         """Slopes (H, W, 2) from the means of 8 x 8 pixels, linear in between."""
         means = cell_means(difference, COARSE_PX)
-        return self.spread(self.infer(means.reshape(-1, 3), self.coarse_position) - self.coarse_zero)
-
-    def spread(self, slopes: Floats) -> Floats:
-        """Slopes (h * w, 2) of all means of 8 x 8 pixels to those of pixels (H, W, 2), linear in between."""
-        height, width = (-(-n // COARSE_PX) for n in self.image_shape)
-        return between_blocks(slopes.reshape(height, width, 2), COARSE_PX, self.image_shape)
+        slopes = self.infer(means.reshape(-1, 3), self.coarse_position) - self.coarse_zero
+        return between_blocks(slopes.reshape(*means.shape[:2], 2), COARSE_PX, self.image_shape)
 
     def infer(self, pixels: Floats, position: Floats, chosen: NDArray[np.intp] | None = None) -> Floats:
         """Run (N, 3) differences at (N, 2) positions, or the chosen ones of them, in blocks."""

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from gellight.bundle.manifest import BULGE
-from gellight.frames.normals import normals as normals  # beside `integrate`, for who looks for both here
 from gellight.frames.pixel_grid import pixel_size_xy
+from gellight.frames.point_cloud import normals as normals  # beside `integrate`, for who looks for both here
 
 Floats = NDArray[np.floating]
 
@@ -202,3 +202,38 @@ def angle_deg(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.fl
     half = np.sqrt(np.einsum("...i,...i", chord, chord)) / 2
     angle: NDArray[np.float32] = np.degrees(2 * np.arcsin(np.minimum(half, 1))).astype(np.float32)
     return angle
+
+
+_CELL_PX = 8
+
+
+def far_from_touch(touched: NDArray[np.bool_], side: int = _CELL_PX) -> NDArray[np.bool_]:
+    """Mark the quarter of the untouched (H, W) pixels that is farthest from any touched one.
+
+    Gel that is pressed down in one place bulges out around it, with slopes too gentle to show in the image, and comes
+    to rest some thicknesses of the gel farther out. The median over all untouched pixels would put 5 micrometres of
+    bulge under a ball that is pressed 1 mm deep. Distances are chess-board distances between cells of `side` pixels a
+    side: 8 for pixels, fewer where `touched` is of means of them.
+    """
+    free = ~touched
+    return free_and_far(free, far_cells(free[side // 2 :: side, side // 2 :: side]), side)
+
+
+def free_and_far(free: NDArray[np.bool_], far: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
+    """Mark the free (H, W) pixels in far (h, w) cells; all that are free where no cell is far."""
+    if not far.any():
+        return free
+    rows, columns = (
+        np.minimum(np.arange(n) // side, cells - 1) for n, cells in zip(free.shape, far.shape, strict=True)
+    )
+    return np.asarray(free & far[rows[:, None], columns[None, :]])
+
+
+def far_cells(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark the farthest quarter of the free (h, w) cells; all of them where no cell is touched."""
+    if free.all() or not free.any():
+        return free
+    distance = cv2.distanceTransform(np.ascontiguousarray(free).view(np.uint8), cv2.DIST_C, 3)
+    distances = distance[free]
+    place = -(-3 * (distances.size - 1) // 4)  # of the upper quartile among them, in ascending order
+    return np.asarray(distance >= max(1, np.partition(distances, place)[place]))

@@ -12,9 +12,8 @@ from gellight.frames.shear import DotsSeen, Floats, Shear
 from gellight.reconstruction.confidence import Learnt, confidence_of
 from gellight.reconstruction.error_bounds import read_errors
 from gellight.reconstruction.force_file import read_force
-from gellight.reconstruction.lens.lens_file import has_lens, lens_of, read_record, read_undistortion
 from gellight.reconstruction.lens.model import middle_px
-from gellight.reconstruction.lens.undistortion import Undistortion
+from gellight.reconstruction.lens.undistortion import Undistortion, has_lens, lens_of, read_record, read_undistortion
 from gellight.reconstruction.shear.felt import Gel, felt_shear, motion
 
 PRESSES = "presses.npz"

@@ -24,15 +24,15 @@ STEP_GREY = 0.25
 class NetworkSession:
     """The network of one calibration bundle, for rows (N, C + 2) of its C channels and the place."""
 
-    def __init__(self, network: bytes | Path, *, threads: int, source: str, channels: int = 3) -> None:
+    def __init__(self, network: bytes | Path, *, source: str, channels: int = 3) -> None:
         """Load an ONNX file or its content. source: the name of the bundle, for messages.
 
         Raises BundleError for a network that does not keep the contract.
         """
-        self._source, self._channels, self.threads = source, channels, threads
+        self._source, self._channels = source, channels
         content = network if isinstance(network, bytes) else _read(network, source)
         check_network(content, source)
-        self._session = _session(content, threads, source)
+        self._session = _session(content, source)
         self.has_jacobian = _check_contract(self._session, source, channels)
         """whether the file answers the Jacobian itself"""
 
@@ -68,10 +68,9 @@ def _read(path: Path, source: str) -> bytes:
         raise BundleError(f"{source}: the network cannot be loaded ({first_line(error)}): {REMEDY}") from error
 
 
-def _session(content: bytes, threads: int, source: str) -> onnxruntime.InferenceSession:
+def _session(content: bytes, source: str) -> onnxruntime.InferenceSession:
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.inter_op_num_threads = 1
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 3
     # A thread that spins between the blocks takes the core from the camera and the dashboard.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")

@@ -1,7 +1,7 @@
 """What every way through the frame path shares: the names and times of its stages, and the frame at its end."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -17,8 +17,6 @@ STAGES = ("difference", "mask", "gradient", "depth", "normals", "contact")
 """Keys of `TactileFrame.stage_seconds`, in the order of the path; `lens` follows `gradient` where there is one."""
 
 Floats = NDArray[np.float32]
-Clock = Callable[[], float]
-"""seconds since some time"""
 
 
 @dataclass(frozen=True)
@@ -45,15 +43,14 @@ class TactilePath(Protocol):
 class Stages:
     """The wall time of each stage of one frame."""
 
-    def __init__(self, clock: Clock = time.perf_counter) -> None:
+    def __init__(self) -> None:
         """Begin the first stage."""
         self.seconds: dict[str, float] = {}
-        self._clock = clock
-        self._began = clock()
+        self._began = time.perf_counter()
 
     def end(self, stage: str) -> None:
         """Record the time since the stage before ended."""
-        now = self._clock()
+        now = time.perf_counter()
         self.seconds[stage] = now - self._began
         self._began = now
 

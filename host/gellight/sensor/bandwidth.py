@@ -16,8 +16,8 @@ from gellight.bundle.store import BundleStore
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.discovery import Discovery, Sensor
 from gellight.sensor.v4l2.device import Device
+from gellight.sensor.v4l2.errors import LINUX
 from gellight.sensor.v4l2.formats import Mode, choose
-from gellight.sensor.v4l2.kernel import LINUX
 from gellight.sensor.v4l2.options import CaptureOptions, parse_url
 
 RESERVABLE = 0.8

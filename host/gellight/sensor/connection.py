@@ -19,8 +19,7 @@ from gellight.base.errors import BoardError, CameraError, GellightError
 from gellight.frames.frames import CameraFrame
 from gellight.ring.light_ring import LightRing, connect
 from gellight.sensor.discovery import DEV, SYSFS, Discovery, Sensor, discover
-from gellight.sensor.v4l2.errors import StalledError, UnpluggedError
-from gellight.sensor.v4l2.kernel import Kernel
+from gellight.sensor.v4l2.errors import Kernel, StalledError, UnpluggedError
 from gellight.sensor.v4l2.options import CaptureOptions
 from gellight.sensor.v4l2.video_camera import V4l2Camera
 

@@ -54,8 +54,7 @@ class Node:
     def is_at(self, url: str) -> bool:
         """Whether the URL of a ring names it: by its serial number, or by its node or a link to that."""
         serial = self.usb.serial if self.usb else ""
-        by_number = bool(serial) and url in (f"serial://{serial}", f"usb://{serial}")
-        return by_number or Path(url).resolve() == Path(self.path).resolve()
+        return (bool(serial) and url == f"serial://{serial}") or Path(url).resolve() == Path(self.path).resolve()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,16 +17,14 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError, GellightError, InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.camera import Camera, CameraControls, ChooseBundle, ReconnectingError
+from gellight.frames.camera import Camera, CameraControls, CameraTiming, ChooseBundle, ReconnectingError
 from gellight.frames.frames import CameraFrame
 from gellight.frames.status import CameraStatus
-from gellight.frames.timing import CameraTiming
 from gellight.ring.light_ring import LightRing
 from gellight.sensor.connection import Connection, ConnectOptions, Surroundings
 from gellight.sensor.discovery import Discovery, Node, Sensor
 from gellight.sensor.v4l2.controls import KNOBS
-from gellight.sensor.v4l2.errors import StalledError, UnpluggedError
-from gellight.sensor.v4l2.kernel import LINUX
+from gellight.sensor.v4l2.errors import LINUX, StalledError, UnpluggedError
 from gellight.sensor.v4l2.options import CaptureOptions, parse_url
 from gellight.sensor.v4l2.stream import Counts
 

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
-from gellight.frames.camera import Camera, set_controls
+from gellight.frames.camera import Camera, CameraTiming, set_controls
 from gellight.frames.frames import CameraFrame
-from gellight.frames.timing import CameraTiming
 from gellight.ring.light_ring import LightRing, shows_still
 
 logger = logging.getLogger(__name__)

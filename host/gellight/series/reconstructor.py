@@ -38,8 +38,7 @@ from gellight.photometric.solver import (
     slopes,
     solve_robustly,
 )
-from gellight.reconstruction.at_rest import far_from_touch
-from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.integration import far_from_touch, integrate
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.perspective import Perspective
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother

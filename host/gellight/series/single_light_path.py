@@ -12,13 +12,44 @@ from gellight.frames.status import PathStatus
 from gellight.photometric.directions import FILE_NAME, LightDirections, levels_of, lights_of
 from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.measures import BundleMeasures
+from gellight.reconstruction.network_session import NetworkSession
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother
 from gellight.reconstruction.stages import Stages, tactile_frame
-from gellight.series.channel_network import ChannelNetwork
-from gellight.series.recorded import as_rgb
-from gellight.series.summary import as_picture, exposure_report
+from gellight.series.summary import as_picture, as_rgb, exposure_report
 
 Floats = NDArray[np.float32]
+_BLOCK = 65536
+
+
+def change_percent(levels: Floats, untouched: Floats) -> Floats:
+    """(K, H, W) grey levels -> (H * W, K) by how much each differs from the untouched gel, per cent of that."""
+    change = 100 * (levels / untouched - 1)
+    return np.ascontiguousarray(change.reshape(len(levels), -1).T, np.float32)
+
+
+class ChannelNetwork:
+    """The network of a bundle with K channels, for pictures of one size."""
+
+    def __init__(self, network: bytes, untouched: Floats, *, source: str) -> None:
+        """Load an ONNX file for lights under which the untouched gel shows (K, H, W) grey levels.
+
+        source: the name of the bundle, for messages. Raises BundleError for a network of another form.
+        """
+        self._untouched = untouched
+        self._session = NetworkSession(network, source=source, channels=len(untouched))
+        rows, columns = np.indices(untouched.shape[1:], dtype=np.float32)
+        self._places = np.stack([columns.ravel(), rows.ravel()], axis=1)
+        self._zero = self._answers(np.zeros((len(self._places), len(untouched)), np.float32))
+
+    def gradient_map(self, levels: Floats) -> Floats:
+        """(K, H, W) grey levels, one picture a light -> (H, W, 2) slopes."""
+        slopes = self._answers(change_percent(levels, self._untouched)) - self._zero
+        return slopes.reshape(*levels.shape[1:], 2)
+
+    def _answers(self, change: Floats) -> Floats:
+        parts = [slice(start, start + _BLOCK) for start in range(0, len(change), _BLOCK)]
+        rows = (np.concatenate([change[part], self._places[part]], axis=1) for part in parts)
+        return np.concatenate([self._session.slopes(block) for block in rows])
 
 
 def has_single_lights(bundle: Bundle) -> bool:
@@ -37,17 +68,17 @@ def read_directions(bundle: Bundle) -> LightDirections:
     return lights
 
 
-def slopes_by(bundle: Bundle, lights: LightDirections, mode: str, *, threads: int = 1) -> Callable[[Floats], Floats]:
+def slopes_by(bundle: Bundle, lights: LightDirections, mode: str) -> Callable[[Floats], Floats]:
     """Return what turns (K, H, W) grey levels into (H, W, 2) slopes: GelNet in mode "network", else least squares."""
     if mode == "network":
-        return ChannelNetwork(bundle.network, lights.untouched, source=bundle.source, threads=threads).gradient_map
+        return ChannelNetwork(bundle.network, lights.untouched, source=bundle.source).gradient_map
     return lambda levels: lights.gradient_map(levels)[0]
 
 
 class SingleLightPath:
     """Reconstructs series of exposures under the light groups of a bundle. One path serves one thread."""
 
-    def __init__(self, bundle: Bundle, mode: str, *, threads: int = 1, smoothing_px: int = NARROWEST_PX) -> None:
+    def __init__(self, bundle: Bundle, mode: str, *, smoothing_px: int = NARROWEST_PX) -> None:
         """Prepare for mode "network" or "photometric".
 
         Raises BundleError where the bundle does not tell the light groups, or its network is of another form.
@@ -59,7 +90,7 @@ class SingleLightPath:
                 f"{bundle.source} is for recorded pictures of its lights, and does not tell how a ring shows them: use "
                 "`gellight reconstruct`, or calibrate with `gellight calibrate channels --sensor`"
             )
-        self._slopes = slopes_by(bundle, self._lights, mode, threads=threads)
+        self._slopes = slopes_by(bundle, self._lights, mode)
         self._smoother = Smoother(smoothing_px)
         self._measures = BundleMeasures(bundle, from_network=mode == "network")
         self._last: ExposureReport | None = None

@@ -1,14 +1,23 @@
 """What a series of exposures says as a whole: its picture, and whether the scene rested meanwhile."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries
+from gellight.base.errors import InputError
+from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries, TactileFrame
+from gellight.frames.image_files import read_grey
+from gellight.frames.measures import FrameMeasures
 from gellight.frames.pixel_grid import spread_blocks
 from gellight.photometric import static_scene
+from gellight.photometric.directions import LightDirections
 from gellight.photometric.solver import LEAST_LIGHTS
+from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.measures import LightMeasures
+from gellight.reconstruction.stages import Stages, tactile_frame
 
 
 def as_picture(series: ExposureSeries, image: NDArray[np.uint8], light: NDArray[np.uint8] | None) -> CameraFrame:
@@ -37,3 +46,47 @@ def exposure_report(
         moving=spread_blocks(change > limit, static_scene.BLOCK_PX, (lights.shape[0], lights.shape[1])),
         least_lights=LEAST_LIGHTS,
     )
+
+
+_RGB_OF = 3
+
+
+def frame_of_lights(
+    lights: LightDirections,
+    paths: Sequence[Path],
+    white: float | None = None,
+    *,
+    slopes: Callable[[NDArray[np.float32]], NDArray[np.float32]] | None = None,
+    measures: FrameMeasures | None = None,
+) -> TactileFrame:
+    """Reconstruct gradient, normal and depth map and the contact from one picture under each light, in their order.
+
+    white: see `read_grey`. slopes: of (K, H, W) grey levels; by default least squares by the lights. measures: of the
+    bundle; by default pixels are judged by their light alone. The picture of the frame shows the lights, in three
+    groups, as red, green and blue. Raises InputError for another number or size of pictures.
+    """
+    if len(paths) != len(lights.untouched):
+        raise InputError(f"{len(paths)} images and {len(lights.untouched)} lights: give one image for each light")
+    pictures = [read_grey(path, white) for path in paths]
+    if len({picture.shape for picture in pictures}) > 1:
+        raise InputError(f"the images beside {paths[0]} have several sizes: give those of one camera setting")
+    stages = Stages()
+    levels = np.stack(pictures)
+    if levels.shape != lights.untouched.shape:
+        height, width = lights.image_shape
+        raise InputError(f"the images beside {paths[0]} are no pictures of {width} x {height} px, as the lights are of")
+    gradient_map = slopes(levels) if slopes else lights.gradient_map(levels)[0]
+    stages.end("slopes")
+    size = (lights.pixel_size_mm, lights.pixel_size_mm)
+    depth_mm = np.asarray(integrate(gradient_map, size), np.float32)
+    stages.end("depth")
+    image, untouched = as_rgb(levels), as_rgb(lights.untouched)
+    shown = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    frame = CameraFrame(image=shown, time_s=0.0, sequence=0, source=str(paths[0]))
+    known = measures or LightMeasures(untouched)
+    return tactile_frame(frame, image - untouched, gradient_map, depth_mm, size, stages, measures=known)
+
+
+def as_rgb(levels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(K, H, W) to (H, W, 3): means of three groups of neighbouring lights."""
+    return np.stack([group.mean(axis=0) for group in np.array_split(levels, _RGB_OF)], axis=2)

@@ -4,7 +4,9 @@ import logging
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.metadata import entry_points
 
+from gellight.base.errors import StreamError
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
@@ -60,3 +62,14 @@ def _newest(daemon: SensorSession, after: int) -> tuple[int, TactileFrame | None
         return after, None
     except Exception as error:
         raise EndOfStream(str(error)) from error
+
+
+@contextmanager
+def sent_to(sink: str, daemon: SensorSession, name: str) -> Iterator[None]:
+    """Send the frames of a daemon to a sink, as long as the context lasts; StreamError where none has this name."""
+    found = entry_points(group="gellight.sinks", name=sink)
+    if not found:
+        known = ", ".join(sorted(entry_points(group="gellight.sinks").names)) or "none is installed"
+        raise StreamError(f"no installed distribution has a sink {sink!r} ({known}): install one, or leave it out")
+    with next(iter(found)).load()(name) as send, sending(daemon, sink, send):
+        yield

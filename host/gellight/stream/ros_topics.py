@@ -1,7 +1,7 @@
 """What a sensor says in messages of ROS 2: the topics, their types, and how each is made of a tactile frame.
 
     image_raw     sensor_msgs/Image          rgb8, frame NAME_camera
-    camera_info   sensor_msgs/CameraInfo     plumb_bob; see reconstruction/lens/intrinsics.py
+    camera_info   sensor_msgs/CameraInfo     plumb_bob; see reconstruction/lens/undistortion.py
     depth/image   sensor_msgs/Image          32FC1, metres, positive into the sensor
     points        sensor_msgs/PointCloud2    metres, frame NAME_gel: x right, y up, z towards the camera
     contact       geometry_msgs/PointStamped metres, frame NAME_gel: centre and indentation; NaN without contact
@@ -33,7 +33,7 @@ from gellight.frames.point_cloud import points_of
 from gellight.frames.pose import ObjectPose
 from gellight.frames.shear import Shear
 from gellight.photometric.ring_geometry import RingGeometry
-from gellight.reconstruction.lens.intrinsics import intrinsics
+from gellight.reconstruction.lens.undistortion import intrinsics
 from gellight.recording.depth_kind import DepthKind
 from gellight.recording.recording_file import depth_image
 from gellight.recording.ros_messages import (

@@ -15,10 +15,18 @@ from numpy.typing import NDArray
 
 from gellight.frames.pose import DOUBTFUL_MM, DOUBTFUL_RAD, ObjectPose
 from gellight.tracking.information import VAGUE_MM, Agreement, Information, agreement, information, looks_alike
-from gellight.tracking.loss import Loss
-from gellight.tracking.registration import LEAST_POINTS, SCALE, Keyframe, Registration, hold, register
+from gellight.tracking.registration import (
+    LEAST_POINTS,
+    SCALE,
+    Keyframe,
+    Loss,
+    Registration,
+    guesses,
+    hold,
+    register,
+    spins,
+)
 from gellight.tracking.rigid import carried, inverse, moved_twists, pose_of, twist_of, upheld
-from gellight.tracking.starts import guesses, spins
 from gellight.tracking.view import View, at_pixels
 
 Array = NDArray[np.float64]

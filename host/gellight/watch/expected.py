@@ -19,12 +19,10 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.pixel_grid import spread_blocks
-from gellight.reconstruction.at_rest import far_from_touch
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
-from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.integration import far_from_touch, integrate
 from gellight.reconstruction.light_drift import difference_of
-from gellight.reconstruction.linearised import CellNetwork
 from gellight.watch.cells import Cells, spread
 
 Array = NDArray[np.float64]
@@ -72,7 +70,7 @@ class ErrorEstimate:
             rest_grey=bundle.manifest.rest_grey,
             source=bundle.source,
         )
-        self._shadows = CastShadows.of_bundle(bundle, CellNetwork(self._network))
+        self._shadows = CastShadows.of_bundle(bundle, self._network)
         self._places = np.zeros(bundle.image_shape, np.bool_)
         self._places[_EVERY_PX // 2 :: _EVERY_PX, _EVERY_PX // 2 :: _EVERY_PX] = True
         self._derivative = np.stack([self._slopes_per_grey(channel) for channel in range(3)], axis=2)

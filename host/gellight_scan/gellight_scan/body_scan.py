@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from gellight.base.writing import write_file
 from gellight.lab.report.pictures import mesh_picture, write_png
 from gellight.tracking.information import Agreement, agreement, information
-from gellight.tracking.registration import SCALE, Keyframe, register
+from gellight.tracking.registration import SCALE, Keyframe, guesses, register, spins
 from gellight.tracking.rigid import inverse
-from gellight.tracking.starts import guesses, spins
 from gellight.tracking.tracker import COARSE_POINTS, TRIED_STEPS, right, score
 from gellight.tracking.view import View
 from gellight_scan.body import Mesh, fused

@@ -10,7 +10,7 @@ from gellight.base.allowed import nearest
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.lab.simulator.printed_dots import PrintedDots, paint
-from gellight.lab.simulator.read_noise import ReadNoise
+from gellight.lab.simulator.shutter import ReadNoise
 from gellight.lab.simulator.unit import GEL, Unit
 from gellight_touch.dots import dots_px
 from gellight_touch.layer import NOTHING, Floats, Layer

@@ -2,8 +2,8 @@
 
 Each is a film of a sensor that begins untouched. The bundle is another unit's of the same make (`--bundle`; default:
 GelSLAM's Mini, learnt from its balls), with the clip's first pictures for the gel at rest. A row a clip, of its longest
-contact: frames tracked, lost and not all told before the object is another one, how far it moved by then, why it ended
-(`gellight.tracking.loss`), and how that closes: a fresh tracker follows the same frames backwards, and both ways
+contact: frames tracked, lost and not all told before the object is another one, how far it moved by then, why it
+ended (`registration.Loss`), and how that closes: a fresh tracker follows the same frames backwards, and both ways
 together should lead to where they began. What is wrong alike in both directions does not show.
 """
 

@@ -1,6 +1,6 @@
 """The flash of a board that was configured: the image, and behind it the record that the firmware would have saved."""
 
-from gellight.lab.core_board.built_board import record_of
+from gellight.lab.core_board.simulated_board import record_of
 from gellight.ring.protocol import Configuration
 
 FLASH_BYTES = 2 << 20

@@ -5,12 +5,11 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any
 
-from gellight.lab.core_board.built_board import thermistor_reading
 from gellight.lab.core_board.core import Core, packaged_library
-from gellight.lab.core_board.simulated_board import UNIQUE_ID
+from gellight.lab.core_board.simulated_board import UNIQUE_ID, thermistor_reading
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Edge, SyncMode
-from gellight.ring.firmware.build import committed_image
+from gellight.ring.firmware.targets import committed_image
 from gellight.ring.wire import LED_COUNT, Packet, Record, decode, encode
 from tests.firmware.helpers.two_emulators import EVENTS, REPLIES
 from tests.helpers.bench_board import BenchBoard

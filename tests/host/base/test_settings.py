@@ -66,14 +66,14 @@ def test_each_source_wins_over_the_weaker_ones(folders: dict[str, Path]) -> None
 
 def test_environment_variables_are_read_as_what_the_key_wants(folders: dict[str, Path]) -> None:
     environment = {
-        "GELLIGHT_RECONSTRUCTION_MASKED": "false",
+        "GELLIGHT_RECONSTRUCTION_CAST_SHADOWS": "false",
         "GELLIGHT_GEOMETRY_PIXEL_SIZE_MM": "0.05",
         "GELLIGHT_SENSOR_CALIBRATION": "2024",
         "GELLIGHT_NO_SKIPS": "1",
         "HOME": "/",
     }
     settings = loaded(environment=environment, **folders)
-    assert settings.reconstruction.masked is False
+    assert settings.reconstruction.cast_shadows is False
     assert settings.geometry.pixel_size_mm == 0.05
     assert settings.sensor.calibration == "2024"
 
@@ -101,14 +101,14 @@ def test_a_misspelt_key_names_file_and_the_key_that_was_meant(folders: dict[str,
         ),
         ("[dashboard]\nport = '8420'", "dashboard.port = '8420' is not allowed"),
         ("[dashboard]\nport = true", "dashboard.port = True is not allowed"),
-        ("[reconstruction]\nmasked = 1", "reconstruction.masked = 1 is not allowed: give true or false"),
+        ("[reconstruction]\ncast_shadows = 1", "reconstruction.cast_shadows = 1 is not allowed: give true or false"),
         ("[geometry]\npixel_size_mm = 0", "geometry.pixel_size_mm = 0 is not allowed: give a number above 0"),
         ("[geometry]\ngel_diameter_mm = inf", "geometry.gel_diameter_mm = inf is not allowed"),
         ("[geometry]\npoisson_ratio = 0.5", "give a number at least 0 and below 0.5"),
         ("[geometry]\nled_colours = 'RGX'", "geometry.led_colours = 'RGX' is not allowed: give text like"),
         ("[sensor]\nurl = ''", "sensor.url = '' is not allowed"),
         ("sensor = 3", "sensor = 3 is no section: write [sensor]"),
-        ("[reconstruction]\nzebra = 1", "choose one of mode, light_groups, frames_per_light, threads"),
+        ("[reconstruction]\nzebra = 1", "choose one of mode, light_groups, frames_per_light, smoothing_px"),
         ("[dashbord]\nport = 1", "unknown section dashbord: did you mean dashboard?"),
         ("[dashboard", "is not TOML in UTF-8"),
         ("a = " + "[" * 20_000, "is not TOML in UTF-8"),
@@ -121,9 +121,9 @@ def test_a_wrong_value_is_named_with_what_is_allowed(folders: dict[str, Path], l
 
 
 def test_every_mistake_of_a_file_is_reported_at_once(folders: dict[str, Path]) -> None:
-    text = complaint(folders, "[dashboard]\nport = -1\n[reconstruction]\nthreads = 0\n")
+    text = complaint(folders, "[dashboard]\nport = -1\n[reconstruction]\nsmoothing_px = -1\n")
     assert "dashboard.port = -1" in text
-    assert "reconstruction.threads = 0" in text
+    assert "reconstruction.smoothing_px = -1" in text
 
 
 def test_a_mistake_is_reported_even_where_a_stronger_source_hides_it(folders: dict[str, Path]) -> None:
@@ -215,7 +215,7 @@ class TestCommand:
         monkeypatch.chdir(folders["folder"])
         monkeypatch.setenv("XDG_CONFIG_HOME", str(folders["user_folder"]))
         monkeypatch.setenv("GELLIGHT_DASHBOARD_PORT", "8001")
-        write(folders, "[reconstruction]\nthreads = 2\n")
+        write(folders, "[reconstruction]\nsmoothing_px = 3\n")
 
     def run(self, *arguments: str) -> str:
         result = invoke("config", *arguments)
@@ -225,12 +225,12 @@ class TestCommand:
     def test_show_tells_values_and_where_they_come_from(self) -> None:
         text = self.run("show")
         assert "port = 8001  # environment variable GELLIGHT_DASHBOARD_PORT" in text
-        assert "threads = 2  # " in text
+        assert "smoothing_px = 3  # " in text
         assert 'url = "auto"\n' in text
 
     def test_what_show_prints_can_be_read_back(self, folders: dict[str, Path]) -> None:
         write(folders, self.run("show"))
-        assert loaded(environment={}, **folders).reconstruction.threads == 2
+        assert loaded(environment={}, **folders).reconstruction.smoothing_px == 3
 
     def test_show_json(self) -> None:
         shown = json.loads(self.run("show", "--json"))

@@ -10,7 +10,7 @@ import pytest
 
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.reconstruction.lens.lens_file import read_record
+from gellight.reconstruction.lens.undistortion import read_record
 from tests.helpers.command_line import invoke, refused
 from tests.helpers.distorted import PIXEL_MM, SHAPE, TrueLens, dimple_picture, pin_picture, untouched
 from tests.helpers.linear_sensor import linear_bundle

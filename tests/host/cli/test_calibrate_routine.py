@@ -14,9 +14,9 @@ from gellight.cli.calibrate.routine_options import Target, Tools
 from gellight.cli.calibrate.screen import _read_lines, obey, screen
 from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View
+from gellight.lab.calibration.choices import ToolSizes
 from gellight.lab.calibration.display import Display, Progress
 from gellight.lab.calibration.records import LiveCoverage, ShownCircle
-from gellight.lab.calibration.tools import ToolSizes
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.children import gellight
 from tests.helpers.command_line import invoke

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import GellightError
-from gellight.ring.firmware.build import committed_image
+from gellight.ring.firmware.targets import committed_image
 from gellight.ring.light_ring import LightRing
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 from tests.helpers.command_line import invoke
@@ -128,31 +128,3 @@ def test_an_image_that_cannot_be_read_or_written_is_said_so(tmp_path: Path) -> N
         done = invoke("firmware", *arguments)
         assert isinstance(done.exception, GellightError)
         assert "cannot read" in str(done.exception)
-
-
-def test_writing_an_image_to_no_folder_leaves_nothing(tmp_path: Path) -> None:
-    from gellight.ring.firmware.build import write_image
-
-    (tmp_path / "file").write_text("in the way")
-    for target in (tmp_path / "none/x.uf2", tmp_path / "file/x.uf2"):
-        with pytest.raises(GellightError, match="cannot write"):
-            write_image(committed_image(), target)
-    assert [path.name for path in tmp_path.iterdir()] == ["file"]
-
-
-def test_building_the_firmware_asks_for_its_sources_before_any_compiler(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As from a wheel: there are no sources, and no compiler either."""
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    refused = str(invoke("firmware", "build", "--checkout", str(tmp_path)).exception)
-    assert f"{tmp_path} does not hold the sources of the firmware: clone GelLight's repository" in refused
-    assert "pip" not in refused
-
-
-def test_a_firmware_replaces_no_file_of_another_kind(tmp_path: Path) -> None:
-    (tmp_path / "notes.txt").write_text("mine")
-    said = str(invoke("firmware", "build", "--out", str(tmp_path / "notes.txt")).exception)
-    assert "give a name that ends with .uf2" in said
-    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
-    assert (tmp_path / "notes.txt").read_text() == "mine"

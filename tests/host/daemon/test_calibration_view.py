@@ -9,7 +9,7 @@ import pytest
 
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle, extend_bundle
-from gellight.bundle.placeholder import placeholder
+from gellight.daemon.bundle_choice import placeholder
 from gellight.daemon.calibration_service import CalibrationRequest as Request
 from gellight.daemon.calibration_service import CalibrationService as Service
 from gellight.daemon.calibration_service import ViewFile

@@ -9,10 +9,9 @@ import pytest
 from gellight.base.mailbox import Mailbox
 from gellight.daemon.frame_threads import SharedCamera
 from gellight.daemon.switched_camera import SwitchedCamera
-from gellight.frames.camera import Camera
+from gellight.frames.camera import Camera, CameraTiming
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.picture import PictureSteps, PreparedCamera
-from gellight.frames.timing import CameraTiming
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
 from gellight.sensor.series_cameras import SeriesCamera
 from gellight.sensor.window_camera import WindowCamera

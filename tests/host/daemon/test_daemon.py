@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, CameraError, InputError
-from gellight.bundle.placeholder import placeholder
+from gellight.daemon.bundle_choice import placeholder
 from gellight.daemon.frame_threads import FrameThreads
 from gellight.daemon.session import SensorSession
 from gellight.frame_path.pipeline import Reconstructor

@@ -16,7 +16,7 @@ import pytest
 from gellight.base.errors import GellightError
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle
-from gellight.bundle.placeholder import placeholder
+from gellight.daemon.bundle_choice import placeholder
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import Camera, ReconnectingError
 from gellight.frames.camera_wrapper import CameraWrapper

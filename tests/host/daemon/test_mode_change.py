@@ -9,13 +9,12 @@ import pytest
 
 from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.base.settings import load_settings
-from gellight.bundle.placeholder import placeholder
 from gellight.daemon import switched_camera
 from gellight.daemon.assembly import open_session
+from gellight.daemon.bundle_choice import placeholder
 from gellight.daemon.configuration import STILL, LightPlan
-from gellight.daemon.sensor_state import SensorState
 from gellight.daemon.session import SensorSession
-from gellight.daemon.switched_camera import SwitchedCamera
+from gellight.daemon.switched_camera import SensorState, SwitchedCamera
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame

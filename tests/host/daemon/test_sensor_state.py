@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, CameraError
-from gellight.daemon.sensor_state import SensorState
+from gellight.daemon.switched_camera import SensorState
 from tests.helpers.scripted_camera import LitCamera
 
 LIT = SensorState(controls={"gain": 2.0}, colours=np.full((12, 3), 9, np.uint8))

@@ -10,8 +10,8 @@ import pytest
 
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import load_bundle
-from gellight.bundle.placeholder import placeholder
 from gellight.daemon import assembly
+from gellight.daemon.bundle_choice import placeholder
 from tests.helpers.linear_sensor import linear_bundle, verified_bundle
 from tests.helpers.sensor_bench import Bench, Paced
 from tests.helpers.settings import loaded

@@ -9,10 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gellight.dashboard import messages
-from gellight.dashboard.made_once import MadeOnce
-from gellight.dashboard.messages import without_nan
-from gellight.dashboard.reference_views import ReferenceViews
-from gellight.dashboard.view import DEPTH_UNIT_MM, view_shape
+from gellight.dashboard.messages import MadeOnce, without_nan
+from gellight.dashboard.view import DEPTH_UNIT_MM, ReferenceViews, view_shape
 from gellight.frames.frames import Contact, GroundTruth, TactileFrame
 from gellight.reconstruction.contact import measure_patches
 from tests.helpers.dashboard_source import LIGHT, PIXEL_MM, bump

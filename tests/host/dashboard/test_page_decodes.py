@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.dashboard.made_once import MadeOnce
-from gellight.dashboard.messages import encode
-from gellight.dashboard.reference_views import ReferenceViews
-from gellight.dashboard.view import DEPTH_UNIT_MM
+from gellight.dashboard.messages import MadeOnce, encode
+from gellight.dashboard.view import DEPTH_UNIT_MM, ReferenceViews
 from gellight.frames.frames import GroundTruth, TactileFrame
 from tests.helpers.browsing import Open
 from tests.helpers.dashboard_source import PIXEL_MM, bump

@@ -15,11 +15,10 @@ import pytest
 from aiohttp import web
 
 from gellight.dashboard.application import PAGE
-from gellight.dashboard.made_once import MadeOnce
-from gellight.dashboard.messages import encode
+from gellight.dashboard.messages import MadeOnce, encode
 from gellight.dashboard.page_files import FOR_EVER, PageFiles
-from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.server import DashboardServer
+from gellight.dashboard.view import ReferenceViews
 from tests.helpers.dashboard_source import PIXEL_MM, bump
 from tests.helpers.page_client import bearer
 from tests.helpers.view_messages import decode

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from gellight.dashboard.made_once import MadeOnce
-from gellight.dashboard.messages import encode
-from gellight.dashboard.reference_views import ReferenceViews
+from gellight.dashboard.messages import MadeOnce, encode
+from gellight.dashboard.view import ReferenceViews
 from gellight.frames.pose import ObjectPose
 from tests.helpers.browsing import Open, draw
 from tests.helpers.dashboard_source import PIXEL_MM, FormulaSource, bump, two_bumps, with_truth

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.dashboard.reference_views import ReferenceViews
+from gellight.dashboard.view import ReferenceViews
 from gellight.frames.frames import TactileFrame
 from tests.helpers.dashboard_source import bump
 from tests.helpers.view_messages import decode_image

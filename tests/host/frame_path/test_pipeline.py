@@ -9,7 +9,7 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
-from gellight.reconstruction.at_rest import far_from_touch
+from gellight.reconstruction.integration import far_from_touch
 from gellight.reconstruction.stages import STAGES
 from tests.helpers.analytic_surfaces import gaussian, smooth_cap
 from tests.helpers.linear_sensor import linear_bundle, photograph
@@ -114,14 +114,6 @@ def test_a_later_frame_changes_nothing_of_an_earlier_one(tmp_path: Path) -> None
     for array, copy in zip(arrays, kept, strict=True):
         np.testing.assert_array_equal(array, copy)
     assert not any(np.shares_memory(a, b) for a in arrays for b in (second.depth_mm, second.gradient_map))
-
-
-def test_the_same_frame_gives_the_same_result_on_any_number_of_threads(tmp_path: Path) -> None:
-    bundle = linear_bundle(tmp_path / "b", SHAPE)
-    camera_frame = photograph(gaussian(SHAPE, 18, (0, 0), height=9).gradient_map, noise_grey=1.0)
-    one = Reconstructor(bundle).reconstruct(camera_frame)
-    two = Reconstructor(bundle, threads=2).reconstruct(camera_frame)
-    np.testing.assert_allclose(one.depth_mm, two.depth_mm, atol=1e-6)
 
 
 @pytest.mark.parametrize(

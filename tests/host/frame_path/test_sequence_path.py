@@ -7,9 +7,9 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.dashboard.made_once import MadeOnce
+from gellight.dashboard.messages import MadeOnce
 from gellight.dashboard.messages import encode as page_message
-from gellight.dashboard.reference_views import ReferenceViews
+from gellight.dashboard.view import ReferenceViews
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frame_path.sequence_path import SequencePath
 from gellight.frames.frames import CameraFrame, LightLabel, LightState

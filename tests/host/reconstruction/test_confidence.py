@@ -14,7 +14,7 @@ from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction import measures
 from gellight.reconstruction.confidence import Learnt, confidence_of, steepest_of
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.lens.lens_file import lens_of, read_record, read_undistortion
+from gellight.reconstruction.lens.undistortion import lens_of, read_record, read_undistortion
 from gellight.reconstruction.measures import BundleMeasures
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry

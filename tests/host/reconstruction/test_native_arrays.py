@@ -6,7 +6,7 @@ from scipy import fft
 
 from gellight.reconstruction.native import build, library
 from gellight.reconstruction.native.cosine import CosineRows, radices_of
-from gellight.reconstruction.native.lent_arrays import LentArrays
+from gellight.reconstruction.native.work import LentArrays
 
 RUNNABLE = [pytest.param(name, id=name) for name in library.fitting()]
 LENGTHS = (32, 36, 60, 64, 80, 90, 160, 306, 320, 33, 46)

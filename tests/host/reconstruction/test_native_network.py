@@ -16,8 +16,8 @@ SYNTHETIC = load_bundle("synthetic")
 SHAPE = SYNTHETIC.image_shape
 
 
-def session(content: bytes, threads: int = 1) -> NetworkSession:
-    return NetworkSession(content, threads=threads, source="test")
+def session(content: bytes) -> NetworkSession:
+    return NetworkSession(content, source="test")
 
 
 @pytest.mark.parametrize("name", fitting())
@@ -33,15 +33,14 @@ def test_it_answers_as_onnx_runtime_does(name: str, count: int) -> None:
     np.testing.assert_allclose(jacobian, true, atol=1e-6)
 
 
-def test_another_network_more_threads_and_other_answers_are_left_to_onnx_runtime(
+def test_another_network_and_other_answers_are_left_to_onnx_runtime(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     if not fitting():
         pytest.skip("no library runs on this machine")
     library = Library(library_file(fitting()[0]))
-    other, two = session(linear_bundle(tmp_path / "b", (32, 32)).network), session(SYNTHETIC.network, threads=2)
+    other = session(linear_bundle(tmp_path / "b", (32, 32)).network)
     assert network.fastest(library, linear_bundle(tmp_path / "c", (32, 32)).network, other, (32, 32)) is other
-    assert network.fastest(library, SYNTHETIC.network, two, SHAPE) is two
     judge, pack = session(SYNTHETIC.network), network.pack
     monkeypatch.setattr(network, "pack", lambda weights: pack({**weights, "bias_1": weights["bias_1"] + 0.1}))
     assert network.fastest(library, SYNTHETIC.network, judge, SHAPE) is judge

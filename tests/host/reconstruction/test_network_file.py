@@ -88,7 +88,7 @@ def test_a_network_that_could_do_more_than_compute_is_refused(name: str) -> None
     content, message = HOSTILE[name]
     begun_s = time.process_time()
     with pytest.raises(BundleError, match=rf"a stranger's: the network cannot be loaded \(.*{message}"):
-        NetworkSession(content, threads=1, source="a stranger's")
+        NetworkSession(content, source="a stranger's")
     assert time.process_time() - begun_s < 5
 
 
@@ -104,7 +104,7 @@ def test_every_cut_of_a_network_is_refused_or_loads() -> None:
     content = linear_network()
     for end in range(len(content)):
         with pytest.raises(BundleError, match="cannot be loaded"):
-            NetworkSession(content[:end], threads=1, source="cut")
+            NetworkSession(content[:end], source="cut")
 
 
 def test_the_networks_of_gellight_pass_and_their_weights_are_read() -> None:

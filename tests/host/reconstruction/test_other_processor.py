@@ -31,9 +31,9 @@ def aarch64(server: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[OtherProc
 
 
 def compare(bundle: Bundle, seed: int = 0, **options: object) -> None:
-    native, cells = both(bundle, **options)
+    native, pixels = both(bundle, **options)
     frame = CameraFrame(image=judge.made_up_image(bundle, seed), time_s=0.0, sequence=0)
-    agree(native.reconstruct(frame), cells.reconstruct(frame))
+    agree(native.reconstruct(frame), pixels.reconstruct(frame))
     assert native.status()["computed_by"] == "C, aarch64"
 
 
@@ -44,9 +44,9 @@ def test_the_shipped_network_gives_the_same_there(aarch64: OtherProcessor) -> No
     """
     bundle = load_bundle("synthetic")
     compare(bundle)
-    native, cells = both(bundle)
+    native, pixels = both(bundle)
     frame = CameraFrame(image=scenes(bundle)["all touched, steep"], time_s=0.0, sequence=0)
-    agree(native.reconstruct(frame), cells.reconstruct(frame), but=1e-3)
+    agree(native.reconstruct(frame), pixels.reconstruct(frame))
     # Without the light of depth it is first asked whether there can be shadows.
     as_it_looks = bundle.manifest.model_copy(update={"light_by_depth": False})
     compare(replace(bundle, manifest=as_it_looks))

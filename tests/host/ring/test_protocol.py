@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from firmware.tools import generate
 from gellight.base.errors import BoardError
 from gellight.ring import protocol
-from gellight.ring.firmware import generate
 from gellight.ring.wire import PACKET_BYTES, Packet, cobs_decode, cobs_encode, crc16, decode, encode, layout
 from tests.helpers.places import CHECKOUT
 

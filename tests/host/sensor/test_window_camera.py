@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import CameraError
-from gellight.frames.camera import ReconnectingError
+from gellight.frames.camera import CameraTiming, ReconnectingError
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
-from gellight.frames.timing import CameraTiming
 from gellight.ring.light_groups import colour_triples
 from gellight.sensor import window_camera
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera

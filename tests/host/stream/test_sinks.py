@@ -10,7 +10,7 @@ import pytest
 
 from gellight.base.errors import CameraError, StreamError
 from gellight.opening import open_camera
-from gellight.stream.sinks import sent_to
+from gellight.stream.frame_thread import sent_to
 from tests.helpers.children import gellight, run
 from tests.helpers.doc_examples import examples
 from tests.helpers.places import CHECKOUT

@@ -14,7 +14,7 @@ from gellight.frames.image_files import read_image
 from gellight.frames.pose import ObjectPose, PoseFigures
 from gellight.lab.simulator.sequence import read_sequence, write_sequence
 from gellight.tracking.following import ObjectFollower
-from gellight.tracking.loss import Loss
+from gellight.tracking.registration import Loss
 from gellight.tracking.rigid import inverse, twist_of
 from gellight.tracking.tracker import Tracker
 from gellight.tracking.view import touching

@@ -13,8 +13,8 @@ from usb.backend import libusb1
 
 from gellight.base.errors import BoardError
 from gellight.ring.light_ring import LightRing, connect
-from gellight.ring.transport import UsbTransport
 from gellight.ring.usb_numbers import PRODUCT, VENDOR
+from tests.helpers.usb_transport import UsbTransport
 from tests.vm.inside.agent import report
 from tests.vm.inside.looking import opened
 from tests.vm.inside.plugging import serial_link, video_link

@@ -8,7 +8,7 @@ import typer
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.options import AsJson, NewBundle, with_options
 from gellight.cli.showing import show
-from gellight.lab.calibration.force.adding import add_force, measure_force
+from gellight.lab.calibration.force.fit import add_force, measure_force
 from gellight.reconstruction.force import Layer
 from gellight.reconstruction.force_file import ForceRecord
 

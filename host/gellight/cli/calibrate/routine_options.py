@@ -16,9 +16,8 @@ if TYPE_CHECKING:
     from gellight.bundle.bundle import Bundle
     from gellight.bundle.limits import Limits
     from gellight.frames.camera import Camera
-    from gellight.lab.calibration.choices import RoutineOptions
+    from gellight.lab.calibration.choices import RoutineOptions, ToolSizes
     from gellight.lab.calibration.state import Identity
-    from gellight.lab.calibration.tools import ToolSizes
 
 
 @dataclass(frozen=True)
@@ -131,7 +130,7 @@ class Tools:
 
         Raises InputError for an unknown preset, and for a size that no tool can have.
         """
-        from gellight.lab.calibration.tools import ToolSizes
+        from gellight.lab.calibration.choices import ToolSizes
 
         preset = preset_called(self.preset) if self.preset else None
         given = {name: size for name, size in vars(self).items() if name != "preset" and size is not None}

@@ -3,7 +3,7 @@
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +27,8 @@ from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.photometric.directions import LightDirections
 from gellight.reconstruction.light_drift import light_drift
 from gellight.reconstruction.measures import BundleMeasures
-from gellight.series.recorded import frame_of_lights
 from gellight.series.single_light_path import has_single_lights, read_directions, slopes_by
+from gellight.series.summary import frame_of_lights
 from gellight.watch.findings import WatchFinding, other_light
 from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth, learnt_elsewhere
 
@@ -76,10 +76,9 @@ def _frames(method: Method, paths: Sequence[Path], bundle: Bundle | None) -> Ite
     """Reconstruct the images, each with the path that names its result."""
     if bundle is None:
         assert method.lights is not None, "one of both is there"
-        _refuse_useless(method, "--lights", "least_squares", "dense")
+        _refuse_useless(method, "--lights", "least_squares")
         return iter([(frame_of_lights(LightDirections.read(method.lights), paths, method.white), paths[0])])
     if has_single_lights(bundle):
-        _refuse_useless(method, "a bundle of several lights", "dense")
         return iter([(_of_channels(method, bundle, paths), paths[0])])
     _refuse_useless(method, "a bundle of one light", "white", "least_squares")
     return _of_colours(method, bundle, paths)
@@ -96,17 +95,16 @@ def _of_channels(method: Method, bundle: Bundle, paths: Sequence[Path]) -> Tacti
     """Reconstruct the pictures of one series by a bundle with a channel for each light."""
     directions = read_directions(bundle)
     mode = "photometric" if method.least_squares else "network"
-    slopes = slopes_by(bundle, directions, mode, threads=method.threads)
+    slopes = slopes_by(bundle, directions, mode)
     measures = BundleMeasures(bundle, from_network=mode == "network")
     return frame_of_lights(directions, paths, method.white, slopes=slopes, measures=measures)
 
 
 def _of_colours(method: Method, bundle: Bundle, paths: Sequence[Path]) -> Iterator[tuple[TactileFrame, Path]]:
     """Reconstruct each picture by itself, one after the other."""
-    making = partial(Reconstructor, threads=method.threads, masked=not method.dense)
     manifest = bundle.manifest.model_copy(update={"follow_light": True})
-    following = cache(lambda: making(replace(bundle, manifest=manifest)))
-    as_calibrated = making(bundle)
+    following = cache(lambda: Reconstructor(replace(bundle, manifest=manifest)))
+    as_calibrated = Reconstructor(bundle)
     with prepared(ImageCamera(list(paths)), bundle) as camera:
         for path in paths:
             frame = camera.read()

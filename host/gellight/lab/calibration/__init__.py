@@ -2,7 +2,7 @@
 
 `routine.Routine` is what the command line and the dashboard drive. Its steps, each in a module of its own:
 
-prepare     preparing.py, led_check.py, uniformity.py   lock the camera, check and balance the LEDs
+prepare     preparing.py, led_check.py                  lock the camera, check and balance the LEDs
 reference   untouched.py                                the untouched gel, its noise and its drift
 pixel_size  probing.py, cylinder.py                     the cylinder probe gives mm per pixel
 lens        pin_grid.py                                 where there is a pin grid: the distortion of the lens
@@ -11,7 +11,7 @@ fit         lights.py, fitting.py                       the light of each LED; t
 verify      verifying.py                                 fresh presses of the ball, and the verdict
 
 `readiness.py` checks before the first step what all of them need. `judging.py` says how far a fresh press is felt off.
-`records.py` says what is measured, `state.py` and `folder.py` keep it on disk, `display.py` shows it, `report.py` and
-`report_pictures.py` make a page of it. `run.py` is what the steps share.
+`records.py` says what is measured, `state.py` and `folder.py` keep it on disk, `display.py` shows it, `report.py`
+makes a page of it. `run.py` is what the steps share.
 `force/` measures what turns depth into newtons.
 """

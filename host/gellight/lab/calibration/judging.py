@@ -13,8 +13,7 @@ from gellight.lab.training.polynomial import powers_up_to, ridge, terms_of
 from gellight.lab.training.presses import Ball, Press, contact_circle
 from gellight.lab.training.validation import press_error
 from gellight.reconstruction.errors import surface_errors
-from gellight.reconstruction.lens.lens_file import has_lens, lens_of, read_record
-from gellight.reconstruction.lens.undistortion import circle_on_gel
+from gellight.reconstruction.lens.undistortion import circle_on_gel, has_lens, lens_of, read_record
 
 Floats = NDArray[np.float32]
 _LARGEST_TABLE = 60_000

@@ -22,7 +22,7 @@ from gellight.lab.optics.lens.lens_fit import check_pins, read_pins, spacing_px
 from gellight.lab.optics.lens.measuring import add_lens, felt_lens, figures
 from gellight.lab.optics.lens.pins import imprints, marked
 from gellight.lab.simulator.virtual_hand import VirtualHand
-from gellight.reconstruction.lens.lens_file import has_lens
+from gellight.reconstruction.lens.undistortion import has_lens
 
 Floats = NDArray[np.float32]
 _SOURCE = "the pin grid"

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.frames import TactileFrame
-from gellight.lab.calibration.circle import drawn
+from gellight.lab.calibration.preparing import contour_picture
+from gellight.lab.calibration.pressing import drawn
 from gellight.lab.calibration.records import (
     BallPresses,
     CheckErrors,
@@ -24,12 +25,10 @@ from gellight.lab.calibration.records import (
     Verdict,
     Verification,
 )
-from gellight.lab.calibration.report_pictures import small_pictures
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.state import CheckRecord
-from gellight.lab.calibration.uniformity import contour_picture
 from gellight.lab.report import html
-from gellight.lab.report.charts import Axes, Series, heat_map, line_chart
+from gellight.lab.report.charts import Axes, Series, heat_map, line_chart, picture
 from gellight.lab.report.html import box, section, table
 from gellight.lab.report.pictures import depth_picture, difference_picture, normal_picture
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
@@ -291,3 +290,17 @@ def _training(found: Fit) -> str:
         f"seconds.{error}{begun}</p>",
         box("figures", line_chart([curve], Axes(title="Training", x="epoch", y="loss"))),
     )
+
+
+_WIDTH_PX = 320
+
+
+def small_pictures(images: Sequence[tuple[NDArray[np.uint8], str]]) -> str:
+    """Return (H, W, 3) pictures with the words below each, as HTML."""
+    return box("pictures", *(picture(_thinned(image), words, _WIDTH_PX) for image, words in images))
+
+
+def _thinned(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Leave out rows and columns that a small picture does not show."""
+    step = max(1, image.shape[1] // _WIDTH_PX)
+    return np.ascontiguousarray(image[::step, ::step])

@@ -12,6 +12,7 @@ from gellight.base.errors import BundleError, InputError, first_line
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.manifest import MANIFEST
 from gellight.frames.picture import PictureSteps
+from gellight.lab.calibration.choices import ToolSizes
 from gellight.lab.calibration.records import (
     BallPresses,
     CheckErrors,
@@ -26,7 +27,6 @@ from gellight.lab.calibration.records import (
     UntouchedGel,
     Verification,
 )
-from gellight.lab.calibration.tools import ToolSizes
 from gellight.lab.report.record import Record
 from gellight.lab.training.presses import Press
 

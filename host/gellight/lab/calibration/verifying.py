@@ -11,11 +11,10 @@ from gellight.bundle.limits import Limits
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
-from gellight.lab.calibration.circle import circle_of, drawn
 from gellight.lab.calibration.display import Progress
 from gellight.lab.calibration.judging import Judge, Rerenderer
 from gellight.lab.calibration.preparing import led_settings
-from gellight.lab.calibration.pressing import ball_of
+from gellight.lab.calibration.pressing import ball_of, circle_of, drawn
 from gellight.lab.calibration.records import (
     CheckErrors,
     Circle,

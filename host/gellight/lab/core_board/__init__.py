@@ -3,5 +3,4 @@
 core.py             the compiled core by ctypes; build.py makes the libraries that lie beside it
 simulated_board.py  it as a transport, with what its LEDs show; terminal.py: behind a pseudo-terminal
 light_timeline.py   which light was shown when
-built_board.py      what a board comes with: its number of LEDs, the NTC of its ring
 """

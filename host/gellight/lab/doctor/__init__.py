@@ -2,6 +2,5 @@
 
 examination.py     the checks of this computer, and of all that is plugged in
 sensor_checks.py   those that open a sensor
-power.py           whether the USB ports give the power that is asked for
 shutter_meter.py   the readout time of a rolling shutter, by the light of the ring
 """

@@ -6,19 +6,46 @@ The checks here look at the computer; `sensor_checks.py` opens the sensor.
 import os
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from gellight.base.errors import BoardError, GellightError, InputError
 from gellight.base.holders import holders
-from gellight.lab.doctor.power import check_power
 from gellight.lab.doctor.sensor_checks import check_sensor
+from gellight.ring.usb_numbers import is_board
 from gellight.sensor import udev
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.discovery import NOTHING, SEE_SIMULATED, Discovery, Node, Sensor, attribute
 from gellight.sensor.findings import Finding, Level, failure, judged, ok, problem, warning
 from gellight.sensor.v4l2.options import parse_url
+
+REMEDY = "use a hub with a power supply of its own, or a port of the computer for each"
+
+
+def check_power(sysfs: Path, cameras: Collection[str]) -> Iterator[Finding]:
+    """Name each board, and each camera at these USB ports, that Linux refused its current; nothing where there is none.
+
+    Cameras that were refused have no node, and so are not known by port.
+    """
+    ours = [
+        entry for entry in sorted((sysfs / "bus/usb/devices").glob("*-*"))
+        if ":" not in entry.name and (entry.name in cameras or is_board(*_identity(entry)))
+    ]  # fmt: skip
+    refused = [entry for entry in ours if attribute(entry / "bConfigurationValue") == ""]
+    for entry in refused:
+        text = (
+            f"{attribute(entry / 'product') or entry.name} at USB {entry.name} asks for more current than its hub gives"
+        )
+        yield problem("power", f"{text}, so Linux does not switch it on", REMEDY)
+    if ours and not refused:
+        yield ok("power", "every port gives what is asked for")
+
+
+def _identity(device: Path) -> tuple[int, int, str]:
+    vendor, product = (int(attribute(device / name) or "0", 16) for name in ("idVendor", "idProduct"))
+    return vendor, product, attribute(device / "product")
+
 
 HIGH_SPEED_MBPS = 480.0
 LEAST_DISK_BYTES = 1_000_000_000

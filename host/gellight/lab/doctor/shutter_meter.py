@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from gellight.base.errors import CameraError, InputError
-from gellight.frames.camera import Camera
-from gellight.frames.timing import CameraTiming
+from gellight.frames.camera import Camera, CameraTiming
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.light_ring import Step
 from gellight.sensor.lighting.hold import Hold

@@ -3,9 +3,7 @@
 simulated_camera.py    the camera of sim://
 simulated_url.py       its parameters
 stage.py               what presses objects into its gel
-simulated_controls.py  its exposure, gain and white balance
-gel_models.py          the gel as a layer or by finite elements, whose presses are kept
-memory.py              whether finite elements fit the memory
+gel_models.py          the gel as a layer or by finite elements, whose presses are kept, if it fits the memory
 one_press.py           one object pressed, as files
 dataset.py             many presses as files, for training other networks
 processes.py           many calls of one function, spread over processes
@@ -16,8 +14,7 @@ unit.py                a real unit as its bundle tells of it
 measured_light.py      what the camera of a real unit shows of a slope
 dragging.py            the gel along its surface, under an object that is moved sideways
 printed_dots.py        marker dots on the gel
-read_noise.py          the noise of its camera
-shutter.py             a rolling shutter under pulsed LEDs
+shutter.py             its rolling shutter under pulsed LEDs, its noise, exposure, gain and white balance
 selfcheck.py           the host judged by the simulator
 virtual_hand.py        presses for the user in a calibration
 """

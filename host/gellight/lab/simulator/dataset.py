@@ -27,8 +27,7 @@ import gellight
 from gellight.base.errors import InputError
 from gellight.base.writing import make_folder, write_file
 from gellight.lab.simulator.choices import GelKind, LightKind
-from gellight.lab.simulator.gel_models import gel_model
-from gellight.lab.simulator.memory import check_memory
+from gellight.lab.simulator.gel_models import check_memory, gel_model
 from gellight.lab.simulator.processes import Progress, call_all
 from gellight.lab.simulator.scene import BRIGHTEST_GREY, Press, Scene
 from sim_reference.camera import WHITE, CameraResponse, digitise

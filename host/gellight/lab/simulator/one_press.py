@@ -17,7 +17,7 @@ import numpy as np
 from gellight.base.errors import InputError
 from gellight.base.writing import new_folder, write_file
 from gellight.lab.simulator.choices import GelKind
-from gellight.lab.simulator.memory import check_memory
+from gellight.lab.simulator.gel_models import check_memory
 from gellight.lab.simulator.objects import object_height
 from gellight.lab.simulator.scene import Array
 from gellight.lab.simulator.solids import height_map, read_stl

@@ -3,13 +3,29 @@
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from contextlib import closing
 from typing import Any
 
 from gellight.base.errors import InputError
-from gellight.base.parent import end_with_parent
+
+
+def end_with_parent() -> None:
+    """End this process by SIGTERM when the one that started it is gone, however that ended.
+
+    For a process that `multiprocessing` started. A thread waits for it.
+    """
+    threading.Thread(target=_end, name="parent", daemon=True).start()
+
+
+def _end() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os.kill(os.getpid(), signal.SIGTERM)
+
 
 Progress = Callable[[int, int, str], None]
 """called with the number of calls done, of all calls, and the label of the last one done, "" at first"""

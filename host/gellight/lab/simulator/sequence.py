@@ -23,8 +23,7 @@ from gellight.base.errors import InputError
 from gellight.base.writing import new_folder, write_file
 from gellight.lab.simulator.bodies import body
 from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
-from gellight.lab.simulator.gel_models import gel_model
-from gellight.lab.simulator.memory import check_memory
+from gellight.lab.simulator.gel_models import check_memory, gel_model
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.recording.frame_record import packed_picture
 from sim_reference.camera import CameraResponse, digitise

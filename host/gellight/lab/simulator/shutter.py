@@ -7,12 +7,16 @@ long it was on while the row was exposed. Where the exposure is a whole number o
 all rows see the same, and the weight is value / 255.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.errors import CameraError, InputError
 from gellight.lab.core_board.light_timeline import Light
+from sim_reference.camera import WHITE
 
 Array = NDArray[np.float64]
 
@@ -62,3 +66,75 @@ def on_time(lights: list[Light], times_us: Array, start_us: float, phases_us: Ar
     cycle = np.minimum(((times_us[:, None] - first) // period).astype(int), count - 1)
     inside = (times_us[:, None] - first - cycle * period)[..., None]
     return np.asarray(before[leds, cycle] + np.minimum(inside, duty[leds, cycle] * period))
+
+
+PLACES = 1 << 21
+"""where the noise of a row may begin"""
+
+
+class ReadNoise:
+    """Digitises frames with Gaussian noise, white in space, and independent from frame to frame, shifted or not."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        """Draw with `rng`, once a picture is there."""
+        self._rng = rng
+        self._bank = np.zeros(0, np.float32)
+        self._noisy = np.zeros(0, np.float32)
+
+    def digitise(self, grey: NDArray[np.float32], noise_grey: float) -> NDArray[np.uint8]:
+        """Add noise to grey levels, round and clip them: (H, W, 3) uint8; as `sim_reference.camera.digitise`."""
+        rows, row_values = grey.shape[0], grey[0].size
+        if self._noisy.shape != grey.shape:
+            self._bank = self._rng.standard_normal(PLACES + row_values, dtype=np.float32)
+            self._noisy = np.empty(grey.shape, np.float32)
+        noisy, by_row = self._noisy, self._noisy.reshape(rows, row_values)
+        starts: NDArray[np.int64] = self._rng.integers(PLACES, size=(rows,))
+        for row, start in enumerate(starts):
+            by_row[row] = self._bank[start : start + row_values]
+        noisy *= np.float32(noise_grey)
+        noisy += grey
+        np.rint(noisy, out=noisy)
+        return np.clip(noisy, 0, WHITE, out=noisy).astype(np.uint8)
+
+
+RANGES = {"exposure_us": (100.0, 30000.0, 100.0), "gain": (1.0, 8.0, 0.01), "white_balance_k": (2800.0, 6500.0, 10.0)}
+"""smallest, largest and step of each control, as plain UVC cameras have them"""
+DEFAULTS = {"exposure_us": 8000.0, "gain": 1.0, "white_balance_k": 4600.0}
+_TINT = 0.6
+"""how the channels follow the white balance: red with its power, blue with its inverse; a stand-in for the tables that
+cameras keep"""
+
+
+class SimulatedControls:
+    """The controls as `camera.CameraControls` describes them; at their defaults the picture is as designed."""
+
+    def __init__(self, apply: Callable[[float, tuple[float, float, float]], None]) -> None:
+        """Begin with the defaults; `apply` gets the exposure, us, and the gain of each channel when they change."""
+        self._apply = apply
+        self._values = dict(DEFAULTS)
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the controls."""
+        return tuple(RANGES)
+
+    def range(self, name: str) -> tuple[float, float, float]:
+        """Return smallest and largest value and the step; CameraError for a control that is not there."""
+        if name not in RANGES:
+            raise CameraError(f"the simulated camera has no control {name!r}: choose one of {', '.join(RANGES)}")
+        return RANGES[name]
+
+    def read(self, name: str) -> float:
+        """Return the value in force."""
+        self.range(name)
+        return self._values[name]
+
+    def set(self, name: str, value: float) -> float:
+        """Set a value, to its step, and return what holds now; InputError for a value out of range."""
+        low, high, step = self.range(name)
+        if not (isfinite(value) and low <= value <= high):
+            raise InputError(f"{name} = {value}: choose {low:g} to {high:g}")
+        self._values[name] = min(high, round(low + round((value - low) / step) * step, 6))
+        tint = (self._values["white_balance_k"] / DEFAULTS["white_balance_k"]) ** _TINT
+        gain = self._values["gain"]
+        self._apply(self._values["exposure_us"], (gain * tint, gain, gain / tint))
+        return self._values[name]

@@ -36,20 +36,17 @@ from numpy.typing import NDArray
 from gellight.base.allowed import query_of
 from gellight.base.errors import BoardError, CameraError, ConfigError, InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.camera import Camera, ReconnectingError
+from gellight.frames.camera import Camera, CameraTiming, ReconnectingError
 from gellight.frames.dots import find_dots
 from gellight.frames.frames import CameraFrame, GroundTruth
 from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.frames.picture import PictureSteps
-from gellight.frames.timing import CameraTiming
 from gellight.lab.core_board.simulated_board import SimulatedBoard
-from gellight.lab.simulator.known_force import known_force
-from gellight.lab.simulator.read_noise import ReadNoise
+from gellight.lab.simulator.printed_dots import known_force
 from gellight.lab.simulator.scene import Array, Press, Scene
 from gellight.lab.simulator.selfcheck import SelfCheck
 from gellight.lab.simulator.sequence import read_sequence
-from gellight.lab.simulator.shutter import Shutter, row_weights
-from gellight.lab.simulator.simulated_controls import SimulatedControls
+from gellight.lab.simulator.shutter import ReadNoise, Shutter, SimulatedControls, row_weights
 from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.lab.simulator.stage import Stage
 from gellight.lab.simulator.unit import CalibratedControls, Unit

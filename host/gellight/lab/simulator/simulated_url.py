@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import SYNTHETIC, load_bundle
-from gellight.lab.core_board.built_board import COLDEST_C, HOTTEST_C
+from gellight.lab.core_board.simulated_board import COLDEST_C, HOTTEST_C
 from gellight.lab.simulator.choices import CameraKind, WindowKind
 from gellight.lab.simulator.printed_dots import PrintedDots
 from gellight.lab.simulator.scene import Array, Printed

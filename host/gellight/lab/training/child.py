@@ -1,5 +1,6 @@
 """Run a module of `gelnet` in a child process: the host never loads torch, and an abort ends the training at once."""
 
+import importlib.util
 import json
 import os
 import select
@@ -7,9 +8,23 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 from gellight.base.errors import TrainingError
-from gellight.base.gelnet_child import gelnet_environment
+
+_BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""read by NumPy's matrix library when it is loaded; each build of NumPy heeds one of them"""
+
+
+def gelnet_environment(threads: int) -> dict[str, str]:
+    """Return the environment in which the child finds the host's `gelnet` and computes with `threads` threads."""
+    spec = importlib.util.find_spec("gelnet")
+    if spec is None or not spec.submodule_search_locations:
+        raise TrainingError("the package gelnet is not installed beside gellight: reinstall gellight")
+    places = [str(Path(next(iter(spec.submodule_search_locations))).parent), os.environ.get("PYTHONPATH", "")]
+    path = {"PYTHONPATH": os.pathsep.join(place for place in places if place)}
+    return {**os.environ, **dict.fromkeys(_BLAS_THREADS, str(threads)), **path}
+
 
 Progress = Callable[[int, int, float], None]
 """Called with (epoch, epochs, loss)."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
-from gellight.lab.simulator.known_force import known_force
+from gellight.lab.simulator.printed_dots import known_force
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.child import Progress, run_module, silent
 from gellight.lab.training.trainer import TrainerName, checked_trainer

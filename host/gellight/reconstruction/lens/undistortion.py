@@ -10,14 +10,18 @@ leans by (X(u) - X(c)) / R = J (u - c) / R, with J = dX/du. So the truth is J n 
 that learnt true slopes (as that of the simulated sensor) needs no such step.
 """
 
-from typing import Any, TypeVar, cast
+from dataclasses import dataclass
+from typing import Annotated, Any, TypeVar, cast
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AwareDatetime, Field
 
+from gellight.bundle.bundle import Bundle
+from gellight.bundle.bundle_file import PictureFile, read_bundle_file
 from gellight.frames.pixel_grid import bounding_box, gel_points_mm
-from gellight.reconstruction.lens.model import Lens, middle_px
+from gellight.reconstruction.lens.model import Lens, half_diagonal_px, middle_px
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -92,3 +96,82 @@ def _leaning(slopes: Floats, turn: Floats) -> Floats:
     length2 = 1 + gx * gx + gy * gy
     scale = 1 / np.sqrt(np.maximum(length2 - x * x - y * y, (1 - _STEEPEST**2) * length2))
     return np.stack([x * scale, y * scale], axis=-1)
+
+
+FILE_NAME = "lens.json"
+REMEDY = "measure it again with `gellight calibrate lens IMAGE --pitch-mm P --calibration BUNDLE --out NEW`"
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class LensRecord(PictureFile):
+    """The content of the file; the first five as in `Lens`."""
+
+    centre_px: tuple[Number, Number]
+    k1: Annotated[float, Field(gt=-1, lt=1)]
+    k2: Annotated[float, Field(gt=-1, lt=1)]
+    px_per_mm: tuple[Positive, Number, Positive]
+    origin_mm: tuple[Number, Number]
+    learnt_from_circles: bool
+    """the network of the bundle learnt from contact circles in the distorted picture; else from true slopes"""
+    pitch_mm: Positive
+    images: tuple[str, ...]
+    pins: Annotated[int, Field(ge=1)]
+    rms_before_px: Annotated[float, Field(ge=0)]
+    rms_after_px: Annotated[float, Field(ge=0)]
+    created: AwareDatetime
+
+
+def has_lens(bundle: Bundle) -> bool:
+    """Tell whether the bundle knows its lens."""
+    return FILE_NAME in bundle.files
+
+
+def read_record(bundle: Bundle) -> LensRecord:
+    """Return the checked content of the file; BundleError where it is damaged or of another picture size."""
+    return read_bundle_file(bundle, FILE_NAME, LensRecord, REMEDY)
+
+
+def read_undistortion(bundle: Bundle) -> Undistortion:
+    """Return the resampling of a bundle that has a lens; BundleError as `read_record`."""
+    record = read_record(bundle)
+    return Undistortion(lens_of(record), bundle.pixel_size_mm, from_circles=record.learnt_from_circles)
+
+
+def lens_of(record: LensRecord) -> Lens:
+    """Return the lens of a record."""
+    return Lens(
+        image_shape=(record.image_height_px, record.image_width_px),
+        centre_px=record.centre_px,
+        k1=record.k1,
+        k2=record.k2,
+        px_per_mm=record.px_per_mm,
+        origin_mm=record.origin_mm,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Intrinsics:
+    """One camera, for pictures of one size."""
+
+    matrix: NDArray[np.float64]
+    """(3, 3) K, px"""
+    distortion: tuple[float, float]
+    """k1 and k2"""
+
+
+def intrinsics(bundle: Bundle, distance_mm: float) -> Intrinsics:
+    """Return the camera of a bundle whose gel is at this distance; without a lens file it has no distortion.
+
+    Raises BundleError for a lens file that is damaged.
+    """
+    matrix = np.eye(3)
+    if not has_lens(bundle):
+        matrix[:2, :2] = np.diag(distance_mm / np.array(bundle.pixel_size_mm))
+        matrix[:2, 2] = middle_px(bundle.image_shape)
+        return Intrinsics(matrix=matrix, distortion=(0.0, 0.0))
+    lens = lens_of(read_record(bundle))
+    matrix[:2, :2] = lens.scale * distance_mm
+    matrix[:2, 2] = lens.centre_px
+    focal_lengths = np.sqrt(np.linalg.det(lens.scale)) * distance_mm / half_diagonal_px(lens.image_shape)
+    return Intrinsics(matrix=matrix, distortion=(float(lens.k1 * focal_lengths**2), float(lens.k2 * focal_lengths**4)))

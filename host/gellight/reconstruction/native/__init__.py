@@ -11,6 +11,7 @@ contact.c       contact patch
 build.py        the C sources to libraries: `python -m gellight.reconstruction.native.build`
 library.py      the library that fits this machine
 native_path.py  camera frame to tactile frame on that library
+cells.py        the network at cells: the formula, its limits, and its answers at rest
 network.py      the network on it, checked against ONNX Runtime
 native_shadows.py  cast shadows on it
 judge.py        the check against the NumPy form

@@ -1,4 +1,4 @@
-/* Difference image to slopes, between what the network answers: `linearised.py` has the formulas. */
+/* Difference image to slopes, between what the network answers: `cells.py` has the formulas. */
 #include "frame_path.h"
 
 /* Colours of all rows (h w, 5) of cells, or (h2 w2, 5) of blocks of 2 x 2 cells; the places are in them already. */
@@ -152,7 +152,7 @@ static void coarse_row(const float *coarse, int y, float *const out[2], float *w
     }
 }
 
-/* Squares of bend and misfit over their limits (`doubts` in linearised.py) of `count` cells and those `step` further on: raise
+/* Squares of bend and misfit over their limits (see cells.py) of `count` cells and those `step` further on: raise
  * what both cells have so far to it, where both are near. limits: nearest means, bend, misfit. pairs: work memory, 2 count. */
 static void compare_cells(const float *planes, const uint8_t *near, ptrdiff_t step, ptrdiff_t size, const float *limits,
                           float *restrict pairs, float *bend, float *misfit, int count) {
@@ -209,7 +209,7 @@ EXPORT void cell_doubts(const float *planes, const uint8_t *near, const float *l
 }
 
 /* slope = q + J (d - m / 2) for `count` pixels; pixels: 11 rows, `stride` apart, then rows of bend and misfit. single: where
- * that may be too wrong (`_wrong` in linearised.py), by the bend only where |d - m| > noise. */
+ * that may be too wrong (see cells.py), by the bend only where |d - m| > noise. */
 static void blend_run(const float *restrict d, const float *restrict pixels, ptrdiff_t stride, float noise, float *restrict gx,
                       float *restrict gy, uint8_t *restrict single, int count) {
     const float *restrict qx = pixels, *restrict qy = pixels + stride, *restrict m0 = pixels + 2 * stride,

@@ -3,7 +3,6 @@
 An unusual network stays in ONNX Runtime, rows of an unusual length in SciPy. The NumPy stage takes the lens out.
 """
 
-import time
 from functools import partial
 from typing import Any
 
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, Patch, TactileFrame
 from gellight.frames.pixel_grid import bounding_box, spread_blocks
-from gellight.reconstruction.at_rest import far_cells, far_from_touch
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.contact import (
     SMALLEST_PATCH_PX,
@@ -23,28 +21,27 @@ from gellight.reconstruction.contact import (
     patches_of,
     without_untouched,
 )
-from gellight.reconstruction.gelnet import CELL_PX
-from gellight.reconstruction.integration import level_of_sample, rest_level, sample_grid
+from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
+from gellight.reconstruction.integration import far_cells, far_from_touch, level_of_sample, rest_level, sample_grid
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.light_drift import difference_of
-from gellight.reconstruction.linearised import (
+from gellight.reconstruction.native.cells import (
     BLOCK_CELLS,
     LIMIT_BEND,
     LIMIT_GREY,
     LIMIT_MISFIT,
     NEAREST_GREY,
-    CellNetwork,
+    CellAnswers,
 )  # fmt: skip
 from gellight.reconstruction.native.cosine import CosineRows
-from gellight.reconstruction.native.lent_arrays import LentArrays
 from gellight.reconstruction.native.library import Library, NativePathError
 from gellight.reconstruction.native.native_shadows import NativeShadows
 from gellight.reconstruction.native.network import fastest
-from gellight.reconstruction.native.work import WorkMemory
+from gellight.reconstruction.native.work import LentArrays, WorkMemory
 from gellight.reconstruction.perspective import Perspective
 from gellight.reconstruction.rest_plane import RestPlane, tilt
 from gellight.reconstruction.smoothing import FilterTaps
-from gellight.reconstruction.stages import STAGES, Clock, FlatMaps, NetworkRows, Stages
+from gellight.reconstruction.stages import STAGES, FlatMaps, NetworkRows, Stages
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -61,12 +58,11 @@ class NativePath:
         self,
         library: Library,
         bundle: Bundle,
-        cells: CellNetwork,
+        network: GradientNetwork,
         undistortion: Undistortion | None,
         shadows: CastShadows | None,
         *,
         smoothing_px: int,
-        clock: Clock = time.perf_counter,
     ) -> None:
         """Take the parts; see `pipeline.Reconstructor`.
 
@@ -74,10 +70,11 @@ class NativePath:
         """
         if min(bundle.image_shape) < SMALLEST_PX:
             raise NativePathError(f"images of {bundle.image_shape} px are too small for it")
-        self._c, self._bundle, self._network, self._cells = library, bundle, cells.network, cells
+        cells = CellAnswers(network)
+        self._c, self._bundle, self._network, self._cells = library, bundle, network, cells
         self._undistortion = undistortion
         bulge = bundle.manifest.bulge
-        self._answers = fastest(library, bundle.network, cells.network.session, bundle.image_shape)
+        self._answers = fastest(library, bundle.network, network.session, bundle.image_shape)
         self._shadows = shadows and NativeShadows(library, shadows, self._answers, cells.zero, bulge)
         self._height, self._width = bundle.image_shape
         self._taps = FilterTaps.of(smoothing_px) if smoothing_px >= 2 else None
@@ -94,13 +91,12 @@ class NativePath:
         self._doubt_limits = np.array([NEAREST_GREY, LIMIT_BEND, LIMIT_MISFIT], np.float32)
         self._perspective = Perspective.of_bundle(bundle)
         self._plane = RestPlane() if bundle.manifest.level_plane else None
-        self._clock = clock
         self.network_rows = NetworkRows()
         self._flat = FlatMaps(bundle.image_shape, stages=STAGES if undistortion is None else (*STAGES, "lens"))
 
     def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
         """Return the maps and the contact of a frame of the bundle's size."""
-        stages = Stages(self._clock)
+        stages = Stages()
         difference = self._difference(camera_frame.image)
         stages.end("difference")
         touched = self._touched()

@@ -3,12 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.reconstruction.at_rest import free_and_far
 from gellight.reconstruction.cast_shadows import EDGE_MM, CastShadows
 from gellight.reconstruction.gelnet import BLOCK_ROWS, CELL_PX, COARSE_PX
-from gellight.reconstruction.integration import rest_level
+from gellight.reconstruction.integration import free_and_far, rest_level
 from gellight.reconstruction.led_light import OnCells
-from gellight.reconstruction.linearised import LIMIT_GREY
+from gellight.reconstruction.native.cells import LIMIT_GREY
 from gellight.reconstruction.native.cosine import CosineRows
 from gellight.reconstruction.native.library import Library
 from gellight.reconstruction.native.network import SlopeNetwork

@@ -56,8 +56,8 @@ class NativeNetwork:
 
 
 def fastest(library: Library, content: bytes, session: NetworkSession, image_shape: tuple[int, int]) -> SlopeNetwork:
-    """Return the network in C; the session, which is the judge, for another network, more threads or other answers."""
-    packed = None if session.threads > 1 else pack(weights_of(content))
+    """Return the network in C; the session, which is the judge, for another network or other answers."""
+    packed = pack(weights_of(content))
     if packed is None:
         return session
     network = NativeNetwork(library, packed)

@@ -1,1 +1,1 @@
-"""The firmware of the light ring, from its sources to the board: generate, build, pack, flash."""
+"""The images of the light ring's board: what they say, and how they get there. `firmware/tools/` makes them."""

@@ -13,9 +13,8 @@ from typing import Any
 
 from gellight.base.errors import BoardError, InputError, first_line
 from gellight.ring.enumerations import Check
-from gellight.ring.firmware.build import committed_image
 from gellight.ring.firmware.image import FLASH_BASE, image_crc, image_family, to_uf2
-from gellight.ring.firmware.targets import Target, packaged, target_of
+from gellight.ring.firmware.targets import Target, committed_image, packaged, target_of
 from gellight.ring.light_ring import LightRing, connect
 from gellight.ring.transport import board_ports
 

@@ -1,4 +1,4 @@
-"""From the linker's ELF file to the bytes of the flash: segments laid out, checksums filled in; and to UF2 and back.
+"""What an image of the flash says of itself, and images to UF2 and back.
 
 UF2 is the file that a board in its boot loader takes as a USB stick (github.com/microsoft/uf2, "File format").
 """
@@ -20,25 +20,6 @@ VECTORS = 64
 HEADER = struct.Struct("<4I")
 """behind the first 16 vectors: magic, bytes that follow, their CRC-32, family of the UF2 file"""
 HEADER_MAGIC = 0x474C494D
-_ELF_HEAD = struct.Struct("<16sHHIIIIIHHHHHH")
-_SEGMENT = struct.Struct("<8I")
-_ARM = 40
-_LOAD = 1
-
-
-def flash_image(elf: bytes, *, family: int, boot2: bool) -> bytes:
-    """Return what lies in flash from its first byte on, checksums of boot2, where there is one, and image included."""
-    image = bytearray(_load(elf))
-    image += bytes(-len(image) % 4)
-    if boot2:
-        image[BOOT2_BYTES - 4 : BOOT2_BYTES] = boot2_crc(bytes(image[: BOOT2_BYTES - 4])).to_bytes(4, "little")
-    at = VECTORS + BOOT2_BYTES * boot2
-    magic, *_ = HEADER.unpack_from(image, at)
-    if magic != HEADER_MAGIC:
-        raise InputError(f"the image has 0x{magic:08x} where its header belongs: check board.ld")
-    body = bytes(image[at + HEADER.size :])
-    HEADER.pack_into(image, at, HEADER_MAGIC, len(body), zlib.crc32(body), family)
-    return bytes(image)
 
 
 def header_at(image: bytes) -> int:
@@ -71,25 +52,6 @@ def boot2_crc(boot2: bytes) -> int:
         for _ in range(8):
             crc = ((crc << 1) ^ 0x04C11DB7 if crc & 0x80000000 else crc << 1) & 0xFFFFFFFF
     return crc
-
-
-def _load(elf: bytes) -> bytes:
-    """Place the segments by their load addresses; gaps are erased flash."""
-    if elf[:6] != b"\x7fELF\x01\x01" or int.from_bytes(elf[18:20], "little") != _ARM:
-        raise InputError("the linker's output is not a 32-bit little-endian ELF file for Arm")
-    head = _ELF_HEAD.unpack_from(elf)
-    offset, size, count = head[5], head[9], head[10]
-    image = bytearray()
-    for number in range(count):
-        kind, at, _, address, filed, *_ = _SEGMENT.unpack_from(elf, offset + number * size)
-        if kind != _LOAD or not filed:
-            continue
-        start = address - FLASH_BASE
-        if start < 0:
-            raise InputError(f"a segment would be loaded to 0x{address:08x}, which is not flash: check board.ld")
-        image.extend(b"\xff" * (start + filed - len(image)))
-        image[start : start + filed] = elf[at : at + filed]
-    return bytes(image)
 
 
 def to_uf2(image: bytes) -> bytes:

@@ -3,6 +3,7 @@
 Beside each image that comes with this package lies a copy of the file that it was built by.
 """
 
+import hashlib
 import tomllib
 from dataclasses import dataclass
 from functools import cache
@@ -10,10 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from gellight.base.errors import InputError
+from gellight.ring.firmware.image import from_uf2
 
 CHECKOUT = Path(__file__).parents[4]
 PACKAGED = Path(__file__).parent
 PREFIX, TOLD = "gellight-", "board.toml"
+DEFAULT = "rp2040"
+"""the target that the emulator runs"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,16 +61,6 @@ def read_target(path: Path, name: str) -> Target:
         raise InputError(f"{path} does not describe a board ({error}): compare it with that of rp2040") from error
 
 
-def in_checkout(checkout: Path = CHECKOUT) -> dict[str, Target]:
-    """Return the targets of a checkout by their names."""
-    files = sorted((checkout / "firmware/boards").glob(f"*/{TOLD}"))
-    if not files:
-        raise InputError(
-            f"{checkout} does not hold the sources of the firmware: clone GelLight's repository, give --checkout FOLDER"
-        )
-    return {path.parent.name: read_target(path, path.parent.name) for path in files}
-
-
 @cache
 def packaged() -> dict[str, Target]:
     """Return the targets whose images come with this package, by their names."""
@@ -81,3 +75,22 @@ def target_of(family: int) -> Target:
             return target
     known = ", ".join(target.chip for target in packaged().values())
     raise InputError(f"the firmware is for another chip (family 0x{family:08x}), not for {known}: take one of theirs")
+
+
+def committed_image(name: str = DEFAULT) -> bytes:
+    """Return the flash image for a target that comes with this package, its checksum verified."""
+    path = packaged()[name].image
+    file = path.read_bytes()
+    expected = path.with_suffix(".sha256").read_text().split()[0]
+    actual = hashlib.sha256(file).hexdigest()
+    if actual != expected:
+        raise InputError(f"{path} is damaged (SHA-256 {actual}, not {expected}): install gellight again")
+    return from_uf2(file)
+
+
+def read_image(path: Path) -> bytes:
+    """Return the flash image of a UF2 file; InputError where it cannot be read or is none."""
+    try:
+        return from_uf2(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"cannot read {path} ({error.strerror}): give a UF2 file") from error

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
-from gellight.frames.camera import Camera
+from gellight.frames.camera import Camera, CameraTiming
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
-from gellight.frames.timing import CameraTiming
 from gellight.ring.enumerations import State
 from gellight.sensor.set_and_light import set_and_light
 

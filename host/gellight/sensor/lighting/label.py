@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.frames.camera import CameraTiming
 from gellight.frames.frames import LightLabel, LightState
-from gellight.frames.timing import CameraTiming
 from gellight.sensor.lighting.clock import ClockMap
 from gellight.sensor.lighting.timeline import UNTOLD, KnownLight
 

@@ -7,8 +7,8 @@ from collections import deque
 from typing import NamedTuple
 
 from gellight.base.errors import BoardError
+from gellight.frames.camera import CameraTiming
 from gellight.frames.frames import LightLabel
-from gellight.frames.timing import CameraTiming
 from gellight.ring import protocol
 from gellight.ring.enumerations import Dark
 from gellight.ring.heat import hot_text

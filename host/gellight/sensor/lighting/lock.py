@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gellight.frames.timing import CameraTiming
+from gellight.frames.camera import CameraTiming
 from gellight.ring import protocol
 from gellight.ring.wire import LED_COUNT
 from gellight.sensor.lighting.clock import Interval

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError, InputError
-from gellight.frames.camera import Camera, timing_of
+from gellight.frames.camera import Camera, CameraTiming, timing_of
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
 from gellight.frames.status import CameraStatus
-from gellight.frames.timing import CameraTiming
 from gellight.ring import protocol
 from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import Edge, State, Status, SyncMode

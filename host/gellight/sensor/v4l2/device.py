@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 from gellight.base.errors import CameraError
 from gellight.sensor.v4l2 import structures as v
 from gellight.sensor.v4l2.controls import V4l2Controls
-from gellight.sensor.v4l2.errors import explaining, no_camera
+from gellight.sensor.v4l2.errors import LINUX, Kernel, explaining, no_camera
 from gellight.sensor.v4l2.formats import RATE_TOLERANCE, Mode, Offer, Wanted, choose, not_offered, offers
-from gellight.sensor.v4l2.kernel import LINUX, Kernel
 from gellight.sensor.v4l2.stream import BUFFERS, Stream
 
 

@@ -1,9 +1,14 @@
 """The errors of V4L2 cameras: one for each remedy."""
 
 import errno
+import fcntl
+import mmap
 import os
+import select
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from ctypes import Structure
 
 from gellight.base.errors import CameraError
 from gellight.base.holders import holders_text
@@ -68,3 +73,40 @@ def explanation(path: str, doing: str, error: OSError) -> CameraError:
     reason = os.strerror(error.errno) if error.errno else str(error)
     kind = StalledError if error.errno in _DISTURBED else CameraError
     return kind(f"{path} fails {doing} ({reason}): unplug the sensor and plug it in, then try `gellight doctor`")
+
+
+POLL_IN, POLL_ERROR = select.POLLIN, select.POLLERR | select.POLLHUP | select.POLLNVAL
+
+
+class Kernel:
+    """Linux. Every call raises OSError with the errno of the kernel."""
+
+    def open(self, path: str) -> int:
+        """Open for reading and writing without blocking; return the descriptor."""
+        return os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
+
+    def ioctl(self, descriptor: int, request: int, argument: Structure) -> None:
+        """Hand `argument` to the driver, which may change it; Python repeats a call that a signal interrupts."""
+        fcntl.ioctl(descriptor, request, argument)
+
+    def mmap(self, descriptor: int, length: int, offset: int) -> mmap.mmap:
+        """Map a buffer of the driver for reading."""
+        return mmap.mmap(descriptor, length, mmap.MAP_SHARED, mmap.PROT_READ, offset=offset)
+
+    def poll(self, descriptor: int, timeout_s: float) -> int:
+        """Wait for a picture or a fault; return the events as of poll(2), 0 after `timeout_s`."""
+        poller = select.poll()
+        poller.register(descriptor, select.POLLIN)
+        found = poller.poll(max(timeout_s, 0.0) * 1e3)
+        return found[0][1] if found else 0
+
+    def close(self, descriptor: int) -> None:
+        """Close the descriptor."""
+        os.close(descriptor)
+
+    def clock(self) -> float:
+        """CLOCK_MONOTONIC, s: the clock of the time stamps."""
+        return time.monotonic()
+
+
+LINUX = Kernel()

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gellight.frames.timing import CameraTiming
+from gellight.frames.camera import CameraTiming
 from gellight.sensor.v4l2.stream import Picture
 
 STAMP_ERROR_S = 0.002

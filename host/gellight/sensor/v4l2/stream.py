@@ -14,9 +14,17 @@ from typing import cast
 from gellight.base.errors import CameraError
 from gellight.frames.status import CameraStatus
 from gellight.sensor.v4l2 import structures as v
-from gellight.sensor.v4l2.errors import GONE, StalledError, UnpluggedError, explaining, explanation
+from gellight.sensor.v4l2.errors import (
+    GONE,
+    POLL_ERROR,
+    POLL_IN,
+    Kernel,
+    StalledError,
+    UnpluggedError,
+    explaining,
+    explanation,
+)
 from gellight.sensor.v4l2.formats import Ask
-from gellight.sensor.v4l2.kernel import POLL_ERROR, POLL_IN, Kernel
 
 BUFFERS = 4
 BAD_LIMIT = 60

@@ -6,17 +6,15 @@ from pathlib import Path
 import numpy as np
 
 from gellight.base.errors import CameraError
-from gellight.frames.camera import Camera
+from gellight.frames.camera import Camera, CameraTiming
 from gellight.frames.frames import CameraFrame, EncodedImage
 from gellight.frames.jpeg import CorruptPictureError
 from gellight.frames.status import CameraStatus
-from gellight.frames.timing import CameraTiming
 from gellight.sensor.v4l2.controls import V4l2Controls
 from gellight.sensor.v4l2.decoding import decode
 from gellight.sensor.v4l2.device import Device
-from gellight.sensor.v4l2.errors import StalledError
+from gellight.sensor.v4l2.errors import LINUX, Kernel, StalledError
 from gellight.sensor.v4l2.formats import Offer
-from gellight.sensor.v4l2.kernel import LINUX, Kernel
 from gellight.sensor.v4l2.options import CaptureOptions
 from gellight.sensor.v4l2.stamps import STAMP_ERROR_S, StampMeaning, hardware_stamps
 from gellight.sensor.v4l2.stream import BAD_LIMIT, Picture

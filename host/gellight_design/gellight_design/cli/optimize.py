@@ -61,8 +61,8 @@ class Study(Answering):
 
     def setup(self) -> "StudySetup":
         """Return what is studied; raises ConfigError or InputError for what cannot be, or cannot be written."""
+        from gellight.lab.simulator.gel_models import check_memory
         from gellight.lab.simulator.geometry_file import read_geometry
-        from gellight.lab.simulator.memory import check_memory
         from gellight.lab.simulator.processes import available_cores
         from gellight_design import output
         from gellight_design.studies import study_setup

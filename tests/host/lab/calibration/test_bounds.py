@@ -13,7 +13,6 @@ from gellight.base.errors import BoardError, BundleError, CameraError, GellightE
 from gellight.frames.frames import CameraFrame
 from gellight.lab.calibration import cylinder, lights, preparing
 from gellight.lab.calibration.ball_radius import is_another
-from gellight.lab.calibration.circle import corrected_circle
 from gellight.lab.calibration.coverage import advice, coverage
 from gellight.lab.calibration.cylinder import Imprint
 from gellight.lab.calibration.force.fit import fit_force
@@ -21,6 +20,7 @@ from gellight.lab.calibration.force.record import ForceReadings
 from gellight.lab.calibration.force.sideways import fit_side
 from gellight.lab.calibration.led_check import _refuse as refuse_leds
 from gellight.lab.calibration.live_error import LiveError
+from gellight.lab.calibration.pressing import corrected_circle
 from gellight.lab.calibration.probing import pixel_size
 from gellight.lab.calibration.records import LedAnswer
 from gellight.lab.calibration.sensing import TouchDetector, check_light, is_dark

@@ -14,9 +14,8 @@ from gellight.lab.calibration.choices import RoutineOptions
 from gellight.lab.calibration.coverage import advice, coverage
 from gellight.lab.calibration.display import Display
 from gellight.lab.calibration.live_error import LiveError
-from gellight.lab.calibration.preparing import full_colours, led_settings
+from gellight.lab.calibration.preparing import contour_picture, full_colours, led_settings, of_image, uniformity
 from gellight.lab.calibration.sensing import TouchDetector, check_light, wait_free, wait_press
-from gellight.lab.calibration.uniformity import contour_picture, of_image, uniformity
 from gellight.lab.calibration.untouched import foreign_share
 from gellight.lab.simulator.scene import Press as GelPress
 from gellight.lab.simulator.scene import Scene

@@ -25,7 +25,7 @@ from gellight.opening import open_camera
 from gellight.photometric.lights_file import read_lights
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.force_file import read_force
-from gellight.reconstruction.lens.lens_file import read_record
+from gellight.reconstruction.lens.undistortion import read_record
 from tests.benchmarks.objects import object_errors, summary
 from tests.helpers.calibration_routine import GEOMETRY, LIT, camera, finished, options, wait_for, whole
 

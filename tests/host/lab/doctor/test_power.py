@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gellight.lab.doctor.power import check_power
+from gellight.lab.doctor.examination import check_power
 from gellight.sensor.findings import Level
 from tests.helpers.usb_tree import UsbTree
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import CameraError, InputError
-from gellight.frames.timing import CameraTiming
+from gellight.frames.camera import CameraTiming
 from gellight.lab.core_board.light_timeline import Light
 from gellight.lab.doctor.shutter_meter import BANDS, CELLS, ShutterMeter, TwoLights, cells, measure_shutter, robust_fit
 from gellight.lab.simulator.scene import Press, Scene

@@ -13,10 +13,9 @@ from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.picture import PictureSteps, PreparedCamera
 from gellight.frames.view import View
-from gellight.lab.simulator import memory, stage
-from gellight.lab.simulator.gel_models import KeptPresses
-from gellight.lab.simulator.known_force import known_force
-from gellight.lab.simulator.memory import check_memory, free_memory
+from gellight.lab.simulator import gel_models, stage
+from gellight.lab.simulator.gel_models import KeptPresses, check_memory, free_memory
+from gellight.lab.simulator.printed_dots import known_force
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.simulator.simulated_camera import open_simulated
 from gellight.opening import open_camera
@@ -144,14 +143,14 @@ def test_the_force_is_of_the_gel_whatever_the_size_of_its_pictures(view: View | 
 
 
 def test_a_mesh_is_refused_that_the_memory_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memory, "free_memory", lambda: 10 * 10**9)
+    monkeypatch.setattr(gel_models, "free_memory", lambda: 10 * 10**9)
     check_memory(0.3, GEOMETRY)
     check_memory(0.1, GEOMETRY)
     with pytest.raises(InputError, match=r"0\.1 mm in each of 2 --workers needs about .* GB .*: 0\.1\d mm fits"):
         check_memory(0.1, GEOMETRY, 2)
     with pytest.raises(InputError, match="use fewer --workers"):
         check_memory(0.3, GEOMETRY, 100)
-    monkeypatch.setattr(memory, "free_memory", lambda: 10**9)
+    monkeypatch.setattr(gel_models, "free_memory", lambda: 10**9)
     with pytest.raises(InputError, match=r"0\.3 mm needs about 1\.\d GB .*: 0\.\d+ mm fits"):
         check_memory(0.3, GEOMETRY)
 
@@ -159,7 +158,7 @@ def test_a_mesh_is_refused_that_the_memory_does_not_hold(monkeypatch: pytest.Mon
 def test_what_the_kernel_keeps_of_files_is_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     meminfo = tmp_path / "meminfo"
     meminfo.write_text("MemTotal:       16000000 kB\nMemFree:          200000 kB\nMemAvailable:   12000000 kB\n")
-    monkeypatch.setattr(memory, "MEMINFO", meminfo)
+    monkeypatch.setattr(gel_models, "MEMINFO", meminfo)
     assert free_memory() == 12_000_000 * 1024
-    monkeypatch.setattr(memory, "MEMINFO", tmp_path / "none")
+    monkeypatch.setattr(gel_models, "MEMINFO", tmp_path / "none")
     assert free_memory() > 10**8

@@ -7,10 +7,9 @@ import pytest
 
 from gellight.base.errors import BoardError, ConfigError, InputError
 from gellight.cli.status import heat as heat_text
-from gellight.lab.core_board.built_board import configuration_of
-from gellight.lab.core_board.simulated_board import SimulatedBoard
+from gellight.lab.core_board.simulated_board import SimulatedBoard, configuration_of
 from gellight.opening import open_camera
-from gellight.ring.firmware.build import committed_image
+from gellight.ring.firmware.targets import committed_image
 from gellight.ring.heat import HeardHeat
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.ring.light_ring import LightRing, connect

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.simulator.known_force import known_force
-from gellight.lab.simulator.printed_dots import PrintedDots, seen_px
+from gellight.lab.simulator.printed_dots import PrintedDots, known_force, seen_px
 from gellight.lab.simulator.scene import Press, Printed, Scene
 from gellight.lab.simulator.simulated_camera import open_simulated
 from gellight.lab.simulator.stage import Stage

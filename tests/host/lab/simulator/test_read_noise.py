@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gellight.lab.simulator.read_noise import ReadNoise
+from gellight.lab.simulator.shutter import ReadNoise
 from gellight.reconstruction.fine_pattern import FinePattern
 from sim_reference.camera import digitise
 

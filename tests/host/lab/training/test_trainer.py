@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from gellight.base import gelnet_child
 from gellight.base.errors import InputError, TrainingError
 from gellight.lab.training import child, trainer, training
 from gellight.lab.training.trainer import checked_trainer
@@ -110,9 +109,9 @@ def test_a_child_that_says_nothing_can_be_stopped() -> None:
 def test_without_the_package_gelnet_it_says_what_to_do(
     spec: ModuleSpec | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gelnet_child.importlib.util, "find_spec", lambda name: spec)
+    monkeypatch.setattr(child.importlib.util, "find_spec", lambda name: spec)
     with pytest.raises(TrainingError, match="gelnet is not installed beside gellight: reinstall"):
-        gelnet_child.gelnet_environment(1)
+        child.gelnet_environment(1)
 
 
 def test_a_child_ends_with_the_program_that_started_it(tmp_path: Path) -> None:
@@ -121,7 +120,7 @@ def test_a_child_ends_with_the_program_that_started_it(tmp_path: Path) -> None:
     module = [sys.executable, "-m", "gelnet.synthetic", "--trainer=numpy", "--attached", "--out", str(tmp_path / "o")]
     started = subprocess.run(
         [sys.executable, "-c", f"{starts}sys.stdout.flush(); os._exit(0)", *module],
-        env=gelnet_child.gelnet_environment(1), stdout=subprocess.PIPE, text=True, check=True, timeout=60,
+        env=child.gelnet_environment(1), stdout=subprocess.PIPE, text=True, check=True, timeout=60,
     )  # fmt: skip
     eventually(lambda: not Path(f"/proc/{int(started.stdout)}/cmdline").exists() or is_zombie(int(started.stdout)))
 

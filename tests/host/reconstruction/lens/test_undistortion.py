@@ -14,11 +14,16 @@ from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.daemon.configuration import mode_config
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import TactileFrame
-from gellight.reconstruction.lens import intrinsics as module
-from gellight.reconstruction.lens.intrinsics import intrinsics
-from gellight.reconstruction.lens.lens_file import FILE_NAME, LensRecord, has_lens
+from gellight.reconstruction.lens import undistortion as module
 from gellight.reconstruction.lens.model import Lens
-from gellight.reconstruction.lens.undistortion import Undistortion, circle_on_gel
+from gellight.reconstruction.lens.undistortion import (
+    FILE_NAME,
+    LensRecord,
+    Undistortion,
+    circle_on_gel,
+    has_lens,
+    intrinsics,
+)
 from tests.helpers.distorted import TrueLens
 from tests.helpers.linear_sensor import linear_bundle, photograph
 

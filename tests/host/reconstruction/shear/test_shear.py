@@ -9,8 +9,7 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.measures import BEYOND_VIEW, HEAVIER
 from gellight.frames.shear import FEW_DOTS, FRICTION, PERSPECTIVE, DotsSeen, Shear, Unseen
-from gellight.lab.simulator.known_force import known_force
-from gellight.lab.simulator.printed_dots import PrintedDots
+from gellight.lab.simulator.printed_dots import PrintedDots, known_force
 from gellight.lab.simulator.scene import Press, Printed, Scene
 from gellight.reconstruction.force import Layer
 from gellight.reconstruction.force_file import FILE_NAME, ForceRecord, force_file

@@ -11,8 +11,7 @@ import pytest
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.shear import DotsSeen, Slip, SlipState
-from gellight.lab.simulator.known_force import known_force
-from gellight.lab.simulator.printed_dots import PrintedDots
+from gellight.lab.simulator.printed_dots import PrintedDots, known_force
 from gellight.lab.simulator.scene import Press, Printed, Scene
 from gellight.reconstruction.following import ContactFollower
 from gellight.reconstruction.measures import BundleMeasures

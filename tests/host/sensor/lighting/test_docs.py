@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gellight
-from gellight.frames.timing import CameraTiming
+from gellight.frames.camera import CameraTiming
 from tests.helpers.doc_examples import examples, run
 from tests.helpers.virtual_sensor import RING, virtual_sensor
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, CameraError, InputError
+from gellight.frames.camera import CameraTiming
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
-from gellight.frames.timing import CameraTiming
 from gellight.lab.simulator.simulated_camera import SimulatedCamera
 from gellight.opening import open_camera
 from gellight.ring.enumerations import Dark, SyncMode

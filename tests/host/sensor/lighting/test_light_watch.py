@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, InputError
-from gellight.frames.camera import timing_of
+from gellight.frames.camera import CameraTiming, timing_of
 from gellight.frames.frames import LightLabel, LightState
-from gellight.frames.timing import CameraTiming
 from gellight.opening import open_camera
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.light_groups import colour_triples

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gellight.frames.timing import CameraTiming
+from gellight.frames.camera import CameraTiming
 from gellight.ring import protocol
 from gellight.sensor.lighting.clock import Interval
 from gellight.sensor.lighting.lock import FEWEST_FRAMES, PhaseLock, hold_frames, settle_s

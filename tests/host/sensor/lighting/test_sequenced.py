@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, CameraError, InputError
-from gellight.frames.camera import ReconnectingError
+from gellight.frames.camera import CameraTiming, ReconnectingError
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
-from gellight.frames.timing import CameraTiming
 from gellight.lab.simulator.simulated_camera import open_simulated
 from gellight.ring.enumerations import Dark
 from gellight.ring.light_groups import colour_triples

@@ -2,7 +2,6 @@
 
 record.py    the CSV file of forces
 indented.py  what the sensor felt under each of them
-fit.py       the modulus that explains them, and its error
+fit.py       the modulus that explains them, and its error; all of it, into a bundle
 sideways.py  the constant of forces along a gel with marker dots
-adding.py    all of it, into a bundle
 """

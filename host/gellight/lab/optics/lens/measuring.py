@@ -17,8 +17,7 @@ from gellight.lab.optics.lens.pins import dimples, marked, spots
 from gellight.lab.report.pictures import Picture, write_png
 from gellight.lab.report.record import Record
 from gellight.lab.training.training import read_reference
-from gellight.reconstruction.lens.lens_file import FILE_NAME, LensRecord
-from gellight.reconstruction.lens.undistortion import Undistortion
+from gellight.reconstruction.lens.undistortion import FILE_NAME, LensRecord, Undistortion
 
 
 class LensFigures(Record):

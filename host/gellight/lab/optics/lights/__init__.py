@@ -6,6 +6,5 @@ ball_series.py      pictures of balls under each light; errors on balls that wer
 ball_lights.py      any lights, from such pictures
 live_series.py      such pictures, taken from a sensor with a ring
 channel_fit.py      GelNet with a channel for each light, and its bundle
-ball_check.py       whether the fitted ring is right, by a ball
-adding.py           takes a picture under every LED, puts it together and adds it to a bundle
+adding.py           takes a picture under every LED, puts it together and adds it to a bundle that a ball confirms
 """

@@ -15,8 +15,8 @@ from gellight.lab.training.presses import Ball
 from gellight.lab.training.table import PressTable, TableOptions, labelled_rows
 from gellight.lab.training.training import TrainingOptions, train
 from gellight.photometric.directions import FILE_NAME, LightDirections
-from gellight.series.channel_network import ChannelNetwork, change_percent
-from gellight.series.recorded import as_rgb
+from gellight.series.single_light_path import ChannelNetwork, change_percent
+from gellight.series.summary import as_rgb
 
 Floats = NDArray[np.float32]
 OPTIONS = TableOptions(inset_px=1.0, flat_distance=1.9, flat_share=0.3)

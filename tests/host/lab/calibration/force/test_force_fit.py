@@ -7,8 +7,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
-from gellight.lab.calibration.force.adding import measure_force
-from gellight.lab.calibration.force.fit import chosen_layer, fit_force, left_out_share
+from gellight.lab.calibration.force.fit import chosen_layer, fit_force, left_out_share, measure_force
 from gellight.lab.calibration.force.record import ForceReadings
 from gellight.lab.calibration.force.sideways import fit_side
 from gellight.lab.report.pictures import write_png

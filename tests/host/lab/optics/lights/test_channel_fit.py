@@ -24,8 +24,8 @@ from gellight.opening import open_camera
 from gellight.photometric.directions import levels_of, lights_of
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.ring.light_groups import colour_triples, single_leds
-from gellight.series.recorded import frame_of_lights
 from gellight.series.single_light_path import SingleLightPath, read_directions, slopes_by
+from gellight.series.summary import frame_of_lights
 from tests.helpers.command_line import invoke
 from tests.helpers.places import REAL_CROPS
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, ConfigError
-from gellight.lab.optics.lights import ball_check, reference_light
+from gellight.lab.optics.lights import adding, reference_light
 from gellight.lab.optics.lights.adding import _untouched
 from gellight.lab.optics.lights.reference_light import check_places, find_gamma, fit_pattern, light_model
 from gellight.lab.simulator.stage import Stage
@@ -212,11 +212,11 @@ def test_the_ring_is_right_that_feels_a_ball_within_a_tenth(
     felt_mm: float, right: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("signals_of", "without_shadows", "flat_gel", "light_rows", "find_circle", "Press"):
-        monkeypatch.setattr(ball_check, name, Mock())
-    monkeypatch.setattr(ball_check, "solve_robustly", lambda *given: (None, None))
-    monkeypatch.setattr(ball_check, "slopes", lambda scaled: np.zeros((2, 4)))
-    monkeypatch.setattr(ball_check, "radius_by_slopes_px", lambda *given: felt_mm / 0.1)
+        monkeypatch.setattr(adding, name, Mock())
+    monkeypatch.setattr(adding, "solve_robustly", lambda *given: (None, None))
+    monkeypatch.setattr(adding, "slopes", lambda scaled: np.zeros((2, 4)))
+    monkeypatch.setattr(adding, "radius_by_slopes_px", lambda *given: felt_mm / 0.1)
     model = Mock(image_shape=(2, 2), colours=RING.colours, references=lambda kind: np.ones((12, 2, 2)))
     with nullcontext() if right else pytest.raises(BundleError, match="feels the ball of 4 mm as one of"):
         bundle = Mock(pixel_size_mm=(0.1, 0.1), manifest=Mock(camera_height_mm=0.0))
-        assert ball_check.confirm_ring(model, bundle, [], 4.0) == pytest.approx(felt_mm)
+        assert adding.confirm_ring(model, bundle, [], 4.0) == pytest.approx(felt_mm)

@@ -11,8 +11,7 @@ import pytest
 from gellight.base.errors import BundleError, InputError
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import load_bundle
-from gellight.lab.optics.lights.adding import add_lights
-from gellight.lab.optics.lights.ball_check import confirm_ring
+from gellight.lab.optics.lights.adding import add_lights, confirm_ring
 from gellight.lab.optics.lights.ring_fit import coarse_points, fit_ring, flat_light
 from gellight.lab.simulator.scene import Press
 from gellight.photometric.light_model import LightGroups, LightModel

@@ -1,4 +1,4 @@
-"""Write the C header and the document of the protocol from `gellight.ring.protocol`."""
+"""Write the C header and the document of the protocol: `python -m firmware.tools.generate`."""
 
 import re
 import struct
@@ -8,11 +8,12 @@ from pathlib import Path
 from gellight.base.errors import InputError
 from gellight.ring import protocol
 from gellight.ring.enumerations import ENUMS
+from gellight.ring.firmware.targets import CHECKOUT
 from gellight.ring.wire import Record, layout
 
 HEADER = Path("firmware/core/protocol.h")
 DOCUMENT = Path("docs/protocol.md")
-COMMAND_LINE = "gellight firmware generate"
+COMMAND_LINE = "python -m firmware.tools.generate"
 
 
 def snake(name: str) -> str:
@@ -141,3 +142,8 @@ def generate(checkout: Path) -> list[Path]:
             path.write_text(text)
             changed.append(path)
     return changed
+
+
+if __name__ == "__main__":
+    for written in generate(CHECKOUT):
+        print(f"wrote {written}")

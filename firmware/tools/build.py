@@ -1,47 +1,42 @@
-"""Compile the firmware: one command, the same bytes from the same compiler, no SDK."""
+"""Compile the firmware: the same bytes from the same compiler, no SDK. `python -m firmware.tools.build --help`."""
 
+import argparse
 import hashlib
 import importlib.util
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
+import zlib
 from pathlib import Path
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
-from gellight.ring.firmware.image import flash_image, from_uf2, image_family, to_uf2
-from gellight.ring.firmware.targets import CHECKOUT, Target, in_checkout, packaged, target_of
+from gellight.ring.firmware.image import (
+    BOOT2_BYTES,
+    FLASH_BASE,
+    HEADER,
+    HEADER_MAGIC,
+    VECTORS,
+    boot2_crc,
+    image_family,
+    to_uf2,
+)  # fmt: skip
+from gellight.ring.firmware.targets import CHECKOUT, DEFAULT, TOLD, Target, read_target, target_of
 from gellight.ring.protocol import NO_PIN
 
-DEFAULT = "rp2040"
-"""the target that the emulator runs"""
 _COMMON = (
     "-std=c11", "-Os", "-g0", "-ffreestanding", "-nostdlib", "-fno-common", "-fno-jump-tables",
     "-ffunction-sections", "-fdata-sections", "-Wall", "-Wextra", "-Wconversion", "-Werror",
     "-Wl,--gc-sections", "-Wl,-e,start", "-Wl,--build-id=none",
 )  # fmt: skip
+_ELF_HEAD = struct.Struct("<16sHHIIIIIHHHHHH")
+_SEGMENT = struct.Struct("<8I")
+_ARM = 40
+_LOAD = 1
 _INLINE_LITTLE = ("-mllvm", "-inline-threshold=5")
 """5 % smaller than by -Os alone, and not slower"""
-
-
-def committed_image(name: str = DEFAULT) -> bytes:
-    """Return the flash image for a target that comes with this package, its checksum verified."""
-    path = packaged()[name].image
-    file = path.read_bytes()
-    expected = path.with_suffix(".sha256").read_text().split()[0]
-    actual = hashlib.sha256(file).hexdigest()
-    if actual != expected:
-        raise InputError(f"{path} is damaged (SHA-256 {actual}, not {expected}): install gellight again")
-    return from_uf2(file)
-
-
-def read_image(path: Path) -> bytes:
-    """Return the flash image of a UF2 file; InputError where it cannot be read or is none."""
-    try:
-        return from_uf2(path.read_bytes())
-    except OSError as error:
-        raise InputError(f"cannot read {path} ({error.strerror}): give a UF2 file") from error
 
 
 def compiler(name: str, target: Target) -> list[str]:
@@ -80,6 +75,16 @@ def thermistor_pin(target: Target) -> int:
     return int(pins.pop()) if pins else NO_PIN
 
 
+def in_checkout(checkout: Path = CHECKOUT) -> dict[str, Target]:
+    """Return the targets of a checkout by their names."""
+    files = sorted((checkout / "firmware/boards").glob(f"*/{TOLD}"))
+    if not files:
+        raise InputError(
+            f"{checkout} does not hold the sources of the firmware: clone GelLight's repository, give --checkout FOLDER"
+        )
+    return {path.parent.name: read_target(path, path.parent.name) for path in files}
+
+
 def find_target(name: str, checkout: Path = CHECKOUT) -> Target:
     """Return a target of a checkout; InputError for one that it does not have."""
     targets = in_checkout(checkout)
@@ -111,6 +116,40 @@ def build(checkout: Path = CHECKOUT, *, target: str = DEFAULT, compiler_name: st
     return flash_image(elf, family=chosen.family, boot2=chosen.boot2)
 
 
+def flash_image(elf: bytes, *, family: int, boot2: bool) -> bytes:
+    """Return what lies in flash from its first byte on, checksums of boot2, where there is one, and image included."""
+    image = bytearray(_load(elf))
+    image += bytes(-len(image) % 4)
+    if boot2:
+        image[BOOT2_BYTES - 4 : BOOT2_BYTES] = boot2_crc(bytes(image[: BOOT2_BYTES - 4])).to_bytes(4, "little")
+    at = VECTORS + BOOT2_BYTES * boot2
+    magic, *_ = HEADER.unpack_from(image, at)
+    if magic != HEADER_MAGIC:
+        raise InputError(f"the image has 0x{magic:08x} where its header belongs: check board.ld")
+    body = bytes(image[at + HEADER.size :])
+    HEADER.pack_into(image, at, HEADER_MAGIC, len(body), zlib.crc32(body), family)
+    return bytes(image)
+
+
+def _load(elf: bytes) -> bytes:
+    """Place the segments by their load addresses; gaps are erased flash."""
+    if elf[:6] != b"\x7fELF\x01\x01" or int.from_bytes(elf[18:20], "little") != _ARM:
+        raise InputError("the linker's output is not a 32-bit little-endian ELF file for Arm")
+    head = _ELF_HEAD.unpack_from(elf)
+    offset, size, count = head[5], head[9], head[10]
+    image = bytearray()
+    for number in range(count):
+        kind, at, _, address, filed, *_ = _SEGMENT.unpack_from(elf, offset + number * size)
+        if kind != _LOAD or not filed:
+            continue
+        start = address - FLASH_BASE
+        if start < 0:
+            raise InputError(f"a segment would be loaded to 0x{address:08x}, which is not flash: check board.ld")
+        image.extend(b"\xff" * (start + filed - len(image)))
+        image[start : start + filed] = elf[at : at + filed]
+    return bytes(image)
+
+
 def write_image(image: bytes, path: Path, target: Target | None = None) -> str:
     """Write a UF2 file, its checksum and what its target is next to it; return the checksum.
 
@@ -127,3 +166,28 @@ def write_image(image: bytes, path: Path, target: Target | None = None) -> str:
         except OSError as error:
             raise InputError(f"cannot write {place} ({error.strerror}): choose another place") from error
     return digest
+
+
+def main() -> None:
+    """Compile the images that come with the package, or one of them to another file."""
+    parser = argparse.ArgumentParser(prog="python -m firmware.tools.build", description=main.__doc__)
+    parser.add_argument("--checkout", type=Path, default=CHECKOUT, help="sources; default: this checkout")
+    parser.add_argument("--compiler", default="zig", help="zig (of the extra `firmware`) or gcc")
+    parser.add_argument("--out", type=Path, help="UF2 file; default: the one that comes with the package")
+    parser.add_argument("--target", help=f"a folder of firmware/boards; default: each, with --out {DEFAULT}")
+    given = parser.parse_args()
+    if given.out and given.out.suffix.lower() != ".uf2":
+        parser.error(f"--out {given.out}: give a name that ends with .uf2; another file would be replaced")
+    chosen = given.target or (DEFAULT if given.out else None)
+    for name in [chosen] if chosen else in_checkout(given.checkout):
+        target = find_target(name, given.checkout)
+        image = build(given.checkout, target=name, compiler_name=given.compiler)
+        path = given.out or target.image
+        print(f"{path}: {len(image)} bytes, SHA-256 {write_image(image, path, target)}")
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except InputError as error:
+        sys.exit(str(error))
