@@ -1,13 +1,9 @@
 """Figures of the firmware, from the committed image in the emulator: `python -m tests.benchmarks.firmware`.
 
-All times are virtual: the board's own, exact to its clock, whatever the machine does. `--fuzz SECONDS` fuzzes the core
-for that time, on wall time.
+All times are virtual: the board's own, exact to its clock, whatever the machine does.
 """
 
-import argparse
 import struct
-import tempfile
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +12,6 @@ from gellight.ring.enumerations import SyncMode
 from gellight.ring.firmware.build import build_elf, committed_image
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.protocol import DWELL_MIN_US
-from tests.firmware.helpers.fuzzing import compile_fuzzer, fuzz
 from tests.firmware.helpers.stack_bound import stack_bound
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
@@ -80,20 +75,8 @@ def print_sizes(ring: LightRing) -> None:
     print(f"stack                {stack_bound()['worst']:8} bytes at most by gcc's call graph, {used} seen in use")
 
 
-def print_fuzzing(seconds: int) -> None:
-    """Fuzz the core under the address and undefined-behaviour sanitizers."""
-    with tempfile.TemporaryDirectory() as folder:
-        done = fuzz(compile_fuzzer(Path(folder) / "fuzzer"), seconds, seed=1)
-    said = (done.stdout or done.stderr).strip().splitlines()
-    found = "no finding" if done.returncode == 0 else done.stderr
-    print(f"fuzzing, {seconds} s        {said[-1] if said else 'nothing said'}; {found}")
-
-
 def main() -> None:
     """Print the figures."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--fuzz", type=int, default=0, metavar="SECONDS")
-    seconds = parser.parse_args().fuzz
     board = BenchBoard(committed_image())
     ring = LightRing(VirtualTransport(board), keep_alive_s=None)
     for name, microseconds in round_trips_us(ring, board).items():
@@ -106,8 +89,6 @@ def main() -> None:
     board.run(5_000)
     print_sizes(ring)
     ring.close()
-    if seconds:
-        print_fuzzing(seconds)
     print(f"faults noticed       {board.faults or 'none'}")
 
 
