@@ -14,7 +14,6 @@ import argparse
 import json
 import logging
 import math
-import subprocess
 import sys
 from dataclasses import asdict
 from functools import partial
@@ -34,12 +33,9 @@ def main() -> int:
     parser.add_argument("--hours", type=float, default=8.0, help="simulated hours, about a fault a minute")
     parser.add_argument("--faults", type=int, default=1, metavar="SEED", help="seed that the faults are drawn from")
     parser.add_argument("--minutes", type=float, default=math.inf, help="end after so many, but for labels")
-    parser.add_argument("--sensors", type=int, default=1, help="as many at once, a process each, seeds counted on")
     parser.add_argument("--labels", action="store_true", help="judge labels of light alone, on virtual time")
     parser.add_argument("--json", action="store_true", help="print all that was found")
     options = parser.parse_args()
-    if options.sensors > 1:
-        return several(options)
     one_arena()
     logging.getLogger("gellight").setLevel(logging.CRITICAL)  # faults are what is made here
     note = partial(print, file=sys.stderr, flush=True)
@@ -51,16 +47,6 @@ def main() -> int:
         parser.error(str(error))
     print(json.dumps(asdict(report), indent=2) if options.json else table(report))
     return 0 if report.passed else 1
-
-
-def several(options: argparse.Namespace) -> int:
-    """Run several sensors at once in processes of their own, as `gellight run` does; return the worst that one did."""
-    given = ["--hours", f"{options.hours}", "--minutes", f"{options.minutes}", *(["--json"] if options.json else [])]
-    seeds = [options.faults + number for number in range(options.sensors)]
-    commands = [[sys.executable, "-m", "tests.soak", *given, "--faults", f"{seed}"] for seed in seeds]
-    ended = [process.wait() for process in [subprocess.Popen(command) for command in commands]]
-    print(f"{ended.count(0)} of {len(ended)} sensors held everything")
-    return max(map(abs, ended))
 
 
 def labels_alone(found: Labelling) -> int:
