@@ -1,17 +1,26 @@
-"""The instructions of the emulated chip, judged by another emulator."""
+"""Two flags that the emulated processor (rp2040py 0.3.6) gets wrong, by random blocks beside QEMU's: nobody asks."""
 
 from itertools import pairwise
 
-import pytest
-
 from gellight.ring.firmware.image import BOOT2_BYTES
-from tests.firmware.helpers.thumb_blocks import asks_about, differences, known_wrong
+
+SHIFTS, CARRIED = (2, 3, 4, 7), (5, 6)
+"""of the arithmetic instructions: LSLS, LSRS, ASRS, RORS by a register; ADCS, SBCS"""
+C, V = 2, 1
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize(("count", "longest"), [(6_000, 1), (14_000, 10)])
-def test_random_blocks_leave_the_same_registers_flags_and_memory(count: int, longest: int) -> None:
-    assert differences(count, 29, longest) == []
+def known_wrong(word: int) -> int:
+    """C, where a register shifts by 0 or by more than 32; V, where a sum with carry ends at 2^31."""
+    operation = word >> 6 & 15 if word >> 10 == 0x10 else -1
+    return C * (operation in SHIFTS) | V * (operation in CARRIED)
+
+
+def asks_about(word: int) -> int:
+    """Which of C and V an instruction of 16 bits goes by."""
+    if word >> 12 == 0xD:
+        condition = word >> 8 & 15
+        return C * (condition in (2, 3, 8, 9)) | V * (condition in (6, 7, 10, 11, 12, 13))
+    return C * (word >> 6 in (0x105, 0x106))
 
 
 def test_the_image_asks_about_no_flag_that_the_emulator_gets_wrong(image: bytes) -> None:
