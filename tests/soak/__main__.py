@@ -6,7 +6,7 @@ hardware.py    the sensor: cameras in a simulated kernel, a bus made of files, a
 maltreating.py what is done to it; wires.py: its serial line
 labelling.py   the same faults on virtual time, where labels can be judged
 shift.py       a daemon with recording and subscriber; reader.py and holder.py are programs to be killed
-working.py     who calibrates and scans meanwhile; pressed_gel.py: what the sensor looks at
+working.py     who calibrates meanwhile; pressed_gel.py: what the sensor looks at
 judging.py     what has to hold; resources.py: memory and handles
 """
 
@@ -65,7 +65,7 @@ def table(report: Report) -> str:
         f"{report.frames} frames, {report.labels} light labels judged, "
         f"given again within {report.slowest_label_s:.2f} s",
         f"memory: {report.memory_growth_mb:+.1f} MB from the third to the last quarter",
-        *_worked(report.work),
+        _worked(report.work),
         f"{'fault':20}{'count':>6}{'worst recovery':>17}",
     ]
     lines += [f"{kind:20}{one.count:6d}{one.worst_recovery_s:15.2f} s" for kind, one in sorted(report.faults.items())]
@@ -74,14 +74,12 @@ def table(report: Report) -> str:
     return "\n".join([*lines, "everything held" if report.passed else _failed(report)])
 
 
-def _worked(work: Work) -> list[str]:
+def _worked(work: Work) -> str:
     """Return what was done with the sensor meanwhile."""
-    return [
+    return (
         f"calibrated: {work.calibrations} times, {work.judged_bad} judged bad, {work.taken_up} times gone on with; "
-        f"{work.circles} circles, {work.worst_circle_px:.2f} px off at most",
-        f"scanned: {work.scanned} presses, {work.worst_place_mm:.2f} mm beside their place and "
-        f"{work.worst_depth_mm:.2f} mm off in depth at most",
-    ]
+        f"{work.circles} circles, {work.worst_circle_px:.2f} px off at most"
+    )
 
 
 def _failed(report: Report) -> str:
