@@ -7,7 +7,6 @@ from pathlib import Path
 
 from tests.fuzz.parser import run
 from tests.fuzz.parsers import parsers
-from tests.fuzz.reach import reach, share, smallest
 
 CORPUS = Path(__file__).parent / "corpus"
 """inputs that a parser once fell over, or that reach a line which no other does: NAME-anything.bin"""
@@ -49,12 +48,3 @@ def test_the_corpus_is_small_and_each_of_it_has_its_parser() -> None:
     assert sum(path.stat().st_size for path in files) < LARGEST_CORPUS
     with parsers() as known:
         assert {path.name.rpartition("-")[0] for path in files} <= {parser.name for parser in known}
-
-
-def test_an_input_is_kept_where_it_reaches_a_line_of_its_own() -> None:
-    broken, unknown = b"= 1", b"[nothing]\nx = 1"
-    with parsers() as known:
-        (settings,) = (parser for parser in known if parser.name == "settings")
-        assert smallest(settings, [*settings.sound, broken, broken + b" ", unknown]) == [broken, unknown]
-        some, all_of_them = share(reach(settings, broken))
-    assert 0 < some < all_of_them

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.benchmarks.mutants import HOST, judges, room_of
+from tests.benchmarks.mutants import HOST, judges
 from tests.helpers.python_mutants import draw, mutants_of
 
 SOURCE = '''"""A module of 3 lines."""
@@ -58,11 +58,6 @@ def test_every_mutant_is_another_program_and_none_is_in_text_for_people(file: Pa
     ]  # fmt: skip
 
 
-def test_a_seed_draws_the_same_mutants_again(file: Path) -> None:
-    rooms = {"one": [file]}
-    assert draw(rooms, 5, 1) == draw(rooms, 5, 1) != draw(rooms, 5, 2)
-
-
 def test_each_room_has_an_equal_share_of_the_draw_as_far_as_it_has_places(tmp_path: Path) -> None:
     rooms = {"large": [tmp_path / "large.py"], "small": [tmp_path / "small.py"]}
     rooms["large"][0].write_text("\n".join(f"LIMIT_{number} = {number}" for number in range(9, 19)))
@@ -71,11 +66,6 @@ def test_each_room_has_an_equal_share_of_the_draw_as_far_as_it_has_places(tmp_pa
     assert drawn.count("large") == drawn.count("small") == 3
     all_of_them = draw(rooms, 99, 1)
     assert len({(mutant.file, mutant.begin) for mutant in all_of_them}) == len(all_of_them) == 13, "a place once"
-
-
-def test_a_room_is_a_folder_of_the_host_and_of_the_lab() -> None:
-    files = ("base/errors.py", "cli/calibrate/lens.py", "lab/core_board/terminal.py", "lab/__init__.py", "opening.py")
-    assert [room_of(HOST / file) for file in files] == ["base", "cli", "lab/core_board", "lab", "opening"]
 
 
 def test_a_file_is_judged_by_the_tests_that_import_it_its_own_first() -> None:

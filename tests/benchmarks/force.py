@@ -1,19 +1,15 @@
 """Which constant turns depth into newtons best: `python -m tests.benchmarks.force`; docs/force.md has the figures.
 
 Each is fitted to one press of a 4 mm ball, and judged on other objects of the finite-element gel: by their true depth,
-and by the depth that the shipped network feels in pictures with noise. Then as on a small, soft finger: the view is
-12 mm wide, so skirts are cut off, and the zero of each depth map is another plane, 0.03 mm off and tilted by as much.
-There `calibrate force` fits modulus and thickness to all objects but one, and is judged on that one.
+and by the depth that the shipped network feels in pictures with noise.
 """
 
-import time
 from collections.abc import Callable
 
 import numpy as np
 
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.lab.calibration.force.fit import THICKNESSES, chosen_layer, left_out_share
 from gellight.reconstruction.contact import find_contact
 from gellight.reconstruction.force import Layer, indenting
 from tests.helpers.fem_presses import NAMES, SPACING_MM, depth_mm, force_n, picture
@@ -75,48 +71,13 @@ def on_a_finger(name: str, random: np.random.Generator) -> np.ndarray:
     return np.asarray(seen + level + down * rows + across * columns)
 
 
-def judge_finger(depths: dict[str, np.ndarray]) -> None:
-    """Print what is left on the same object and on others, by the thickness that is given."""
-    forces, pixels = np.array([force_n(name) for name in depths]), (SPACING_MM, SPACING_MM)
-    objects = [name.split("_")[0] for name in depths]
-    volumes = np.array([[pressed_volume(depth, pixels)] for depth in depths.values()])
-    print(f"{'':32}same object   others")
-    same, others = left_on_same(forces, volumes, objects), left_out_share(forces, volumes, objects)
-    print(f"{'volume pressed in':32}{same:10.1%}{others:10.1%}")
-    for given_mm in (4.0, 5.0, 6.0):
-        layers = [Layer(share * given_mm, 0.49) for share in THICKNESSES]
-        felt = np.array([[indenting(depth, pixels, one).integral_mm2 for one in layers] for depth in depths.values()])
-        chosen = layers[chosen_layer(forces, felt, objects)].thickness_mm
-        same, others = left_on_same(forces, felt[:, :1], objects), left_out_share(forces, felt, objects)
-        print(f"layer, given {given_mm:g}, chosen {chosen:.1f} mm {'':8}{same:10.1%}{others:10.1%}")
-
-
-def left_on_same(forces: np.ndarray, felt: np.ndarray, objects: list[str]) -> float:
-    """Rms over objects of what a modulus of their own leaves, as a share."""
-    names = np.array(objects)
-    several = [name for name in set(objects) if (names == name).sum() > 1]
-    return float(np.sqrt(np.mean([_left(forces[names == name], felt[names == name, 0]) ** 2 for name in several])))
-
-
-def _left(force: np.ndarray, felt: np.ndarray) -> float:
-    modulus = float((felt / force).sum() / ((felt / force) ** 2).sum())
-    return float(np.sqrt(np.mean((modulus * felt / force - 1) ** 2)))
-
-
 def main() -> None:
-    """Judge by true and by felt depth, on a finger, and time the layer."""
+    """Judge by true and by felt depth."""
     judge("true depth", {name: (depth_mm(name), (SPACING_MM, SPACING_MM)) for name in NAMES})
     bundle = load_bundle("synthetic")
     reconstructor = Reconstructor(bundle)
     felt = {name: (reconstructor.reconstruct(picture(name)).depth_mm, bundle.pixel_size_mm) for name in NAMES}
     judge("felt depth", felt)
-    random = np.random.default_rng(0)
-    judge_finger({name: on_a_finger(name, random) for name in FINGER})
-    for name in (WEIGHED, "tstep_0.5"):
-        begun_s = time.process_time()
-        for _ in range(10):
-            MEASURES["layer 5 mm, 0.49"](*felt[name])
-        print(f"{name}: {(time.process_time() - begun_s) * 100:.1f} ms of processor time")
 
 
 if __name__ == "__main__":

@@ -1,16 +1,14 @@
-"""Time the frame path: `python -m tests.benchmarks.frame_times [--calibration BUNDLE] [--rounds N]`.
+"""Time the frame path: `python -m tests.benchmarks.frame_times [--calibration BUNDLE] [--rounds N] [--press IMAGE]`.
 
-Its stages and forms, and against what is usual (PyTorch): all in one run on the same frames, in turn, so that a busy
-machine slows all of them down. CPU is the processor time of the whole process: it also counts a second thread that a
-linear-algebra library keeps busy. `--press IMAGE`, with `--untouched IMAGE` where that is not the gel of the bundle,
-times a picture of a press too; `make bench` gives one.
+Stages, whole frames and the other forms, all in one run on the same frames, in turn, so that a busy machine slows all
+of them down: the least processor time of the whole process over the rounds. `--press`, with `--untouched IMAGE` where
+that is not the gel of the bundle, times a picture of a press too; `make bench` gives one.
 """
 
 import argparse
-import itertools
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,68 +21,13 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.photometric.lights_file import FILE_NAME as LIGHTS
-from gellight.reconstruction.lens.undistortion import has_lens
+from gellight.reconstruction.lens.lens_file import has_lens
 from tests.helpers.analytic_surfaces import Surface, smooth_cap
 
 _GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])
 _BALL_SHARE = 0.21
 _STEEP_PX = 53
 """makes waves of 37 px, steep enough that one pixel in eight goes through the network by itself"""
-NUMPY = "in NumPy, at every touched pixel"
-USUAL = "usual: PyTorch, 64-64-64"
-"""the slopes alone, by a network of the usual width"""
-
-
-@dataclass(frozen=True)
-class Times:
-    """The least over the rounds, ms."""
-
-    cpu_ms: float
-    wall_ms: float
-
-
-@dataclass(frozen=True)
-class FrameTimes:
-    """The frame path on one scene in one size."""
-
-    scene: str
-    image_width_px: int
-    image_height_px: int
-    touched: float
-    """share of the pixels in touched cells"""
-    single: float
-    """share of the pixels that the network was asked for one by one; 0 where NumPy computes"""
-    computed_by: str
-    stages: dict[str, float]
-    """the least wall time over the rounds, ms"""
-    whole: Times
-    others: dict[str, Times]
-    """the form in NumPy, and the usual network on rows of all pixels (difference, x and y stacked first)"""
-    ratios: dict[str, float]
-    """CPU of the others over that of the whole frame"""
-
-
-def frame_times(
-    bundle: Bundle,
-    *,
-    rounds: int = 15,
-    press: NDArray[np.uint8] | None = None,
-    untouched: NDArray[np.uint8] | None = None,
-) -> list[FrameTimes]:
-    """Time frames at rest, with 21 % of the view touched, with all of it, smooth and steep, and a picture of a press.
-
-    The scenes are tinted by their slopes, as under three coloured lights. In the size of the bundle and in half of it
-    along each axis, unless the bundle has a lens. press: in the size of the bundle, or in any with a
-    picture of the same gel untouched.
-    """
-    tasks = [(sized, scenes(sized)) for sized in ([bundle] if has_lens(bundle) else [bundle, halved(bundle)])]
-    if press is not None:
-        tasks.append((bundle if untouched is None else over(bundle, untouched), {"press": press}))
-    times = []
-    for sized, pictures in tasks:
-        contest = _Contest(sized)
-        times += [contest.run(name, picture, rounds) for name, picture in pictures.items()]
-    return times
 
 
 def halved(bundle: Bundle) -> Bundle:
@@ -143,111 +86,59 @@ def _photograph(bundle: Bundle, surface: Surface) -> NDArray[np.uint8]:
     return np.asarray(np.clip(np.round(image), 0, 255), np.uint8)
 
 
-def _timed(run: Callable[[], object]) -> tuple[float, float]:
-    wall, cpu = time.perf_counter(), time.process_time()
-    run()
-    return time.process_time() - cpu, time.perf_counter() - wall
-
-
-class _Contest:
-    """Everything that is timed against each other, for images of one size."""
-
-    def __init__(self, bundle: Bundle) -> None:
-        self._path, self._numpy = Reconstructor(bundle), Reconstructor(bundle, native=False)
-        self._usual = usual_network()
-
-    def run(self, scene: str, image: NDArray[np.uint8], rounds: int) -> FrameTimes:
-        frame = CameraFrame(image=image, time_s=0.0, sequence=0)
-        result = self._path.reconstruct(frame)
-        runs: dict[str, Callable[[], object]] = {"": lambda: self._path.reconstruct(frame)}
-        runs[NUMPY] = lambda: self._numpy.reconstruct(frame)
-        runs[USUAL] = lambda: self._usual(result.difference)
-        if (measures := result.measures) is not None:
-            runs["confidence, beside"] = lambda: measures.confidence(image, result.gradient_map)
-            runs["force, beside"] = lambda: measures.force(result.depth_mm)
-        found = _in_turn(runs, rounds)
-        whole = found.pop("")
-        stages = self._stages(frame, rounds)
-        height, width = image.shape[:2]
-        return FrameTimes(
-            scene=scene,
-            image_width_px=width,
-            image_height_px=height,
-            touched=float(self._path.touched(result.difference).mean()),
-            single=self._path.network_rows.pixels / (height * width),
-            computed_by=str(self._path.status()["computed_by"]),
-            stages=stages,
-            whole=whole,
-            others=found,
-            ratios={name: round(times.cpu_ms / whole.cpu_ms, 2) for name, times in found.items()},
-        )
-
-    def _stages(self, frame: CameraFrame, rounds: int) -> dict[str, float]:
-        times = [self._path.reconstruct(frame).stage_seconds for _ in range(rounds)]
-        return {stage: round(min(seconds[stage] for seconds in times) * 1e3, 3) for stage in times[0]}
-
-
-def _in_turn(runs: dict[str, Callable[[], object]], rounds: int) -> dict[str, Times]:
-    """Run all of them once in each round, and once before."""
+def least_ms(runs: dict[str, Callable[[], object]], rounds: int) -> dict[str, float]:
+    """Return the least processor time of each, ms; all of them once in each round, and once before."""
     for run in runs.values():
         run()
-    seconds = {name: np.empty((rounds, 2)) for name in runs}
-    for turn in range(rounds):
+    times: dict[str, list[float]] = {name: [] for name in runs}
+    for _ in range(rounds):
         for name, run in runs.items():
-            seconds[name][turn] = _timed(run)
-    least = {name: times.min(axis=0) * 1e3 for name, times in seconds.items()}
-    return {name: Times(cpu_ms=round(float(ms[0]), 3), wall_ms=round(float(ms[1]), 3)) for name, ms in least.items()}
+            begun = time.process_time()
+            run()
+            times[name].append(time.process_time() - begun)
+    return {name: min(spent) * 1e3 for name, spent in times.items()}
 
 
-def usual_network() -> Callable[[NDArray[np.float32]], object]:
-    """Return what the usual stacks do: the same rows through 5-64-64-64-2 in PyTorch."""
-    import torch  # heavy, and nothing for those who want the scenes alone
-
-    torch.set_num_threads(1)
-    layers = [part for a, b in itertools.pairwise((5, 64, 64, 64)) for part in (torch.nn.Linear(a, b), torch.nn.ReLU())]
-    network = torch.nn.Sequential(*layers, torch.nn.Linear(64, 2))
-
-    def run(difference: NDArray[np.float32]) -> object:
-        with torch.no_grad():
-            return network(torch.from_numpy(rows_of(difference))).numpy()
-
-    return run
-
-
-def rows_of(difference: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H * W, 5) of all pixels: colour, x, y."""
-    y, x = np.indices(difference.shape[:2], dtype=np.float32)
-    return np.concatenate([difference.reshape(-1, 3), x.reshape(-1, 1), y.reshape(-1, 1)], axis=1)
-
-
-def table(times: Sequence[FrameTimes]) -> str:
-    lines = []
-    for t in times:
-        size = f"{t.image_width_px} x {t.image_height_px}"
-        lines.append(
-            f"{t.scene}, {size} px, {t.touched:.1%} touched, {t.single:.1%} pixel by pixel, {t.computed_by}; "
-            "ms: CPU, wall"
-        )
-        lines += [f"  {name:35}{wall_ms:9.2f}" for name, wall_ms in t.stages.items()]
-        for name, ms in [("whole frame", t.whole), *t.others.items()]:
-            ratio = f"{t.ratios[name]:9.1f} x the whole frame" if name in t.ratios else ""
-            lines.append(f"  {name:26}{ms.cpu_ms:9.2f}{ms.wall_ms:9.2f}{ratio}")
-    return "\n".join(lines)
+def lines(bundle: Bundle, scene: str, image: NDArray[np.uint8], rounds: int) -> Iterator[str]:
+    """Yield the table of one scene."""
+    path, plain = Reconstructor(bundle), Reconstructor(bundle, native=False)
+    frame = CameraFrame(image=image, time_s=0.0, sequence=0)
+    result = path.reconstruct(frame)
+    runs: dict[str, Callable[[], object]] = {"whole frame": lambda: path.reconstruct(frame)}
+    runs["NumPy, every touched pixel"] = lambda: plain.reconstruct(frame)
+    if (measures := result.measures) is not None:
+        runs["confidence, beside"] = lambda: measures.confidence(image, result.gradient_map)
+        runs["force, beside"] = lambda: measures.force(result.depth_mm)
+    found = least_ms(runs, rounds)
+    stages = [path.reconstruct(frame).stage_seconds for _ in range(rounds)]
+    touched = float(path.touched(result.difference).mean())
+    single = path.network_rows.pixels / image[..., 0].size
+    yield (
+        f"{scene}, {image.shape[1]} x {image.shape[0]} px, {touched:.1%} touched, {single:.1%} pixel by pixel, "
+        f"{path.status()['computed_by']}; ms of processor, and of the whole frame"
+    )
+    for stage in stages[0]:
+        yield f"  {stage:26}{min(one[stage] for one in stages) * 1e3:9.2f}"
+    for name, ms in found.items():
+        yield f"  {name:26}{ms:9.2f}{ms / found['whole frame']:9.1f} x"
 
 
-def picture(path: str) -> NDArray[np.uint8]:
-    return read_image(Path(path))
-
-
-def main(words: Sequence[str] | None = None) -> None:
+def main() -> None:
+    """Print the scenes in the bundle's size and in half of it, unless it has a lens, and the press."""
     parser = argparse.ArgumentParser("python -m tests.benchmarks.frame_times")
     parser.add_argument("--calibration", default="synthetic", help="bundle whose network is timed")
     parser.add_argument("--rounds", type=int, default=15, help="frames and plain runs, in turn")
-    parser.add_argument("--press", type=picture, help="picture of a press, timed too")
-    parser.add_argument("--untouched", type=picture, help="the same gel untouched, of any size")
-    given = parser.parse_args(words)
+    parser.add_argument("--press", type=Path, help="picture of a press, timed too")
+    parser.add_argument("--untouched", type=Path, help="the same gel untouched, of any size")
+    given = parser.parse_args()
     bundle = load_bundle(given.calibration)
-    print(table(frame_times(bundle, rounds=given.rounds, press=given.press, untouched=given.untouched)))
+    tasks = [(sized, scenes(sized)) for sized in ([bundle] if has_lens(bundle) else [bundle, halved(bundle)])]
+    if given.press:
+        gel = over(bundle, read_image(given.untouched)) if given.untouched else bundle
+        tasks.append((gel, {"press": read_image(given.press)}))
+    for sized, pictures in tasks:
+        for scene, image in pictures.items():
+            print("\n".join(lines(sized, scene, image, given.rounds)), flush=True)
 
 
 if __name__ == "__main__":

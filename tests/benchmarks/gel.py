@@ -1,9 +1,7 @@
-"""The gel by finite elements: the layer against it on every object, and its convergence.
+"""The gel by finite elements: the layer against it on every object.
 
     python -m tests.benchmarks.gel objects
     python -m tests.benchmarks.gel record
-    python -m tests.benchmarks.gel convergence --depth-mm 0.5
-    python -m tests.benchmarks.gel convergence --objects SINWAVE --dense-radius-mm 2.5
 
 Each press is printed when it is done. Times are processor times of one thread.
 """
@@ -15,8 +13,7 @@ import resource
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, replace
-from itertools import pairwise
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TypeVar
 
@@ -182,29 +179,9 @@ def record(given: Given) -> None:
     print(f"{RECORD}: {', '.join(names)}")
 
 
-def convergence(given: Given) -> None:
-    """Print an object, the ball by default, at three resolutions, each half of the one before.
-
-    That is: changes of the mean height, their order, and the error that is left.
-    """
-    radius = min(4, given.model.dense_radius_mm - 0.5)
-    middle = np.hypot(AT[None, :], AT[:, None]) < radius
-    presses = []
-    for resolution in (0.6, 0.3, 0.15):
-        found = timed(given.names[0], given.depth_mm, replace(given.model, resolution_mm=resolution))
-        presses.append(found.press)
-        print(f"{resolution:5} mm: {found.vertices} vertices, {len(found.press.steps)} steps, {found.cpu_s:.0f} s, "
-              f"{found.press.force_n:.4f} N", flush=True)  # fmt: skip
-    changes = [np.abs(b.surface.depth_mm - a.surface.depth_mm)[middle].mean() * 1e3
-               for a, b in pairwise(presses)]  # fmt: skip
-    order = np.log2(changes[0] / changes[1])
-    print(f"mean height changes by {changes[0]:.2f} and {changes[1]:.2f} um within {radius:g} mm: order {order:.2f}, "
-          f"error left at 0.15 mm {changes[1] / (2**order - 1):.2f} um")  # fmt: skip
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["objects", "record", "convergence"])
+    parser.add_argument("what", choices=["objects", "record"])
     parser.add_argument("--depth-mm", type=float, default=0.9)
     parser.add_argument("--resolution-mm", type=float, default=0.3, help="of objects and record")
     parser.add_argument("--dense-radius-mm", type=float, default=17.5, help="smaller: fewer vertices, for the ball")
@@ -217,7 +194,7 @@ def main() -> None:
         names=args.objects,
         folder=args.keep,
     )
-    run: dict[str, Callable[[Given], None]] = {"objects": objects, "record": record, "convergence": convergence}
+    run: dict[str, Callable[[Given], None]] = {"objects": objects, "record": record}
     run[args.what](given)
 
 

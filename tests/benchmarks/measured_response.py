@@ -1,12 +1,11 @@
-"""Calibrate on the measured light of three real sensors: `python -m tests.benchmarks.measured_response`.
+"""Calibrate on the measured light of a real sensor.
 
-The tables (Taxim; one comes along, in half precision) say which colour a real sensor showed at each slope and place.
+A table (Taxim; in half precision) says which colour a real sensor showed at each slope and place.
 Simulated surfaces are rendered through them, so neither our light model nor our camera model has a part in it. Balls
 are pressed at random, found by themselves, refined and learnt from; the error is measured on other objects, pressed
 elsewhere.
 """
 
-import csv
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +28,6 @@ from tests.helpers.places import REAL_CROPS, real
 
 Array = NDArray[np.float64]
 RESPONSES = REAL_CROPS / "taxim_response", real("taxim_response")
-NAMES = ("polycalib", "digit_polycalib", "gelsight_r1.5_polycalib")
 BALL = Ball(radius_mm=4.0, pixel_size_mm=0.09)
 GEOMETRY = SensorGeometry(image_width_px=320, image_height_px=240, pixel_size_mm=BALL.pixel_size_mm)
 OBJECTS = (
@@ -147,23 +145,3 @@ def _errors(response: MeasuredResponse, reconstructor: Reconstructor, random: np
         depth = np.abs(felt.depth_mm - surface.depth_mm)[surface.contact].mean()
         figures.append((angle.mean(), angle[surface.contact].mean(), depth))
     return [float(value) for value in np.mean(figures, axis=0)]
-
-
-def main() -> None:
-    """Print a line for each sensor."""
-    writer, best = None, TrainingOptions(recipe="thorough")
-    for name in NAMES:
-        figures = {"response": name, **{key: round(value, 3) for key, value in measure(name, options=best).items()}}
-        writer = writer or csv.DictWriter(_Echo(), list(figures))
-        if name == NAMES[0]:
-            writer.writeheader()
-        writer.writerow(figures)
-
-
-class _Echo:
-    def write(self, text: str) -> None:
-        print(text, end="", flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,4 @@
-"""How far a map is right: `python -m tests.benchmarks.scan [NAME ...] [--kept-apart] [--wrong]`.
+"""How far a map is right: `python -m tests.benchmarks.scan [NAME ...] [--kept-apart]`.
 
 Ten presses of a flat part with a relief that is known, by the elastic layer, photographed with noise of 1 grey level
 and reconstructed by GelNet; nothing of their places is given away. A row a part:
@@ -11,15 +11,13 @@ and reconstructed by GelNet; nothing of their places is given away. A row a part
 - how much was reached of what was seen, and how much of that was truly touched, by the contact of the simulated gel;
 - how far joined pairs are off: median and worst, along the part and turned;
 - processor time of joining, solving and fusing.
-
-`--wrong`: the first joint is made wrong by 8 mm, and the same is judged.
 """
 
 import argparse
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -27,9 +25,8 @@ import numpy as np
 
 from gellight.tracking.rigid import inverse, twist_of
 from gellight_scan.contact_view import ContactView
-from gellight_scan.fusion import Fused, fuse
+from gellight_scan.fusion import Fused
 from gellight_scan.pairs import Joint
-from gellight_scan.pose_graph import LEFT_OUT, solve
 from gellight_scan.scan import Scan
 from sim_reference.surface import Surface
 from tests.helpers.reliefs import Plate, felt, places, press
@@ -99,14 +96,7 @@ def place_errors(part: Part, joints: Sequence[Joint]) -> np.ndarray:
     return np.array(rows)
 
 
-def planted(joints: Sequence[Joint]) -> list[Joint]:
-    """Return joints of which one of the first two presses is wrong by 8 mm."""
-    wrong = joints[0].pose.copy()
-    wrong[0, 3] += 8.0
-    return [replace(joints[0], pose=wrong), *joints[1:]]
-
-
-def judge(name: str, folder: Path, *, wrong: bool = False) -> str:
+def judge(name: str, folder: Path) -> str:
     """Return the row of a part."""
     part, presses = PARTS[name], pressed(name)
     begun = time.process_time()
@@ -114,21 +104,15 @@ def judge(name: str, folder: Path, *, wrong: bool = False) -> str:
     for _, view in presses:
         scan.add(view)
     spent = time.process_time() - begun
-    joints, solved, fused = scan.joints, scan.solved, scan.fused
+    solved, fused = scan.solved, scan.fused
     assert fused is not None
-    said = ""
-    if wrong:
-        joints = planted(joints)
-        solved = solve(joints, 0)
-        fused = fuse({number: scan.views[number] for number in solved.poses}, solved.poses)
-        said = f", left out {[n for n, weight in enumerate(solved.weights) if weight < LEFT_OUT]} (planted: 0)"
     off, plane = (errors_mm(part, fused, part.poses[0], curved=curved) for curved in (False, True))
     stated = fused.height_map.error_mm[fused.height_map.reached]
     right = [(surface.contact & view.reached).sum() / max(view.reached.sum(), 1) for surface, view in presses]
     apart = place_errors(part, scan.joints)
     return "  ".join(
         (
-            f"{name:8s} joined {len(solved.poses)} of {len(presses)} by {len(joints)} pairs{said}",
+            f"{name:8s} joined {len(solved.poses)} of {len(presses)} by {len(scan.joints)} pairs",
             f"rms {1e3 * off.std():.1f} um ({1e3 * plane.std():.1f} beside a plane)",
             f"stated {1e3 * np.sqrt((stated**2).mean()):.1f}, within twice {np.mean(np.abs(off) < 2 * stated):.2f}",
             f"seams {1e3 * fused.seam_mm:.1f} um",
@@ -145,11 +129,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(PARTS))
     parser.add_argument("--kept-apart", action="store_true", help="also the parts that nothing was tuned on")
-    parser.add_argument("--wrong", action="store_true", help="plant a wrong pair")
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         for name in asked.names or (PARTS if asked.kept_apart else TUNED_ON):
-            print(judge(name, Path(folder), wrong=asked.wrong), flush=True)
+            print(judge(name, Path(folder)), flush=True)
 
 
 if __name__ == "__main__":

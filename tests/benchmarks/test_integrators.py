@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from tests.benchmarks import integrators
 from tests.benchmarks.integrators import DepthScale, depth_scales
 from tests.helpers.analytic_surfaces import Surface, fitted_scale, gaussian, plane, sharp_cap, smooth_cap
 
@@ -54,15 +53,3 @@ def test_sharp_rims_scatter_and_the_table_says_so(scales: list[DepthScale]) -> N
     spreads = {row.size_px: row.scale_spread for row in scales if row.surface == "sharp cap"}
     assert spreads[5] > 0.03
     assert spreads[60] < 0.01
-
-
-def test_the_tables_are_printed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(integrators, "SHAPES", ((40, 50),))
-    monkeypatch.setattr(integrators, "SIZES_PX", (10,))
-    monkeypatch.setattr(integrators, "SIGMAS_PX", (5,))
-    integrators.main()
-    first, second = capsys.readouterr().out.split("\n\n")
-    assert [line.split()[3] for line in first.splitlines()[1:]].count("gaussian") == 2
-    ours, *others = (float(word) for word in second.splitlines()[-1].split()[4:])
-    assert ours == pytest.approx(1, abs=0.001)
-    assert max(abs(other - 1) for other in others) > 0.1, "the recipes that are compared err"

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from gellight.lab.training.training import TrainingOptions
-from tests.benchmarks import real_presses
 from tests.benchmarks.real_judging import GIVEN, PLAIN, Errors, folds_of, judged, learnt, means
 from tests.benchmarks.real_presses import FIRST, GATE, PICTURES, Row, measure, rows
 from tests.benchmarks.real_record import Record, Recorded, worse
@@ -60,39 +59,6 @@ def test_what_is_worse_is_what_lies_beyond_the_spread_of_the_seeds() -> None:
     assert line == "row, as given: normals_deg is 5.45, worse than 5.4, which the record and its spread allow"
     with pytest.raises(ValueError, match="2 seeds tell no spread"):
         worse("row", seeds[0], Recorded(seeds={0: seeds[0], 1: seeds[1]}, presses=7))
-
-
-def test_a_record_keeps_each_seed_as_it_comes(tmp_path: Path) -> None:
-    path = tmp_path / "record.json"
-    for seed in (0, 1):
-        Record(path).add("a row", seed, {GIVEN: Errors(5.0 + seed, 4.0, 0.05, 1.0)}, presses=7)
-    again = Record(path)
-    assert [again.has("a row", seed) for seed in (0, 1, 2)] == [True, True, False]
-    assert again.rows["a row"].figures(GIVEN, "normals_deg") == [5.0, 6.0]
-
-
-def test_a_run_measures_what_is_not_recorded_and_prints_what_was_not_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    measured: list[tuple[str, int]] = []
-
-    def noted(row: Row, seed: int) -> tuple[dict[str, Errors], int]:
-        measured.append((str(row), seed))
-        return {GIVEN: Errors(5.0, 4.0, 0.05, 1.0)}, 3
-
-    monkeypatch.setattr(real_presses, "measure", noted)
-    monkeypatch.setattr(real_presses, "Record", lambda: Record(tmp_path / "record.json"))
-    monkeypatch.setattr("sys.argv", ["real_presses", "--only", "first fold", "--seeds", "2"])
-    here = [str(row) for row in rows() if row.held_out == FIRST and real_presses.is_here_all(row)]
-    for _ in range(2):
-        real_presses.main()
-    assert measured == [(name, seed) for name in here for seed in (0, 1)]
-    capsys.readouterr()
-    monkeypatch.setattr("sys.argv", ["real_presses"])
-    real_presses.main()
-    printed = capsys.readouterr().out.splitlines()
-    assert len(printed) == 1 + len(rows())
-    assert sum("not run" in line for line in printed) == len(rows()) - len(here)
 
 
 def test_the_record_has_rows_of_the_table_alone() -> None:

@@ -1,17 +1,16 @@
 """Parts to make: the unrolled cone, the table of its LEDs, and the design that the rest of the stack reads."""
 
 from dataclasses import replace
-from math import cos, degrees, pi, radians
+from math import degrees, pi, radians
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gellight.base.errors import ConfigError, InputError
 from gellight.lab.simulator.geometry_file import design_file, read_geometry
 from gellight.opening import open_camera
 from gellight_design import parts
-from sim_reference.geometry import SensorGeometry, led_axes, led_positions
+from sim_reference.geometry import SensorGeometry
 from tests.helpers.settings import loaded
 
 GEOMETRY = SensorGeometry()
@@ -24,18 +23,6 @@ def test_the_strip_is_the_unrolled_cone() -> None:
     assert (*radii, flat.rise_mm) == pytest.approx((21.332, 24.582, 27.832, 3.151), abs=6e-4)
     # Rolled up, the middle line closes on the ring.
     assert flat.sector_rad * flat.middle_radius_mm == pytest.approx(2 * pi * GEOMETRY.ring_radius_mm)
-
-
-def test_rolled_up_with_its_leds_to_the_gel_the_strip_is_the_ring_of_the_table() -> None:
-    flat = parts.strip(GEOMETRY)
-    right_handed = np.array([1, -1, 1])  # y up, as z points to the camera
-    places, axes = led_positions(GEOMETRY) * right_handed, led_axes(GEOMETRY) * right_handed
-    for led in range(11):
-        here, there = (np.array(flat.led_centre(number)) for number in (led, led + 1))
-        outwards = np.append(places[led, :2] / 21.5 * cos(radians(29)), -np.sin(radians(29)))
-        on_paper = np.linalg.det([here, there - here])
-        in_the_sensor = np.cross(outwards, places[led + 1] - places[led]) @ axes[led]
-        assert on_paper * in_the_sensor > 0, "who sees the drawing looks into the LEDs"
 
 
 def test_the_led_table_is_the_ring() -> None:

@@ -159,12 +159,6 @@ def test_ctrl_c_says_where_to_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     assert f"what is done is kept in {sweep.kept_in()}" in result.stderr
 
 
-def test_help_says_what_is_taken_by_default() -> None:
-    text = invoke("optimize", "coarse", "--help", env={"COLUMNS": "160"}).stdout
-    assert "[default: (the default sensor)]" in text
-    assert "[default: 0.9]" in text
-
-
 def test_the_solids_are_closed(tmp_path: Path) -> None:
     height, spacing = benchmark_files.benchmark_height("TSTEP", 1.0, 24)
     records = np.frombuffer(solid_stl(np.maximum(height, -2.0), spacing, -7.0)[84:], STL_RECORD)

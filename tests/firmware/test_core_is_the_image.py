@@ -54,11 +54,3 @@ def but_for_the_mean(said: Said) -> dict[str, object]:
 
 def chip_of(account: Account) -> int:
     return next(fields["temperature"] for _, _, fields, _ in account.replies if "temperature" in fields)
-
-
-def test_an_account_tells_when_and_what() -> None:
-    story = short()
-    account = told_to_the_core(story, 250)
-    one: Said = account.replies[0]
-    assert one[2]["status"] == bytes(5)
-    assert {name for _, _, _, times in account.events for name in times} >= {"first_bit_us", "latched_us", "time_us"}

@@ -11,7 +11,6 @@ from tests.firmware.helpers.virtual_board import VirtualBoard
 RED = bytes([200, 0, 0] + [0] * 33)
 GREEN = bytes([0, 200, 0] + [0] * 33)
 BLUE = bytes([0, 0, 200] + [0] * 33)
-BRIGHT = bytes([100] * 36)
 BLACK = bytes(36)
 
 

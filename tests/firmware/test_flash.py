@@ -2,7 +2,6 @@
 
 import contextlib
 import shutil
-import struct
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +14,6 @@ from firmware.tools import build
 from gellight.base.errors import BoardError, InputError
 from gellight.ring.firmware import flash
 from gellight.ring.firmware.image import (
-    FLASH_BASE,
     HEADER,
     boot2_crc,
     from_uf2,
@@ -184,21 +182,6 @@ def test_a_cut_while_flashing_leaves_a_board_that_waits_for_its_image(image: byt
         boots = boot2_crc(bytes(rom.flash[:252])) == int.from_bytes(rom.flash[252:256], "little")
         assert boots == whole, left
     assert whole
-
-
-def test_the_simulated_boot_loader_is_strict() -> None:
-    board = flash.Picoboot(backend=BootRom())
-    where = struct.pack("<II", FLASH_BASE, flash.SECTOR)
-    with pytest.raises(BoardError, match="status 8"):  # no exclusive access yet
-        board._command(flash.ERASE, where)
-    board._command(flash.EXCLUSIVE, b"\1")
-    board._command(flash.EXIT_XIP, b"")
-    with pytest.raises(BoardError, match="status 4"):  # not a whole sector
-        board._command(flash.ERASE, struct.pack("<II", FLASH_BASE, 100))
-    with pytest.raises(BoardError, match="status 3"):  # beyond the flash
-        board._command(flash.ERASE, struct.pack("<II", 0x20000000, flash.SECTOR))
-    with pytest.raises(BoardError, match="status 1"):
-        board._command(0x77, b"")
 
 
 def test_no_board_is_a_remedy(image: bytes, tmp_path: Path) -> None:

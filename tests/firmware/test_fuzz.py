@@ -14,7 +14,7 @@ from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import Packet, decode, encode
 from tests.firmware.emulator.analog import THERMISTOR_PIN, Divider
 from tests.firmware.helpers.fuzzing import CORPUS, Fuzzer, compile_fuzzer, fuzz
-from tests.firmware.helpers.mutations import CORE, LOGIC, Mutation, planted
+from tests.firmware.helpers.mutations import LOGIC, Mutation, planted
 from tests.firmware.helpers.virtual_board import compile_library, run_core_tests
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
@@ -121,17 +121,6 @@ def core_under_asan(folder: Path, checkout: Path) -> subprocess.CompletedProcess
 def test_the_tests_of_the_core_pass_under_asan(tmp_path: Path) -> None:
     done = core_under_asan(tmp_path, CHECKOUT)
     assert done.returncode == 0, f"ended with {done.returncode}:\n{done.stdout[-3000:]}\n{done.stderr}"
-
-
-@pytest.mark.nightly
-@NEEDS_ASAN
-def test_the_report_of_the_sanitizer_is_shown(copied_firmware: Path, tmp_path: Path) -> None:
-    fault = Mutation("written past the colours", f"{CORE}/ring.c", "i < COLOUR_BYTES; i += 3", "i < 4000000u; i += 3")
-    with planted(fault, copied_firmware) as checkout:
-        done = core_under_asan(tmp_path, checkout)
-    assert done.returncode != 0
-    assert "ERROR: AddressSanitizer: " in done.stderr, done.stderr
-    assert "ring_wire_order" in done.stderr, done.stderr
 
 
 def tell(board: BenchBoard, story: bytes) -> None:

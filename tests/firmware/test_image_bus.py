@@ -12,7 +12,6 @@ from gellight.ring import protocol as p
 from gellight.ring.enumerations import Check, SyncMode
 from gellight.ring.firmware.image import FLASH_BASE, HEADER, header_at, image_crc
 from gellight.ring.light_ring import LightRing, Step
-from gellight.ring.wire import Packet, encode
 from tests.firmware.helpers.usb_backend import EmulatedBackend
 from tests.helpers.bench_board import GREEN, RED, BenchBoard, VirtualTransport
 from tests.helpers.usb_transport import UsbTransport
@@ -40,30 +39,6 @@ def test_unplug_and_replug_in_mid_sequence(board: BenchBoard) -> None:
         np.testing.assert_array_equal(board.lit, GREEN)
 
 
-def test_a_flood_of_rubbish_is_counted_and_survived(board: BenchBoard, ring: LightRing) -> None:
-    rng = np.random.default_rng(1)
-    for _ in range(30):
-        board.host.send(rng.integers(0, 256, 900, dtype=np.uint8).tobytes())
-    assert board.run_until(lambda: not board.host.unsent, 3_000_000)
-    ring.transport.write(b"\0")
-    counted = ring.counters()
-    assert counted.bad_framing + counted.bad_crc + counted.oversize > 50
-    assert board.resets == 0
-
-
-def test_damaged_and_doubled_packets_do_no_harm(board: BenchBoard, ring: LightRing) -> None:
-    packet = encode(Packet(p.COMMANDS["SET_LEDS"].code, 77, RED.tobytes()))
-    damaged = bytes([packet[0]]) + bytes([packet[1] ^ 4]) + packet[2:]
-    before = ring.counters()
-    for data in (damaged, packet[:-20] + b"\0", packet, packet, packet):
-        board.host.send(data)
-    board.run(10_000)
-    after = ring.counters()
-    assert after.repeated - before.repeated == 2
-    assert after.lights - before.lights == 1
-    assert after.bad_crc + after.bad_framing - before.bad_crc - before.bad_framing == 2
-
-
 def test_a_lost_reply_is_asked_for_again_without_a_second_light(board: BenchBoard) -> None:
     class Lossy(VirtualTransport):
         losses = 0
@@ -85,13 +60,6 @@ def test_a_lost_reply_is_asked_for_again_without_a_second_light(board: BenchBoar
         np.testing.assert_array_equal(board.lit, RED)
         after = ring.counters()
         assert (after.lights - before.lights, after.repeated - before.repeated) == (1, 1)
-
-
-def test_the_descriptors_are_those_of_a_serial_port(board: BenchBoard, ring: LightRing) -> None:
-    host = board.host
-    assert board.usb_text("product") == "GelLight light ring"
-    assert board.usb_text("serial") == board.unique_id.hex().upper() == ring.hello.unique_id.hex().upper()
-    assert len(host.descriptors["configuration"]) == int.from_bytes(host.descriptors["head"][2:4], "little")
 
 
 def test_pyusb_reaches_the_board(board: BenchBoard) -> None:
@@ -142,13 +110,6 @@ def test_a_board_that_is_refused_goes_back_to_the_kernel(board: BenchBoard, monk
 # ---- itself ----
 
 
-def test_the_temperature_is_that_of_the_chip(board: BenchBoard, ring: LightRing) -> None:
-    """12 bits of 3.3 V are 0.47 degrees each (data sheet 4.9.5)."""
-    for celsius in (-10.0, 27.0, 65.0):
-        board.set_temperature(celsius)
-        assert abs(ring.status().temperature / 10 - celsius) < 0.35
-
-
 def test_the_self_test_passes_and_the_stack_is_bounded(board: BenchBoard, ring: LightRing, image: bytes) -> None:
     board.run(2_000)
     result = ring.self_test()
@@ -165,40 +126,6 @@ def test_a_damaged_image_fails_its_self_test(image: bytes) -> None:
     with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
         board.run(2_000)
         assert ring.self_test().failed == Check.IMAGE
-
-
-def test_a_boot2_with_a_wrong_checksum_stays_in_the_boot_loader(image: bytes) -> None:
-    damaged = bytearray(image)
-    damaged[10] ^= 1
-    board = BenchBoard(bytes(damaged))
-    board.run(100_000)
-    assert board.in_bootloader
-    assert not board.host.configured
-
-
-def test_the_boot_loader_is_entered_by_command_and_by_1200_baud(image: bytes) -> None:
-    board = BenchBoard(image)
-    ring = LightRing(VirtualTransport(board), keep_alive_s=None)
-    ring.enter_bootloader()
-    assert board.run_until(lambda: board.in_bootloader, 100_000)
-    board = BenchBoard(image)
-    board.run_until(lambda: board.host.configured, 200_000)
-    board.host.open(1200)
-    board.run(5_000)
-    board.host.close()
-    assert board.run_until(lambda: board.in_bootloader, 100_000)
-    assert board.faults == []
-
-
-def test_the_configuration_survives_without_power(board: BenchBoard, ring: LightRing) -> None:
-    board.run(2_000)
-    named = dataclasses.replace(ring.configuration(), name=b"left thumb".ljust(16, b"\0"), host_timeout_ms=2000)
-    ring.configure(named, save=True)
-    board.power_off()
-    board.power_on()
-    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
-        assert again.configuration() == named
-        assert again.status().config_saves == 1
 
 
 def test_a_power_cut_while_saving_keeps_the_configuration_before(board: BenchBoard, ring: LightRing) -> None:

@@ -8,13 +8,12 @@ import pytest
 
 from gellight.base.errors import BoardError
 from gellight.lab.doctor.sensor_checks import check_board
-from gellight.ring.heat import chip_temperature_c, ring_temperature_c
+from gellight.ring.heat import ring_temperature_c
 from gellight.ring.light_ring import LightRing
 from gellight.ring.protocol import DIMMING_US, HOTTEST_C, RING_HOTTEST_C, DimmedEvent
-from tests.firmware.emulator.analog import THERMISTOR_PIN, Divider
-from tests.firmware.emulator.chip import ROOM_C
+from tests.firmware.emulator.analog import THERMISTOR_PIN
 from tests.firmware.helpers.wiring import opened, wired
-from tests.helpers.bench_board import BenchBoard, VirtualTransport
+from tests.helpers.bench_board import BenchBoard
 
 RED = np.tile(np.array((100, 0, 0), np.uint8), (12, 1))
 
@@ -68,42 +67,10 @@ def test_a_board_that_has_cooled_shows_the_light_again(
     assert [event.dimmed for event in ring.events if isinstance(event, DimmedEvent)] == [1, 0]
 
 
-def test_a_board_that_is_hot_from_the_start_dims_its_first_light(image: bytes) -> None:
-    board = BenchBoard(image)
-    board.set_temperature(HOTTEST_C + 8)
-    with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
-        assert chip_temperature_c(ring.status()) == pytest.approx(HOTTEST_C + 8, abs=0.4)
-        with pytest.raises(BoardError, match="1/2"):
-            ring.light(RED)
-    assert board.faults == []
-
-
 def ring_c(board: BenchBoard, ring: LightRing) -> float | None:
     """What the board says once its mean has settled."""
     attend(ring, board, 10e6)
     return ring_temperature_c(ring.status())
-
-
-def test_the_temperature_of_the_ring_is_that_of_its_ntc(board: BenchBoard, ring: LightRing) -> None:
-    assert ring_c(board, ring) is None  # nothing hangs at the pin, and it reads anything
-    assert "temperature is unknown" in check_board(ring).text
-    for celsius in (25.0, 45.0, 5.0):
-        board.set_ring_temperature(celsius)
-        assert ring_c(board, ring) == pytest.approx(celsius, abs=0.3)
-    assert "the ring has 5 °C" in check_board(ring).text
-    heat = ring.heat.known()
-    assert heat is not None
-    assert (heat["ring_c"], heat["chip_c"]) == (pytest.approx(5, abs=0.3), pytest.approx(ROOM_C, abs=0.5))
-
-
-@pytest.mark.parametrize("ohm", [1e9, 1.0])
-def test_an_ntc_that_is_lost_is_unknown(board: BenchBoard, ring: LightRing, ohm: float) -> None:
-    board.set_ring_temperature(25)
-    assert ring_c(board, ring) is not None
-    board.dividers[THERMISTOR_PIN] = Divider(to_ground=ohm)
-    assert ring_c(board, ring) is None
-    board.set_ring_temperature(25)
-    assert ring_c(board, ring) == pytest.approx(25, abs=0.3)
 
 
 def test_a_hot_ring_beside_a_cool_chip_is_dimmed(

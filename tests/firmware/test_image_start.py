@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-import numpy as np
 import pytest
 
 from gellight.ring.enumerations import ResetReason
@@ -50,22 +49,3 @@ def test_after_the_watchdog_nothing_waits_for_the_crystal(board: BenchBoard, rin
     assert board.lit.any()
     board.run(4_000)
     assert not board.lit.any()
-
-
-def test_a_start_after_flashing_does_not_pass_for_a_bite_of_the_watchdog(board: BenchBoard, ring: LightRing) -> None:
-    assert ring.hello.reset_reason == ResetReason.POWER
-    ring.enter_bootloader()
-    assert board.run_until(lambda: board.in_bootloader, 100_000)
-    board.leave_bootloader()
-    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
-        assert again.hello.reset_reason == ResetReason.COMMAND
-
-
-def test_a_fault_tears_no_transfer(board: BenchBoard, ring: LightRing) -> None:
-    ring.set_leds(RED)
-    assert board.run_until(lambda: board.waveform.frame_starts_us[-1] > board.now_us - 100, 2_000)
-    break_down(board)
-    assert board.run_until(lambda: board.resets, 500_000)
-    lights = [board.timeline[k].colours for k in (-2, -1)]
-    np.testing.assert_array_equal(lights[0], RED)
-    assert not lights[1].any()

@@ -1,10 +1,8 @@
-"""The life of the committed image on the bus: suspended and resumed, halted, reset and cut short by its host."""
+"""The life of the committed image on the bus: halted, reset and cut short by its host."""
 
-import numpy as np
 import pytest
 
 from gellight.ring import protocol as p
-from gellight.ring.enumerations import Dark
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import Packet, encode
 from tests.firmware.emulator.usb_host import ADDRESS
@@ -12,19 +10,6 @@ from tests.helpers import usb_requests as usb
 from tests.helpers.bench_board import RED, BenchBoard, VirtualTransport
 
 CLOCK = p.COMMANDS["CLOCK"].code
-
-
-def test_after_a_resume_the_open_port_answers_again(board: BenchBoard, ring: LightRing) -> None:
-    ring.set_leds(RED)
-    board.run(3_000)
-    board.suspend()
-    board.run(20_000)
-    assert not board.lit.any()
-    board.resume()
-    assert ring.status().dark == Dark.SUSPENDED
-    ring.set_leds(RED)
-    board.run(3_000)
-    np.testing.assert_array_equal(board.lit, RED)
 
 
 def test_a_resume_opens_no_port_that_was_closed(board: BenchBoard, ring: LightRing) -> None:
@@ -48,27 +33,6 @@ def test_a_cleared_halt_begins_anew_with_data0(
     assert usb.ask(board, request_) == b""
     for _ in range(3):
         ring.clock()
-
-
-@pytest.mark.parametrize("packets", [0, 1])
-def test_a_halt_cleared_while_a_packet_waits_loses_nothing(board: BenchBoard, ring: LightRing, packets: int) -> None:
-    for _ in range(packets):
-        ring.clock()
-    board.host.latency_us = 3_000.0
-    before = ring.retries
-    ring.timeout_s = 0.2
-    board.host.control(*usb.CLEAR_HALT_IN, lambda _: None)
-    ring.clock()
-    board.host.latency_us = 0.0
-    ring.clock()
-    assert ring.retries == before
-
-
-def test_requests_about_the_interfaces_are_answered(board: BenchBoard, ring: LightRing) -> None:
-    assert usb.ask(board, usb.GET_INTERFACE) == b"\0"
-    assert usb.ask(board, usb.SET_OTHER_SETTING) is None
-    assert usb.ask(board, usb.SEND_BREAK) == b""
-    assert ring.status().state == 0
 
 
 def test_what_does_not_fit_its_request_is_refused(board: BenchBoard, ring: LightRing) -> None:
@@ -97,32 +61,6 @@ def test_a_transfer_cut_short_does_not_answer_the_next(
     assert usb.ask_after_abandoning(board, abandoned, usb.GET_DEVICE) == device
     assert board.chip.read_uint32(usb.ADDRESS_REGISTER) == ADDRESS
     assert ring.status().state == 0
-
-
-def test_a_controller_that_hangs_is_reset_in_the_dark(board: BenchBoard, ring: LightRing) -> None:
-    """Erratum RP2040-E15: nothing is answered until the firmware resets the controller; the host enumerates it anew."""
-    ring.set_leds(RED)
-    board.run(30_000)
-    board.host.hangs = True
-    assert board.run_until(lambda: not board.host.configured, 11_500_000)
-    assert board.run_until(lambda: board.host.configured, 200_000)
-    board.run(3_000)
-    assert not board.lit.any()
-    assert board.resets == 0
-    with LightRing(VirtualTransport(board), keep_alive_s=None) as again:
-        again.set_leds(RED)
-        board.run(3_000)
-        assert board.lit.any()
-
-
-def test_no_packet_keeps_the_host_waiting_for_the_next(board: BenchBoard, ring: LightRing) -> None:
-    """Linux ends a read by a packet shorter than 64 bytes; 40 answers of all lengths come without another."""
-    for count in range(40):
-        board.host.send(b"\x01" * count + b"\0")
-        ring.clock()
-        ring.counters()
-        board.run(170)
-    assert ring.retries == 0
 
 
 @pytest.mark.parametrize("after_us", [20, 400, 700, 1_100])
@@ -173,31 +111,6 @@ def test_a_halted_endpoint_stalls_until_the_halt_is_cleared(board: BenchBoard, r
     assert ring.retries == 0
 
 
-def test_a_packet_that_waits_for_the_host_outlives_a_halt(board: BenchBoard, ring: LightRing) -> None:
-    board.host.latency_us = 30_000.0
-    board.host.send(encode(Packet(CLOCK, 99, bytes(8))))
-    board.run(3_000)
-    board.host.latency_us = 0.0
-    before = board.host.received.count(0)
-    assert usb.ask(board, usb.halt(usb.BULK_IN)) == b""
-    board.run(60_000)  # frames are noted meanwhile
-    assert board.host.received.count(0) == before
-    assert usb.ask(board, usb.clear_halt(usb.BULK_IN)) == b""
-    board.run(3_000)
-    assert board.host.received.count(0) == before + 1
-    ring.clock()
-
-
-@pytest.mark.parametrize("anew", [usb.SET_CONFIGURATION, usb.SET_INTERFACE])
-def test_a_halt_ends_where_the_endpoints_begin_anew(board: BenchBoard, ring: LightRing, anew: usb.Request) -> None:
-    for endpoint in (usb.BULK_IN, usb.BULK_OUT):
-        usb.ask(board, usb.halt(endpoint))
-    assert usb.ask(board, anew) == b""
-    assert not halted(board, usb.BULK_IN)
-    assert not halted(board, usb.BULK_OUT)
-    assert not board.host.stalled
-
-
 @pytest.mark.parametrize(
     "request_", [usb.halt(0x00), usb.halt(0x83), usb.clear_halt(0x01), usb.status_of(0x0F), (0x00, 3, 1, 0, 0)]
 )
@@ -205,34 +118,3 @@ def test_what_cannot_be_halted_is_refused(board: BenchBoard, ring: LightRing, re
     """Endpoint 0, those that are not there, and the features of the device."""
     assert usb.ask(board, request_) is None
     assert ring.status().state == 0
-
-
-# ---- a host that is slow, or says rubbish ----
-
-
-def test_a_command_behind_noise_waits_a_millisecond_at_most(board: BenchBoard, ring: LightRing) -> None:
-    board.run(5_000)
-    plain = [answered_after_us(board, b"") for _ in range(8)]
-    noisy = [answered_after_us(board, b"\x55" * 768) for _ in range(8)]
-    assert max(noisy) <= max(plain) + 1_000
-
-
-def answered_after_us(board: BenchBoard, noise: bytes) -> float:
-    board.run(1_300)
-    board.host.received.clear()
-    begun_us = board.now_us
-    board.host.send(noise + b"\0" + encode(Packet(CLOCK, 99, bytes(8))))
-    assert board.run_until(lambda: board.host.received.count(0), 50_000)
-    return board.now_us - begun_us
-
-
-def test_a_host_that_does_not_read_for_nine_seconds_keeps_its_port(board: BenchBoard, ring: LightRing) -> None:
-    ring.set_leds(RED)
-    board.run(30_000)
-    board.host.latency_us = 9e6
-    board.run(8_900_000)
-    assert not board.lit.any()
-    assert board.host.opened
-    board.host.latency_us = 0.0
-    board.run(200_000)
-    assert ring.status().dark == Dark.HOST_SILENT

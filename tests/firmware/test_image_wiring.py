@@ -1,14 +1,13 @@
 """Pins, number and order of the LEDs, trigger output and status LED of the committed image, as its flash says."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from gellight.ring import protocol as p
 from gellight.ring.board_link import RefusedError
-from gellight.ring.enumerations import ColourOrder, OutputAt, ResetReason, SyncMode
+from gellight.ring.enumerations import ColourOrder, OutputAt, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
 from tests.firmware.emulator import registers
@@ -58,13 +57,6 @@ def test_colours_for_another_number_of_leds_are_refused(image: bytes) -> None:
             ring._request("SET_LEDS", p.LightReply, p.SetLeds(RED.tobytes()))
 
 
-def test_the_current_counts_every_led(image: bytes) -> None:
-    board = wired(image, Strip(24), led_count=24)
-    with opened(board) as ring:
-        red = np.tile(np.array((100, 0, 0), np.uint8), (24, 1))
-        assert ring.set_leds(red).current_ma == np.ceil(24 * (1 + 20 * 100 / 255))
-
-
 def test_pins_and_leds_change_with_the_next_start_alone(board: BenchBoard, ring: LightRing) -> None:
     ring.configure(replace(ring.configuration(), led_count=24, data_pin=7))
     ring.set_leds(RED)
@@ -85,21 +77,6 @@ def test_a_wiring_that_cannot_be_is_refused(board: BenchBoard, ring: LightRing, 
     assert ring.configuration() == before
 
 
-def test_the_trigger_may_come_at_another_pin(image: bytes) -> None:
-    board = wired(image, trigger_pin=17)
-    with opened(board) as ring:
-        ring.set_sync(SyncMode.EXT)
-        ring.load_sequence([RED], [Step(group=0, dwell_us=5_000)])
-        ring.start()
-        board.run(5_000)
-        board.set_trigger(True)
-        board.run(3_000)
-        assert not board.lit.any()
-        board.chip.gpio[17].set_input_value(True)
-        board.run(3_000)
-        assert board.lit.any()
-
-
 @pytest.mark.parametrize("at", list(OutputAt))
 def test_the_output_pulses_once_in_each_light(image: bytes, at: OutputAt) -> None:
     board = wired(image, output_pin=OUTPUT, output_at=at)
@@ -116,63 +93,6 @@ def test_the_output_pulses_once_in_each_light(image: bytes, at: OutputAt) -> Non
         np.testing.assert_allclose(rises, expected, atol=8)
         np.testing.assert_allclose(np.array(falls) - rises, PULSE_US, atol=5)
     assert board.faults == []
-
-
-def test_no_pulse_comes_once_the_light_was_taken_away(image: bytes) -> None:
-    board = wired(image, output_pin=OUTPUT, output_at=OutputAt.MIDDLE)
-    with opened(board) as ring:
-        ring.load_sequence([RED], [Step(group=0, dwell_us=DWELL_US)])
-        ring.set_sync(SyncMode.FREE)
-        changes = levels(board, OUTPUT)
-        ring.start()
-        board.run(DWELL_US / 4)
-        ring.blank()
-        board.run(3 * DWELL_US)
-        assert changes == []
-
-
-def test_a_step_that_heat_dims_pulses_once(image: bytes) -> None:
-    board = wired(image, output_pin=OUTPUT)
-    with opened(board) as ring:
-        ring.set_sync(SyncMode.EXT)
-        ring.load_sequence([RED], [Step(group=0, dwell_us=0)])
-        ring.start()
-        changes = levels(board, OUTPUT)
-        board.run(3_000)
-        board.set_trigger(True)
-        board.set_temperature(p.HOTTEST_C + 8)
-        for _ in range(80):
-            board.run(100_000)
-            ring.clock()
-        assert ring.status().dimmed == 1
-        assert [level for _, level in changes] == [True, False]
-
-
-def half_periods_ms(board: BenchBoard, pin: int, duration_us: float) -> list[int]:
-    changes = levels(board, pin)
-    board.run(duration_us)
-    return [round((b - a) / 1e4) * 10 for (a, _), (b, _) in pairwise(changes)]
-
-
-@pytest.mark.parametrize(("pin", "low"), [(25, False), (16, True)])
-def test_the_status_led_tells_host_and_fault_apart(image: bytes, pin: int, low: bool) -> None:
-    board = wired(image, status_pin=pin + (p.ACTIVE_LOW if low else 0))
-    assert board.run_until(lambda: board.host.configured, 200_000)
-    assert set(half_periods_ms(board, pin, 2_600_000)) == {500}
-    with opened(board):
-        board.run(600_000)
-        assert half_periods_ms(board, pin, 1_200_000) == []
-        assert (board.chip.sio.gpio_value >> pin & 1) == (not low)
-    core = board.chip.core
-    board.chip.write_uint32(0x2003FF00, 0xE7FEE7FE)
-    core.pc, core.pm, core.waiting = 0x2003FF00, True, False
-    assert board.run_until(lambda: board.resets, 150_000)
-    assert board.run_until(lambda: board.host.configured, 200_000)
-    assert set(half_periods_ms(board, pin, 1_000_000)) == {100}
-    with opened(board) as ring:
-        assert ring.hello.reset_reason == ResetReason.WATCHDOG
-        board.run(600_000)
-        assert half_periods_ms(board, pin, 1_200_000) == []
 
 
 SWITCH = 6
@@ -198,35 +118,6 @@ def test_the_load_switch_is_closed_while_the_leds_are_lit_alone(image: bytes, lo
         assert ring.counters().late_steps == 0
         assert [level for _, level in changes] == 3 * [not low, bool(low)]
     assert board.faults == []
-
-
-def test_a_fault_and_a_hang_leave_the_load_switch_open(image: bytes) -> None:
-    board = wired(image, Strip(switch=SWITCH), switch_pin=SWITCH)
-    for vector in (None, 12):
-        with opened(board) as ring:
-            ring.wait_for_light(ring.set_leds(RED).light_id)
-            board.run(1_000)
-            assert board.lit.any()
-            core, resets, begun_us = board.chip.core, board.resets, board.now_us
-            board.chip.write_uint32(0x2003FF00, 0xE7FEE7FE)
-            target = (
-                0x2003FF00 if vector is None else board.chip.read_uint32(board.chip.read_uint32(VTOR) + vector) & ~1
-            )
-            core.pc, core.pm, core.waiting = target, vector is None, False
-            assert board.run_until(lambda: not board.lit.any(), 130_000)
-            if vector is not None:
-                assert board.now_us - begun_us < 100  # before the LEDs are told, and before the chip starts anew
-            assert board.run_until(lambda n=resets: board.resets > n, 150_000)
-            assert board.run_until(lambda: board.host.configured, 200_000)
-
-
-def test_an_image_that_lights_leds_without_power_is_told(image: bytes) -> None:
-    board = wired(image, Strip(switch=SWITCH))  # it knows nothing of the switch
-    with opened(board) as ring:
-        ring.set_leds(RED)
-        board.run(2_000)
-        assert not board.lit.any()
-    assert any("supply of the LEDs" in fault for fault in board.faults)
 
 
 def test_a_light_that_latches_while_a_pulse_begins_takes_it_away(image: bytes) -> None:

@@ -7,7 +7,6 @@ guided.py     the process that atheris runs in
 
 It needs atheris: pip install -e ".[fuzz]". Each parser gets a process of its own, with 2 GB and 10 s an input. What
 reaches a new line goes to tests/corpus, and so does what a parser neither takes nor refuses; then it ends with 1.
-`--reach` tells the lines that the corpus reaches, without atheris.
 """
 
 import argparse
@@ -23,7 +22,7 @@ from pathlib import Path
 
 from tests.fuzz.parser import Parser
 from tests.fuzz.parsers import parsers
-from tests.fuzz.reach import Reached, adds, reach, share, smallest
+from tests.fuzz.reach import smallest
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 LONGEST_BYTES, MOST_S, MOST_MB = 16384, 10, 2048
@@ -67,21 +66,12 @@ def fuzz(parser: Parser, runs: int, seed: int, most_s: int) -> bool:
     edges = re.findall(r"cov: (\d+)", said)
     cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     print(f"{parser.name:12} {int(executed[1]) if executed else 0:9} executions, {edges[-1] if edges else 0:>5} edges, "
-          f"{cpu_s:6.1f} s; {lines_of(parser)}", flush=True)  # fmt: skip
+          f"{cpu_s:6.1f} s", flush=True)  # fmt: skip
     for line in re.findall(r"^FELL (.*)|^(==\d+== ?ERROR.*)", said, re.MULTILINE):
         print("   ", *line, flush=True)
     if done.returncode and not any(found_line in said for found_line in ("FELL", "ERROR")):
         print(said[-2000:])
     return stood
-
-
-def lines_of(parser: Parser) -> str:
-    """Return what the corpus reaches of a parser."""
-    reached: Reached = {}
-    for content in [*parser.sound, *(path.read_bytes() for path in kept(parser.name))]:
-        adds(reached, reach(parser, content))
-    some, all_of_them = share(reached)
-    return f"{some} of {all_of_them} lines in {len(reached)} functions ({100 * some / max(all_of_them, 1):.0f} %)"
 
 
 def main() -> int:
@@ -91,7 +81,6 @@ def main() -> int:
     options.add_argument("--runs", type=int, default=100_000, help="executions for each parser")
     options.add_argument("--seconds", type=int, default=0, help="and at most so long; 0: as long as it takes")
     options.add_argument("--seed", type=int, default=1)
-    options.add_argument("--reach", action="store_true", help="only tell what the corpus reaches")
     chosen, stood = options.parse_args(), True
     logging.disable()  # rubbish is what is made here
     with parsers() as known:
@@ -100,9 +89,7 @@ def main() -> int:
         for parser in known:
             if chosen.names and parser.name not in chosen.names:
                 continue
-            if chosen.reach:
-                print(f"{parser.name:12} {len(kept(parser.name)):3} inputs: {lines_of(parser)}")
-            elif (child := os.fork()) == 0:  # a process inherits the peak of memory of the one that starts it
+            if (child := os.fork()) == 0:  # a process inherits the peak of memory of the one that starts it
                 os._exit(not fuzz(parser, chosen.runs, chosen.seed, chosen.seconds))
             else:
                 stood &= os.waitpid(child, 0)[1] == 0

@@ -54,9 +54,3 @@ def smallest(parser: Parser, contents: Iterable[bytes]) -> list[bytes]:
     return [
         content for content in sorted(set(contents), key=lambda c: (len(c), c)) if adds(reached, reach(parser, content))
     ]
-
-
-def share(reached: Reached) -> tuple[int, int]:
-    """Return how many lines were reached, and how many the functions that were entered have."""
-    lines = {code: {line for _, _, line in code.co_lines() if line} - {code.co_firstlineno} for code in reached}
-    return sum(len(reached[code] & lines[code]) for code in reached), sum(map(len, lines.values()))

@@ -1,7 +1,4 @@
-"""A sensor made of formulas: a smooth bump whose every figure is known exactly, for the tests of the dashboard.
-
-`python -m tests.helpers.dashboard_source` serves it, to work on the page.
-"""
+"""A sensor made of formulas: a smooth bump whose every figure is known exactly, for the tests of the dashboard."""
 
 import threading
 import time
@@ -205,16 +202,3 @@ def moving_bump(count: int) -> list[TactileFrame]:
     """Return a bump that circles the view and breathes."""
     turns = np.linspace(0, 2 * np.pi, count, endpoint=False)
     return [bump(0.75 + 0.5 * np.sin(t), 8 * np.cos(t), 5 * np.sin(t)) for t in turns]
-
-
-def main() -> None:
-    from gellight.dashboard.server import DashboardServer
-
-    source = FormulaSource(stage=RecordingStage())
-    with DashboardServer(source, port=8421) as server:
-        print(server.url)
-        source.play(moving_bump(60), 30, threading.Event())
-
-
-if __name__ == "__main__":
-    main()

@@ -77,7 +77,7 @@ def test_vertices_that_touch_do_not_stop_the_others() -> None:
 @pytest.mark.nightly
 def test_single_tetrahedra_do_not_collapse_under_steep_waves() -> None:
     # With all of lambda on patches 43 steps and det F .085: then the surface is also 49 um off that of half the
-    # spacing, and not 13 (`tests.benchmarks.gel convergence`).
+    # spacing, and not 13 (docs/figures.md).
     waves = object_height("SINWAVE", AT[None, :], AT[:, None])
     press = replace(FINE, dense_radius_mm=2.5).press(waves, SPACING, 0.9, GEOMETRY)
     assert press.min_det_f > 0.15

@@ -6,7 +6,7 @@ hardware.py    the sensor: cameras in a simulated kernel, a bus made of files, a
 maltreating.py what is done to it; wires.py: its serial line
 labelling.py   the same faults on virtual time, where labels can be judged
 shift.py       a daemon with recording and subscriber; reader.py and holder.py are programs to be killed
-working.py     who calibrates and scans meanwhile; pressed_gel.py: what the sensor looks at
+working.py     who calibrates meanwhile; pressed_gel.py: what the sensor looks at
 judging.py     what has to hold; resources.py: memory and handles
 """
 
@@ -14,7 +14,6 @@ import argparse
 import json
 import logging
 import math
-import subprocess
 import sys
 from dataclasses import asdict
 from functools import partial
@@ -34,12 +33,9 @@ def main() -> int:
     parser.add_argument("--hours", type=float, default=8.0, help="simulated hours, about a fault a minute")
     parser.add_argument("--faults", type=int, default=1, metavar="SEED", help="seed that the faults are drawn from")
     parser.add_argument("--minutes", type=float, default=math.inf, help="end after so many, but for labels")
-    parser.add_argument("--sensors", type=int, default=1, help="as many at once, a process each, seeds counted on")
     parser.add_argument("--labels", action="store_true", help="judge labels of light alone, on virtual time")
     parser.add_argument("--json", action="store_true", help="print all that was found")
     options = parser.parse_args()
-    if options.sensors > 1:
-        return several(options)
     one_arena()
     logging.getLogger("gellight").setLevel(logging.CRITICAL)  # faults are what is made here
     note = partial(print, file=sys.stderr, flush=True)
@@ -51,16 +47,6 @@ def main() -> int:
         parser.error(str(error))
     print(json.dumps(asdict(report), indent=2) if options.json else table(report))
     return 0 if report.passed else 1
-
-
-def several(options: argparse.Namespace) -> int:
-    """Run several sensors at once in processes of their own, as `gellight run` does; return the worst that one did."""
-    given = ["--hours", f"{options.hours}", "--minutes", f"{options.minutes}", *(["--json"] if options.json else [])]
-    seeds = [options.faults + number for number in range(options.sensors)]
-    commands = [[sys.executable, "-m", "tests.soak", *given, "--faults", f"{seed}"] for seed in seeds]
-    ended = [process.wait() for process in [subprocess.Popen(command) for command in commands]]
-    print(f"{ended.count(0)} of {len(ended)} sensors held everything")
-    return max(map(abs, ended))
 
 
 def labels_alone(found: Labelling) -> int:
@@ -79,7 +65,7 @@ def table(report: Report) -> str:
         f"{report.frames} frames, {report.labels} light labels judged, "
         f"given again within {report.slowest_label_s:.2f} s",
         f"memory: {report.memory_growth_mb:+.1f} MB from the third to the last quarter",
-        *_worked(report.work),
+        _worked(report.work),
         f"{'fault':20}{'count':>6}{'worst recovery':>17}",
     ]
     lines += [f"{kind:20}{one.count:6d}{one.worst_recovery_s:15.2f} s" for kind, one in sorted(report.faults.items())]
@@ -88,14 +74,12 @@ def table(report: Report) -> str:
     return "\n".join([*lines, "everything held" if report.passed else _failed(report)])
 
 
-def _worked(work: Work) -> list[str]:
+def _worked(work: Work) -> str:
     """Return what was done with the sensor meanwhile."""
-    return [
+    return (
         f"calibrated: {work.calibrations} times, {work.judged_bad} judged bad, {work.taken_up} times gone on with; "
-        f"{work.circles} circles, {work.worst_circle_px:.2f} px off at most",
-        f"scanned: {work.scanned} presses, {work.worst_place_mm:.2f} mm beside their place and "
-        f"{work.worst_depth_mm:.2f} mm off in depth at most",
-    ]
+        f"{work.circles} circles, {work.worst_circle_px:.2f} px off at most"
+    )
 
 
 def _failed(report: Report) -> str:

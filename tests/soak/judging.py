@@ -43,7 +43,6 @@ class Invariant(StrEnum):
     RUNNING = "the daemon goes on"
     FIRMWARE = "the firmware keeps to its timing"
     CALIBRATION = "presses of a calibration are kept, and where they were"
-    SCAN = "a scan has the presses that were made"
     POSE = "a pose is of an object that was touched before"
 
 

@@ -166,7 +166,7 @@ class Soak:
     def _shift(self, left: deque[PlannedFault], *, sequenced: bool) -> None:
         """Run a daemon through some of the faults that are left, and end it, earlier where it does not recover."""
         try:
-            work = (self.report.work, self._within) if self._works and not sequenced else None
+            work = self.report.work if self._works and not sequenced else None
             with Shift(self.sensor, self._bundle, self.judge, self._folder, sequenced=sequenced, work=work) as shift:
                 self._recover(None, shift)
                 for number in range(min(FAULTS_A_SHIFT, len(left))):
@@ -186,7 +186,7 @@ class Soak:
         if shift.working is None:
             return
         if 2 * number == FAULTS_A_SHIFT:
-            shift.working.turn_to_scan()
+            shift.working.rest()
         end_s, before = time.monotonic() + PROGRESS_S, shift.working.progress
         while shift.working.calibrating and shift.working.progress < before + STEPS and time.monotonic() < end_s:
             time.sleep(POLL_S)
@@ -270,7 +270,7 @@ class Soak:
         Not while the sensor is calibrated: of the few frames that come then a chunk takes minutes.
         """
         if shift.working is not None:
-            shift.working.turn_to_scan()
+            shift.working.rest()
         size = shift.recorder.path.stat().st_size
         if not self._within(lambda: shift.recorder.path.stat().st_size > size):
             self.judge.broken(Invariant.RECORDING, f"no chunk was recorded in {GIVE_UP_S:g} s")

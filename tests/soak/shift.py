@@ -27,7 +27,7 @@ from tests.helpers.sessions import session_of
 from tests.soak.hardware import SERIAL, SoakSensor
 from tests.soak.judging import Invariant, Judge
 from tests.soak.marks import read_number
-from tests.soak.working import IN_FLIGHT, Calibrating, Scanning, Within, Work, Working
+from tests.soak.working import IN_FLIGHT, Calibrating, Work, Working
 
 KEPT_FRAMES = 64
 POLL_S = 0.2
@@ -82,10 +82,10 @@ class Shift:
     """A running daemon, recorded, published and judged; a context manager."""
 
     def __init__(self, sensor: SoakSensor, bundle: Bundle, judge: Judge, folder: Path, *, sequenced: bool,
-                 work: tuple[Work, Within] | None = None) -> None:  # fmt: skip
+                 work: Work | None = None) -> None:  # fmt: skip
         """Run the sensor that is plugged in; sequenced: under a sequence of lights, else under the bundle's.
 
-        work: where to note what somebody does who works with it, and how they wait; None: nobody does.
+        work: where to note what somebody does who calibrates it; None: nobody does.
         """
         self._sensor, self._bundle, self.judge, self._folder = sensor, bundle, judge, folder
         self._work, self.sequenced = work, sequenced
@@ -114,7 +114,7 @@ class Shift:
             self._begin_recording()
             stack.callback(self.end_recording)
             if self._work is not None:
-                self.working = stack.enter_context(self._worker(*self._work))
+                self.working = stack.enter_context(self._worker(self._work))
             self.reader = Reader(self.name, self.judge)
             stack.callback(lambda: self.reader.close())
             self._until = stack.pop_all()
@@ -124,11 +124,9 @@ class Shift:
         """Stop everything; then the LEDs are dark, and the recording can be read."""
         self._until.close()
 
-    def _worker(self, work: Work, within: Within) -> Working:
-        gel, scans = self._sensor.gel, self._folder / "scans"
-        scan = scans / f"{len(list(scans.glob('*')))}"
-        calibrating = Calibrating(gel, self.daemon, self.judge, self._folder, work)
-        return Working(gel, calibrating, Scanning(gel, self.daemon, self.judge, scan, work), self.judge, within)
+    def _worker(self, work: Work) -> Working:
+        gel = self._sensor.gel
+        return Working(gel, Calibrating(gel, self.daemon, self.judge, self._folder, work), self.judge)
 
     def _light(self, sequence: int) -> NDArray[np.uint8] | None:
         """Return the light that a frame was exposed under; None where it is one of several."""

@@ -9,13 +9,12 @@ import pytest
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.frames.pixel_grid import block_means
 from gellight.lab.simulator.scene import Press
-from gellight_scan.contact_view import ContactView
 from tests.soak.hardware import Exposure
 from tests.soak.judging import Invariant, Judge
 from tests.soak.marks import ROWS, marked, read_number
-from tests.soak.pressed_gel import PIXEL_MM, SHAPE, place_px
+from tests.soak.pressed_gel import place_px
 from tests.soak.resources import Holdings, handle_growth, memory_growth_mb
-from tests.soak.working import Work, judge_circle, judge_presses
+from tests.soak.working import Work, judge_circle
 
 GREY = np.full((120, 160, 3), 90, np.uint8)
 GROUPS = np.zeros((2, 12, 3), np.uint8)
@@ -103,30 +102,6 @@ def test_a_number_is_read_from_a_picture_that_looks_untouched(number: int) -> No
 
 
 PRESS = Press("BALL", 1.0, 3.0, -2.0)
-
-
-def felt(press: Press) -> ContactView:
-    """A paraboloid where the press is."""
-    column, row = place_px(press)
-    rows, columns = np.indices(SHAPE)
-    bowl = press.depth_mm - ((columns - column) ** 2 + (rows - row) ** 2) * PIXEL_MM**2 / 8
-    return ContactView(np.maximum(bowl, 0).astype(np.float32), (PIXEL_MM, PIXEL_MM), "")
-
-
-BESIDE, DEEPER = replace(PRESS, x_mm=4.0), replace(PRESS, depth_mm=1.5)
-
-
-@pytest.mark.parametrize(
-    ("made", "kept", "held"),
-    [([PRESS, BESIDE], [PRESS, BESIDE], True), ([PRESS, BESIDE], [PRESS], True), ([BESIDE, PRESS], [PRESS], False),
-     ([PRESS] * 3, [PRESS], False), ([PRESS], [PRESS] * 2, False), ([DEEPER], [PRESS], False)],
-    ids=["all there", "the last cut short", "another place", "two lost", "one twice", "another depth"],
-)  # fmt: skip
-def test_a_scan_without_the_presses_that_were_made_is_noticed(made: list[Press], kept: list[Press], held: bool) -> None:
-    judge, work = judge_of(), Work()
-    judge_presses(judge, work, [felt(press) for press in kept], made)
-    assert set(broken(judge)) == (set() if held else {Invariant.SCAN})
-    assert judge.judged[Invariant.SCAN] == work.scanned > 0
 
 
 @pytest.mark.parametrize(("off_px", "held"), [(0.0, True), (3.0, False)])

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from tests.soak.kills import DONE, REFUSED, Blow, Faults, did, table
@@ -57,13 +56,6 @@ def test_a_weakness_that_was_planted_is_found(act, tmp_path: Path) -> None:
     assert broken, table(drawn.tallies)
 
 
-def test_every_act_is_drawn_with_every_fault(tmp_path: Path) -> None:
-    drawn = Faults(1, tmp_path, lambda sources: writers(sources)[4:5])
-    for _ in range(40):
-        drawn.one()
-    assert {blow for _, blow in drawn.tallies} == set(Blow)
-
-
 @pytest.mark.parametrize("kind", ["hdf5", "video", "lerobot", "npz"])
 def test_an_export_without_room_is_refused_in_words_and_leaves_nothing(kind: str, tmp_path: Path) -> None:
     (tmp_path / "home").mkdir()
@@ -73,17 +65,3 @@ def test_an_export_without_room_is_refused_in_words_and_leaves_nothing(kind: str
     assert (status, str(tmp_path / "home/out") in said) == (REFUSED, True), said
     assert not (tmp_path / "home/out").exists()
     assert did(lambda: export.act(tmp_path / "home"))[0] == DONE
-
-
-def test_memory_that_ends_where_a_file_is_written_is_found(tmp_path: Path) -> None:
-    def begin(home: Path) -> None:
-        (home / "file").write_bytes(b"old")
-
-    def act(home: Path) -> None:
-        (home / "file").write_bytes(b"half")
-        np.empty(4_000_000_000, np.uint8)  # more than a process of the suite may have lying about
-        (home / "file").write_bytes(b"new" * 100_000)
-
-    drawn = Faults(1, tmp_path, lambda _: (Writer("planted", begin, act, judge),), (Blow.NO_MEMORY,))
-    drawn.one()
-    assert drawn.tallies["planted", Blow.NO_MEMORY].broken, table(drawn.tallies)

@@ -1,7 +1,6 @@
 """Some minutes of faults, and that the soak notices a product that does not stand them: each weakness is planted."""
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -13,18 +12,14 @@ from typing import Any
 
 import pytest
 
-from gellight.base.errors import InputError
 from gellight.ring.light_ring import LightRing
-from gellight.sensor.connection import Connection
 from gellight.sensor.sensor_camera import SensorCamera
-from gellight.sensor.v4l2 import video_camera
 from tests.helpers import children
 from tests.helpers.places import CHECKOUT
 from tests.soak import shift
-from tests.soak.__main__ import table
-from tests.soak.faults import FaultKind, PlannedFault, plan
+from tests.soak.faults import FaultKind, PlannedFault
 from tests.soak.judging import RECOVERY_S, Invariant
-from tests.soak.run import Report, Soak, soak
+from tests.soak.run import Report, Soak
 from tests.soak.shift import Shift
 
 SEED = 2026
@@ -71,36 +66,6 @@ def test_what_was_not_judged_did_not_hold() -> None:
     assert "everything held" not in ended.stdout
 
 
-def test_a_soak_that_judged_everything_passes() -> None:
-    assert Report(0).passed
-    assert table(Report(0)).endswith("everything held")
-
-
-def test_a_plan_is_the_same_for_the_same_seed_and_has_about_a_fault_a_minute() -> None:
-    faults = list(plan(1, 8.0))
-    assert faults == list(plan(1, 8.0)) != list(plan(2, 8.0))
-    assert 400 < len(faults) < 560
-    assert {fault.kind for fault in faults[: len(FaultKind)]} == set(FaultKind)
-
-
-def test_a_run_without_a_fault_is_refused() -> None:
-    with pytest.raises(InputError, match="no fault of seed 2 falls into"):
-        soak(2, next(plan(2, 8.0)).at_s / 3600 * 0.9)
-
-
-def test_dark_frames_after_a_brown_out_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three times at most: where the emulator is starved, no frame is judged."""
-    monkeypatch.setattr(Connection, "_watch", lambda self: None)
-    monkeypatch.setattr(LightRing, "lit_since_s", lambda self: self.lit_s)  # else the board is asked in time
-    monkeypatch.setattr("tests.soak.run.GIVE_UP_S", 2 * RECOVERY_S)  # it never comes back
-    assert any(Invariant.LIGHT in broken(suffer(tmp_path / f"{turn}", FaultKind.BROWN_OUT)) for turn in range(3))
-
-
-def test_pictures_that_are_delivered_twice_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(video_camera, "BLANK_GREY", 256)
-    assert Invariant.FRESH in broken(suffer(tmp_path, FaultKind.DUPLICATED, seconds=2.0))
-
-
 def test_a_slow_recovery_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It comes when nobody waits any more: a starved process is granted time, and so might be a recovery of seconds."""
     find, recover, given_up = SensorCamera._return, Soak._recover, threading.Event()
@@ -121,15 +86,6 @@ def test_a_slow_recovery_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert broken(suffer(tmp_path, FaultKind.UNPLUGGED)) == {Invariant.RECOVERY}
 
 
-def test_a_daemon_that_ends_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(camera: SensorCamera) -> None:
-        raise RuntimeError("planted")
-
-    monkeypatch.setattr(SensorCamera, "_return", fail)
-    monkeypatch.setattr("tests.soak.run.GIVE_UP_S", 2 * RECOVERY_S)  # it never comes back
-    assert {Invariant.RUNNING, Invariant.RECOVERY} <= broken(suffer(tmp_path, FaultKind.UNPLUGGED))
-
-
 def test_leds_that_shine_on_without_their_host_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The ring is not closed, so the thread that keeps it lit goes on; on a busy machine it may once come too late."""
     kept: list[Any] = []
@@ -147,19 +103,3 @@ def test_a_recording_that_lacks_frames_is_noticed(tmp_path: Path, monkeypatch: p
     frames = shift.Recording.frames
     monkeypatch.setattr(shift.Recording, "frames", lambda recording: islice(frames(recording), 1, None))
     assert broken(suffer(tmp_path, FaultKind.WALL_CLOCK)) == {Invariant.RECORDING}
-
-
-def test_handles_that_stay_open_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """So many a shift that what other tests of this process left, and close meanwhile, does not outweigh them."""
-    kept: list[Any] = []
-    enter = shift.Shift.__enter__
-
-    def leak(opened: shift.Shift) -> shift.Shift:
-        kept.extend(os.fdopen(os.open(os.devnull, os.O_RDONLY)) for _ in range(50))
-        return enter(opened)
-
-    monkeypatch.setattr(shift.Shift, "__enter__", leak)
-    monkeypatch.setattr("tests.soak.run.FAULTS_A_SHIFT", 1)
-    assert broken(suffer(tmp_path, *[FaultKind.WALL_CLOCK] * 3)) == {Invariant.HANDLES}
-    for handle in kept:
-        handle.close()

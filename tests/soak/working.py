@@ -1,7 +1,6 @@
-"""Who works with the sensor while it is maltreated: calibrates it, then scans; and what has to hold of both."""
+"""Who calibrates the sensor while it is maltreated, then lets it rest; and what has to hold of that."""
 
 import threading
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,12 +19,9 @@ from gellight.lab.calibration.state import discard, state_in
 from gellight.lab.simulator.scene import Press
 from gellight.lab.simulator.virtual_hand import CYLINDER_DEPTH_MM, CYLINDER_PLACES_MM, spread
 from gellight.lab.training.training import TrainingOptions
-from gellight_scan.beside import ScanBeside
-from gellight_scan.contact_view import ContactView
-from gellight_scan.scan_files import read_presses
 from tests.soak.hardware import SERIAL
 from tests.soak.judging import Invariant, Judge
-from tests.soak.pressed_gel import PIXEL_MM, SHAPE, PressedGel, place_px
+from tests.soak.pressed_gel import PressedGel, place_px
 
 POLL_S = 0.05
 PRESSES, VERIFICATIONS, CYLINDERS, REFERENCE_FRAMES = 10, 3, 2, 8
@@ -34,13 +30,8 @@ FARTHEST_MM = (9.0, 6.0)
 DEPTHS_MM = (0.8, 1.4)
 CIRCLE_PX = 1.5
 """by which the circle of a press may lie beside the press"""
-PLACE_MM, DEPTH_MM = 0.5, 0.2
-"""by which a press of a scan may lie beside the press that was made, and be deeper or less deep"""
-BORDER_PX = 6
 IN_FLIGHT = 10
 """frames that may have been exposed before the light was set anew"""
-Within = Callable[[Callable[[], bool]], bool]
-"""Waits until something holds; whether it did in time."""
 
 
 @dataclass
@@ -56,10 +47,6 @@ class Work:
     circles: int = 0
     """of presses of calibrations that were judged"""
     worst_circle_px: float = 0.0
-    scanned: int = 0
-    """presses of scans that were judged"""
-    worst_place_mm: float = 0.0
-    worst_depth_mm: float = 0.0
 
 
 class Calibrating:
@@ -156,53 +143,13 @@ class Calibrating:
             judge_circle(self._judge, self._work, shown, pressed)
 
 
-class Scanning:
-    """Scans beside the stream of a running daemon."""
-
-    def __init__(self, gel: PressedGel, daemon: SensorSession, judge: Judge, folder: Path, work: Work) -> None:
-        """Scan into `folder`."""
-        self._gel, self._judge, self._work, self._folder = gel, judge, work, folder
-        self._scan = ScanBeside(daemon, root=folder.parent)
-        self._made: list[Press] = []
-
-    def run(self, ended: threading.Event, within: Within) -> None:
-        """Press and lift until told to end; then judge what is there."""
-        with self._scan:
-            self._scan.begin(self._folder.name)
-            while not ended.is_set() and self._press(ended, within):
-                pass
-        found = list(read_presses(self._folder, "press")[0].values())
-        judge_presses(self._judge, self._work, found, self._made)
-
-    def _press(self, ended: threading.Event, within: Within) -> bool:
-        """Press as the page asks for it, and lift; whether the scan took it."""
-        before = self._presses()
-        press = press_ball(self._gel, 1, len(self._made))
-        self._made.append(press)
-        settled = within(lambda: ended.is_set() or self._state()["phase"] == "lift")
-        self._gel.lift()
-        taken = settled and within(lambda: ended.is_set() or self._presses() > before)
-        if not taken:
-            why = f"a press was not {'taken' if settled else 'felt'}: {self._state().get('said')}"
-            self._judge.broken(Invariant.SCAN, why)
-        return taken
-
-    def _state(self) -> dict[str, Any]:
-        return self._scan.state() or {}
-
-    def _presses(self) -> int:
-        return int(self._state()["presses"])
-
-
 class Working:
-    """Calibrates until it is time to scan, then scans until the end; a context manager."""
+    """Calibrates until it is told to rest; a context manager."""
 
-    def __init__(self, gel: PressedGel, calibrating: Calibrating, scanning: Scanning, judge: Judge,
-                 within: Within) -> None:  # fmt: skip
-        """Do both, one after the other."""
-        self._calibrating, self._scanning, self._judge, self._within = calibrating, scanning, judge, within
-        self._gel = gel
-        self._to_scan, self._ended = threading.Event(), threading.Event()
+    def __init__(self, gel: PressedGel, calibrating: Calibrating, judge: Judge) -> None:
+        """Calibrate again and again."""
+        self._gel, self._calibrating, self._judge = gel, calibrating, judge
+        self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="hand", daemon=True)
         self.calibrating = True
         """whether the light may be another than the bundle's"""
@@ -214,8 +161,7 @@ class Working:
 
     def __exit__(self, *problem: object) -> None:
         """End."""
-        self._to_scan.set()
-        self._ended.set()
+        self.rest()
         self._thread.join()
 
     @property
@@ -223,22 +169,20 @@ class Working:
         """Counts what a calibration has achieved."""
         return self._calibrating.progress
 
-    def turn_to_scan(self) -> None:
-        """Leave the calibration as it is, and scan from now on."""
-        self._to_scan.set()
+    def rest(self) -> None:
+        """Leave the calibration as it is."""
+        self._ended.set()
 
     def _run(self) -> None:
         try:
             with self._calibrating.service:
-                while not self._to_scan.is_set():
-                    self._calibrating.run(self._to_scan)
-            self.calibrating = False
-            if not self._ended.is_set():
-                self._scanning.run(self._ended, self._within)
+                while not self._ended.is_set():
+                    self._calibrating.run(self._ended)
         except Exception as error:
             self._judge.broken(Invariant.RUNNING, f"who works with the sensor was stopped: {error!r}")
         finally:
             self._gel.lift()
+            self.calibrating = False
 
 
 def press_ball(gel: PressedGel, seed: int, number: int) -> Press:
@@ -257,28 +201,3 @@ def judge_circle(judge: Judge, work: Work, shown: dict[str, Any], pressed: Press
     work.circles, work.worst_circle_px = work.circles + 1, max(off_px, work.worst_circle_px)
     if off_px > CIRCLE_PX:
         judge.broken(Invariant.CALIBRATION, f"press {shown['number']} is taken {off_px:.1f} px beside the ball")
-
-
-def judge_presses(judge: Judge, work: Work, found: list[ContactView], made: list[Press]) -> None:
-    """Judge a scan: all presses are there, once, where they were and as deep; the last one may have been cut short."""
-    if not len(made) - 1 <= len(found) <= len(made):
-        judge.broken(Invariant.SCAN, f"{len(found)} presses are kept of {len(made)} that were made")
-    for number, (view, press) in enumerate(zip(found, made, strict=False)):
-        judge.looked_at(Invariant.SCAN)
-        beside_mm, deeper_mm = compared(view, press)
-        work.scanned += 1
-        work.worst_place_mm = max(beside_mm, work.worst_place_mm)
-        work.worst_depth_mm = max(deeper_mm, work.worst_depth_mm)
-        if beside_mm > PLACE_MM or deeper_mm > DEPTH_MM:
-            how = f"{beside_mm:.2f} mm beside where it was, and {deeper_mm:.2f} mm off in depth"
-            judge.broken(Invariant.SCAN, f"press {number} of a scan is {how}")
-
-
-def compared(view: ContactView, press: Press) -> tuple[float, float]:
-    """Return how far (mm) a press of a scan lies from where it was, and how much its depth is off."""
-    depth = view.depth_mm[BORDER_PX:-BORDER_PX, BORDER_PX:-BORDER_PX].astype(float)
-    weight = np.where(depth > depth.max() / 2, depth, 0.0)
-    rows, columns = np.indices(depth.shape) + BORDER_PX
-    middle = (np.array([SHAPE[1], SHAPE[0]]) - 1) / 2
-    place_mm = (np.array([np.average(columns, weights=weight), np.average(rows, weights=weight)]) - middle) * PIXEL_MM
-    return float(np.hypot(*(place_mm - (press.x_mm, press.y_mm)))), float(abs(depth.max() - press.depth_mm))

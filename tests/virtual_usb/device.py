@@ -69,7 +69,7 @@ class VirtualSensor:
 
     def _start_functions(self) -> None:
         self.serial = SerialFunction(self.board.path if self.board else "")
-        self.video = VideoFunction(self.camera, self.modes, faults=self.faults, unplug=self.unplug)
+        self.video = VideoFunction(self.camera, self.modes, faults=self.faults)
 
     def __enter__(self) -> "VirtualSensor":
         """Return the sensor."""

@@ -12,7 +12,6 @@ from gellight.ring.usb_numbers import PRODUCT, VENDOR
 from tests.virtual_usb.descriptors import COMPOSITE, INTERFACES, RELEASE
 
 VERSION = 0x0111
-REQUEST_LIST, REPLY_LIST = 0x8005, 0x0005
 REQUEST_IMPORT, REPLY_IMPORT = 0x8003, 0x0003
 SUBMIT, UNLINK, RETURN_SUBMIT, RETURN_UNLINK = 1, 2, 3, 4
 HIGH_SPEED = 3
@@ -61,16 +60,14 @@ def receive(connection: socket.socket, count: int) -> bytes:
     return bytes(data)
 
 
-def read_operation(connection: socket.socket) -> tuple[int, str]:
-    """Return the operation that an importer asks for, and its bus id ("" for the list); ValueError for another one."""
+def read_import(connection: socket.socket) -> str:
+    """Return the bus id that an importer asks for; ValueError for anything else."""
     version, code, _status = _OPERATION.unpack(receive(connection, _OPERATION.size))
     if version != VERSION:
         raise ValueError(f"the importer speaks USB/IP {version:04x}, this is {VERSION:04x}")
-    if code == REQUEST_LIST:
-        return code, ""
-    if code == REQUEST_IMPORT:
-        return code, receive(connection, BUS_ID_BYTES).rstrip(b"\0").decode("ascii", "replace")
-    raise ValueError(f"operation {code:04x} is neither the list nor an import")
+    if code != REQUEST_IMPORT:
+        raise ValueError(f"operation {code:04x} is no import")
+    return receive(connection, BUS_ID_BYTES).rstrip(b"\0").decode("ascii", "replace")
 
 
 def _described(bus_id: str) -> bytes:
@@ -80,13 +77,6 @@ def _described(bus_id: str) -> bytes:
         f"/sys/devices/gellight/{bus_id}".encode(), bus_id.encode(), bus, device, HIGH_SPEED, VENDOR, PRODUCT, RELEASE,
         *COMPOSITE, configuration, configurations, len(INTERFACES),
     )  # fmt: skip
-
-
-def pack_list(bus_ids: list[str]) -> bytes:
-    """Return the reply that lists sensors: each with four bytes for every interface."""
-    interfaces = b"".join(struct.pack("BBBx", *interface) for interface in INTERFACES)
-    body = b"".join(_described(bus_id) + interfaces for bus_id in bus_ids)
-    return _OPERATION.pack(VERSION, REPLY_LIST, 0) + struct.pack(">I", len(bus_ids)) + body
 
 
 def pack_import(bus_id: str | None) -> bytes:

@@ -9,11 +9,9 @@ from typing import Self
 
 from gellight.base.errors import BoardError, GellightError, InputError, first_line
 from tests.virtual_usb.device import VirtualSensor
-from tests.virtual_usb.usbip import REQUEST_LIST, pack_import, pack_list, read_operation
+from tests.virtual_usb.usbip import pack_import, read_import
 
 logger = logging.getLogger(__name__)
-PORT = 3240
-"""of USB/IP"""
 GREETING_S = 10.0
 """in which an importer says what it wants: whoever says nothing would be held for ever"""
 
@@ -56,14 +54,9 @@ class UsbipServer:
     def _greet(self, connection: socket.socket) -> None:
         try:
             connection.settimeout(GREETING_S)
-            code, bus_id = read_operation(connection)
+            bus_id = read_import(connection)
             connection.settimeout(None)
-            if code == REQUEST_LIST:
-                free = [bus for bus, s in self._sensors.items() if s.unplugged.is_set()]
-                connection.sendall(pack_list(free))
-                connection.close()
-            else:
-                self._import(connection, bus_id)
+            self._import(connection, bus_id)
         except (OSError, ValueError, GellightError) as error:
             logger.warning("an importer was turned away: %s", error)
             connection.close()

@@ -94,13 +94,13 @@ class Negotiation:
 class VideoFunction:
     """Interfaces 2 and 3. One thread runs it; requests of the host come from another."""
 
-    def __init__(self, camera: Camera, modes: VideoModes, *, faults: Faults, unplug: Callable[[], None]) -> None:
-        """Offer `camera` in `modes`; `unplug` pulls the cable where a fault wants it."""
+    def __init__(self, camera: Camera, modes: VideoModes, *, faults: Faults) -> None:
+        """Offer `camera` in `modes`."""
         self.controls = ControlState(stuck=faults.stuck)
         self.negotiation = Negotiation(modes)
         self.streams = 0
         """how often the host began to stream"""
-        self._camera, self._modes, self._unplug = camera, modes, unplug
+        self._camera, self._modes = camera, modes
         self._faults = faults
         self._random = random.Random(0)
         self._toggle = self._taken = 0
@@ -135,8 +135,6 @@ class VideoFunction:
         while wanted():
             count += 1
             faults = self._faults
-            if faults.unplug_after and count > faults.unplug_after:
-                self._unplug()
             cable.sleep_until(due_s, wanted)
             values, frame = self._expose(mode)
             due_s += max(time.monotonic() - due_s, values["exposure_us"] * 1e-4)  # long exposures slow the camera down

@@ -1,7 +1,6 @@
 """The light ring of the virtual sensor: the real serial driver in the guest, the real firmware in the emulator here."""
 
-from tests.virtual_usb.device import VirtualSensor
-from tests.vm.machine.bench import LIT, ONE, Bench
+from tests.vm.machine.bench import LIT, Bench
 from tests.vm.machine.qemu import Guest
 
 
@@ -27,13 +26,3 @@ def test_what_the_ring_shows_is_what_the_camera_sees(guest: Guest, bench: Bench)
         others = [found[name][other] for other in range(3) if other != channel]
         assert found[name][channel] > max(30, 2 * max(others))
     assert max(found["closed"]) < 3, "a program that ends without a word leaves the LEDs dark"
-
-
-def test_a_silent_board_is_told_with_its_remedy(guest: Guest, one: VirtualSensor) -> None:
-    assert "did not answer HELLO" in guest.run("commanding:refused", url=f"serial://{ONE}")
-
-
-def test_a_ring_that_is_not_there_is_told_with_what_is(guest: Guest, one: VirtualSensor) -> None:
-    message = guest.run("commanding:refused", url="serial://FFFF")
-    assert "not exactly one board with serial number or product string 'FFFF'" in message
-    assert ONE in message

@@ -57,10 +57,6 @@ def test_controls_reach_the_device_hold_and_act(guest: Guest, one: VirtualSensor
     assert found["brighter"] == pytest.approx(0.5 * 1.25, rel=0.05)
 
 
-def test_an_exposure_longer_than_the_frame_period_is_refused(guest: Guest, one: VirtualSensor) -> None:
-    assert "longer than the frame period" in guest.run("looking:complaint", serial=ONE, options="exposure_us=50000")
-
-
 def test_a_slow_program_gets_far_newer_pictures_than_from_opencv(
     guest: Guest, bench: Bench, one: VirtualSensor, record_property: pytest.FixtureRequest
 ) -> None:

@@ -1,11 +1,10 @@
-"""How far tracking is right: `python -m tests.benchmarks.tracking.judge DIR [NAME ...] [--every N] [--swaps]`.
+"""How far tracking is right: `python -m tests.benchmarks.tracking.judge DIR [NAME ...] [--every N]`.
 
 Presses the sequences that are not in DIR yet (sequences.py), reconstructs their pictures with GelNet and tracks the
 object. A row a sequence: median and largest error in mm at the middle of the contact and in degrees, without what the
 object hides; frames lost; frames wrong by more than 1 mm or 5 degrees while called tracked, how many of those said that
 directions are untellable, and how many did not say that the pose is doubtful; frames that are doubtful; share of errors
-within the stated 90 % ellipsoid of what is told; processor time of tracking a frame. `--swaps`: within how many frames
-the change to another object is announced.
+within the stated 90 % ellipsoid of what is told; processor time of tracking a frame.
 """
 
 import argparse
@@ -113,18 +112,6 @@ def judge(name: str, folder: Path, every: int) -> tuple[str, Array]:
     return row, np.array([len(inside), np.sum(inside), len(wrong), unsaid], np.float64)
 
 
-def swap(one: str, other: str, folder: Path) -> int | None:
-    """Return how many frames after a change of the object it is announced; None: not within ten."""
-    tracker = Tracker()
-    for number, (_, frame) in enumerate(itertools.islice(felt(press(one, folder)), 12)):
-        tracker.follow(view_of(frame), number)
-    for number, (_, frame) in enumerate(itertools.islice(felt(press(other, folder)), 20, 30)):
-        pose = tracker.follow(view_of(frame), 12 + number)
-        if pose is None or pose.lost or pose.number > 1:
-            return number + 1
-    return None
-
-
 def judged(names: Sequence[str], folder: Path, every: int) -> None:
     total = np.zeros(4)
     for name in names:
@@ -142,14 +129,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SEQUENCES))
     parser.add_argument("--every", type=int, default=1, help="leave out all but every N-th frame")
-    parser.add_argument("--swaps", action="store_true", help="change the object instead")
     asked = parser.parse_args()
-    if asked.swaps:
-        pairs = list(itertools.permutations(asked.names or TUNED_ON, 2))
-        told = [swap(*pair, asked.folder) for pair in pairs]
-        late = [pair for pair, frames in zip(pairs, told, strict=True) if frames is None or frames > 2]
-        print(f"{len(pairs) - len(late)} of {len(pairs)} changes announced within two frames; not: {late}")
-        return
     for title, names in (("tuned on", TUNED_ON), ("kept apart", HELD_OUT)):
         chosen = [name for name in names if name in (asked.names or SEQUENCES)]
         if chosen:

@@ -2,52 +2,19 @@
 
 import csv
 import io
-from collections import Counter
 from hashlib import sha256
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gellight_design.boards.files import bill_of_materials, carrier_files, placement, shopping_list
 from gellight_design.boards.gerbers import gerber_archive
 from gellight_design.boards.strip import strip_board
 from sim_reference.geometry import SensorGeometry
-from tests.helpers.boards import objects, ring_of, rolled_up, spot, table
+from tests.helpers.boards import ring_of
 from tests.helpers.places import CHECKOUT
 
 JUDGED = Path(__file__).with_name("judged.txt")
-
-
-@pytest.mark.nightly
-def test_the_gerbers_have_the_leds_where_the_table_has_them(made: Path) -> None:
-    from gerbonara.graphic_objects import Flash
-
-    geometry = SensorGeometry()
-    flashes = [one for one in objects(made / "gellight-strip-F_Paste.gbr") if isinstance(one, Flash)]
-    wide = np.array([[one.x, one.y] for one in flashes[: 4 * len(table(geometry)[0])]])
-    flat = wide.reshape(12, 4, 2).mean(axis=1)
-    assert np.linalg.norm(rolled_up(flat, geometry) - table(geometry)[0], axis=1).max() < 0.05
-
-
-@pytest.mark.nightly
-def test_the_holes_are_those_of_vias(made: Path) -> None:
-    from gerbonara.excellon import ExcellonFile
-
-    board = strip_board(SensorGeometry())
-    drilled = ExcellonFile.open(made / f"{board.name}-PTH.drl")
-    read = Counter((spot(hole.x, hole.y), round(hole.tool.diameter, 3)) for hole in drilled.drills())
-    assert read == Counter((spot(*via.at), round(via.drill_mm, 3)) for via in board.vias)
-
-
-@pytest.mark.nightly
-def test_the_outline_is_closed(made: Path) -> None:
-    for name in ("gellight-strip", "gellight-carrier-pico"):
-        ends = Counter(
-            end for one in objects(made / f"{name}-Edge_Cuts.gbr")
-            for end in (spot(one.x1, one.y1), spot(one.x2, one.y2))
-        )  # fmt: skip
-        assert set(ends.values()) == {2}
 
 
 def test_bill_and_placement_agree() -> None:

@@ -83,4 +83,6 @@ def refusals(board: BenchBoard, ring: LightRing) -> Iterator[str]:
         yield "a descriptor that is not there is given"
     if usb.ask(board, (0x21, 0x02, 1, 0, 2), b"\0\0") is not None:  # SET_COMM_FEATURE, which the board does not have
         yield "a request that is not known takes data"
+    if usb.ask(board, usb.SET_OTHER_SETTING) is not None:
+        yield "an alternate setting that is not there is chosen"
     ring.clock()

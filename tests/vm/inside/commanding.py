@@ -11,7 +11,6 @@ import usb.core
 from serial.tools import list_ports
 from usb.backend import libusb1
 
-from gellight.base.errors import BoardError
 from gellight.ring.light_ring import LightRing, connect
 from gellight.ring.usb_numbers import PRODUCT, VENDOR
 from tests.helpers.usb_transport import UsbTransport
@@ -100,15 +99,6 @@ def hold_ring(number: str) -> dict[str, str]:
         except serial.SerialException as error:
             return {"error": type(error).__name__, "text": str(error)}
     return {"error": "", "text": "nothing was noticed"}
-
-
-def refused(url: str) -> str:
-    """Return the message with which a ring cannot be opened."""
-    try:
-        connect(url).close()
-    except BoardError as error:
-        return str(error)
-    return ""
 
 
 def ring_through_pyusb(number: str) -> str:

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.helpers.usb_client import import_device, receive
 from tests.virtual_usb import vhci
 from tests.vm.inside.agent import MACHINE
 
@@ -17,6 +16,28 @@ VIDEO, SERIAL = Path("/dev/v4l/by-id"), Path("/dev/serial/by-id")
 
 USB = Path("/sys/bus/usb/devices")
 NODES = ("*/tty/ttyACM*", "*/video4linux/video*")
+
+
+def receive(connection: socket.socket, count: int) -> bytes:
+    """Return exactly `count` bytes."""
+    data = b""
+    while len(data) < count:
+        part = connection.recv(count - len(data))
+        if not part:
+            raise ConnectionError("the device is gone")
+        data += part
+    return data
+
+
+def import_device(connection: socket.socket, bus_id: str) -> tuple[int, int]:
+    """Import a device that a server offers over USB/IP; return its device id and speed, as vhci-hcd wants them."""
+    connection.sendall(struct.pack(">HHI32s", 0x0111, 0x8003, 0, bus_id.encode()))
+    version, code, status = struct.unpack(">HHI", receive(connection, 8))
+    assert (version, code) == (0x0111, 0x0003)
+    if status:
+        raise ConnectionRefusedError(f"no free device {bus_id!r} is offered")
+    bus, number, speed = struct.unpack_from(">III", receive(connection, 312), 256 + 32)
+    return bus << 16 | number, speed
 
 
 def port_name(port: int) -> str:
