@@ -285,7 +285,3 @@ def test_a_touch_of_some_micrometres_is_kept(
     surface = touches.press(height_mm, depth_um, PLACE_MM)
     assert surface.depth_mm.max() * 1e3 == pytest.approx(gel_um, abs=0.1)
     assert share_marked(touches, touches.grey(surface)) >= 0.9
-
-
-def test_untouched_gel_is_not_marked(touches: LightTouches) -> None:
-    assert share_marked(touches, touches.untouched) == 0
