@@ -205,17 +205,6 @@ def test_when_locked_some_phase_gives_every_light_a_clean_frame_and_with_one_les
         assert clean_frames(timing, frames - 1).max() == 0
 
 
-@pytest.mark.parametrize(
-    ("readout", "exposure", "unlocked", "locked"),
-    [(0.9, 0.3, 3, 2), (0.3, 0.3, 2, 1)],
-    ids=["a cheap camera whose readout fills the period", "short readout and exposure"],
-)
-def test_it_is_as_known_for_two_cameras(readout: float, exposure: float, unlocked: int, locked: int) -> None:
-    period = 1 / 30
-    timing = CameraTiming(period_s=period, readout_s=readout * period, exposure_s=exposure * period)
-    assert (hold_frames(timing, locked=False), hold_frames(timing, locked=True)) == (unlocked, locked)
-
-
 def test_an_uncertain_clock_takes_longer() -> None:
     timing = CameraTiming(readout_s=0.020, exposure_s=0.008)
     assert hold_frames(timing, locked=True) == 1

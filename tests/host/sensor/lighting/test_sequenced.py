@@ -54,14 +54,6 @@ def test_free_and_locked_every_frame_of_a_thirty_hertz_camera_is_another_light(m
     assert camera.board.faults == []
 
 
-def test_before_the_lock_nothing_mixed_is_called_clean(monkeypatch: pytest.MonkeyPatch) -> None:
-    for seed in range(3):  # another phase each time
-        camera = virtual_sensor(monkeypatch, seed=seed)
-        with SequencedCamera(camera, TRIPLES, timing=TIMING) as sequenced:
-            counts = follow(sequenced, camera, 8)
-        assert counts["mixed", "clean"] == counts["clean", "clean"] == 0
-
-
 def test_with_a_strobe_no_frame_is_mixed_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
     camera = virtual_sensor(monkeypatch, strobe=True)
     with SequencedCamera(camera, TRIPLES, mode=LightMode.EXT, timing=TIMING) as sequenced:
