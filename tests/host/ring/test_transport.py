@@ -17,7 +17,6 @@ from gellight.lab.core_board.terminal import TerminalBoard
 from gellight.ring.enumerations import Edge, SyncMode
 from gellight.ring.light_ring import LightRing, Step, colour_bytes, connect
 from gellight.ring.transport import SilentError, find_port, open_transport
-from tests.helpers.command_line import invoke
 from tests.helpers.waiting import eventually
 
 RED = np.tile(np.array([200, 0, 0], np.uint8), (12, 1))
@@ -225,18 +224,6 @@ def test_colours_have_to_be_twelve_times_rgb() -> None:
 
 
 # ---- the verbs ----
-
-
-def test_the_verbs_drive_the_ring(terminal: TerminalBoard) -> None:
-    def run(*words: str) -> str:
-        result = invoke("ring", *words, "--url", terminal.path)
-        assert result.exit_code == 0, result.output + str(result.exception)
-        return result.output
-
-    assert "nothing wrong" in run("info")
-    assert "lit, 58 mA" in run("set", "300000", "--seconds", "0.1")
-    assert "lit, 24 mA" in run("set", "300000", "--leds", "0-1,8", "--seconds", "0.1")
-    assert "dark" in run("set", "off")
 
 
 def test_a_sequence_runs_in_wall_time(terminal: TerminalBoard) -> None:
