@@ -70,13 +70,6 @@ def test_a_hand_on_the_gel_during_the_reference_is_noticed(tmp_path: Path) -> No
     assert "something lies on it" in refused(tmp_path, press)
 
 
-def test_a_press_that_is_too_shallow_or_off_the_picture_is_told(tmp_path: Path) -> None:
-    def press(hand: Clumsy, sensor: SimulatedCamera) -> None:
-        hand.ball_press = (0.5, 18.5, 0.0)
-
-    assert "press nearer to the middle" in refused(tmp_path, press, presses=8)
-
-
 def test_a_tool_that_is_never_lifted_is_told(tmp_path: Path) -> None:
     def press(hand: Clumsy, sensor: SimulatedCamera) -> None:
         hand.at_rest = True

@@ -90,20 +90,6 @@ def test_one_weight_thrice_is_enough() -> None:
     assert fit.error_floor_n > 0
 
 
-@pytest.mark.parametrize(
-    ("force", "felt", "reason"),
-    [
-        ([0.1, 1.0, 2.0], [0.0, 0.0, 0.0], "nothing is felt in 2 of 3 readings, the largest of 2 N"),
-        ([1.0, 2.0, 3.0, 4.0], [8.0, 6.0, 4.0, 2.0], r"do not rise together \(rank correlation -1.00"),
-    ],
-)
-def test_a_record_that_one_modulus_cannot_explain_is_refused(
-    force: list[float], felt: list[float], reason: str
-) -> None:
-    with pytest.raises(InputError, match=reason):
-        fit_force(np.array(force), np.array(felt), "record")
-
-
 def objects_of(share: float) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Three objects; the second layer tells all by one modulus, the first each by another, `share` apart."""
     force = np.tile([0.5, 1.0, 1.5], 3)
