@@ -11,10 +11,8 @@ from gellight.lab.core_board.built_board import configuration_of
 from gellight.lab.core_board.simulated_board import SimulatedBoard
 from gellight.opening import open_camera
 from gellight.ring.firmware.build import committed_image
-from gellight.ring.heat import HeardHeat
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.ring.light_ring import LightRing, connect
-from gellight.ring.protocol import DimmedEvent
 from gellight.sensor.lighting.hold import exposures
 from tests.firmware.emulator.configured import with_configuration
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
@@ -114,18 +112,6 @@ def read_on(url: str) -> None:
     with open_camera(url, geometry=SMALL) as camera:
         while True:  # the first frames may come before the board has looked at its thermometer
             camera.read()
-
-
-def test_what_was_said_of_heat_long_ago_counts_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    heat, now_s = HeardHeat(), 100.0
-    monkeypatch.setattr("gellight.ring.heat.time.monotonic", lambda: now_s)
-    assert (heat.known(), heat.due()) == (None, True)
-    heat.note(DimmedEvent(0, 412, 0, 0, 120, 310))
-    assert heat.known() == {"chip_c": 41.2, "ring_c": 31.0, "dimmed": 0, "mean_ma": 120}
-    now_s += 6.0
-    assert (heat.known() is None, heat.due()) == (False, True)
-    now_s += 5.0
-    assert heat.known() is None
 
 
 @pytest.mark.parametrize("url", ["sim://?ring_c=31&board=0", "sim://?ring_c=200", "sim://?ring_c=warm"])

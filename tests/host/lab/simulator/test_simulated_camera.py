@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, CameraError, InputError
-from gellight.frames.camera import Camera, ReconnectingError
+from gellight.frames.camera import ReconnectingError
 from gellight.lab.simulator import simulated_camera
 from gellight.lab.simulator.scene import Press
 from gellight.lab.simulator.simulated_camera import SimulatedCamera, open_simulated
@@ -24,16 +24,6 @@ def open_quiet(parameters: str = "") -> SimulatedCamera:
     camera = open_camera(f"sim://?programme=0&fps=1000{parameters}")
     assert isinstance(camera, SimulatedCamera)
     return camera
-
-
-def test_it_is_a_camera_like_every_other() -> None:
-    with open_quiet() as camera:
-        assert isinstance(camera, Camera)
-        frame = camera.read()
-    assert frame.image.shape == (480, 640, 3)
-    assert frame.image.dtype == np.uint8
-    assert camera.image_shape == (480, 640)
-    assert frame.light[[0, 4, 8]].tolist() == [[255, 0, 0], [0, 255, 0], [0, 0, 255]]
 
 
 def test_the_untouched_gel_is_still_but_for_noise() -> None:
