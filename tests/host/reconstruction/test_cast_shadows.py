@@ -75,15 +75,6 @@ def test_a_deep_press_is_found_as_deep_as_it_is(scene: Scene) -> None:
     assert surface_errors(with_light, true).normal_deg < 0.8 * surface_errors(without, true).normal_deg
 
 
-def test_objects_with_steep_walls_gain_most(scene: Scene) -> None:
-    press = Press("TSTEP", 0.8, 0.5, -0.5)
-    frame, (_, true) = picture(scene, press), scene.show(press)
-    found, before = (
-        surface_errors(Reconstructor(SYNTHETIC, cast_shadows=given).reconstruct(frame), true) for given in (True, False)
-    )
-    assert found.contact_depth_mm < before.contact_depth_mm / 3
-
-
 @pytest.fixture(scope="module", params=[PARALLEL, WHOLE], ids=["parallel", "whole"])
 def world(request: pytest.FixtureRequest) -> Scene:
     return Scene(request.param, CameraResponse(noise_grey=NOISE_GREY))

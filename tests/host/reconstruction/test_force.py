@@ -5,14 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, InputError
+from gellight.base.errors import InputError
 from gellight.bundle.bundle import extend_bundle, load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.measures import BEYOND_VIEW, HEAVIER
 from gellight.reconstruction import force as force_module
 from gellight.reconstruction.force import ForceScale, Layer, compliance, indenting
-from gellight.reconstruction.force_file import read_force
 from sim_reference import gel
 from tests.benchmarks.force import FINGER, on_a_finger
 from tests.helpers.fem_presses import NAMES, SPACING_MM, depth_mm, force_n, picture
@@ -108,14 +107,6 @@ def test_a_frame_carries_its_force_where_the_bundle_knows_it(tmp_path: Path) -> 
     flat = Reconstructor(knowing).reconstruct(CameraFrame(image=weighed(0.0).picture(), time_s=0.0, sequence=1)).force
     assert flat is not None
     assert flat.normal_n == 0
-
-
-def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
-    plain = linear_bundle(tmp_path / "plain", SHAPE, pixel_size_mm=PIXELS)
-    broken = force_files()["force.json"].replace(b"0.15", b"-0.15")
-    bundle = extend_bundle(plain, tmp_path / "broken", {"force.json": broken})
-    with pytest.raises(BundleError, match=r"youngs_modulus_mpa.*calibrate force"):
-        read_force(bundle)
 
 
 # ---- finite elements: weighed with one ball, other objects are right within 10 % ----
