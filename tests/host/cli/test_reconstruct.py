@@ -204,14 +204,6 @@ def test_the_bundle_of_another_sensor_is_found_out(tmp_path: Path, name: str) ->
     assert "mm deep in a gel that is 5 mm thick" in result.stdout
 
 
-def test_noise_is_no_contact_of_the_simulated_gel(tmp_path: Path) -> None:
-    noise = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
-    write_png(tmp_path / "noise.png", noise)
-    result = run(tmp_path / "noise.png", "--calibration", "synthetic", "--out", tmp_path / "out")
-    assert result.exit_code == Ending.JUDGED_BAD
-    assert "mm deep in a gel that is 5 mm thick" in result.stdout
-
-
 def test_dense_and_masked_agree_in_the_contact(tmp_path: Path, bundle: Path) -> None:
     path = press(tmp_path / "press.png")
     found = [

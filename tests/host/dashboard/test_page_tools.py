@@ -20,8 +20,6 @@ from tests.helpers.view_messages import View, decode
 
 pytestmark = pytest.mark.browser
 
-VIEW_PIXEL_MM = 2 * PIXEL_MM
-"""the page shows half of the 640 x 480 pixels in each direction"""
 
 
 def show(page: Page, source: FormulaSource, frame: Any) -> View:
