@@ -109,21 +109,6 @@ def test_a_bundle_that_passes_is_taken_over_by_the_stream_and_can_be_taken_back(
     assert [entry.in_service for entry in service.state().bundles].count(True) == 1
 
 
-def test_what_does_not_pass_leaves_the_stream_as_it_was(
-    service: Service, daemon: SensorSession, routines: list[ScriptedRoutine], tmp_path: Path
-) -> None:
-    before = daemon.bundle.identity
-    service.begin(Request())
-    for wrong in (
-        verified_bundle(tmp_path / "foreign", sensor="GL-9"),
-        verified_bundle(tmp_path / "bad", sensor=service.sensor, metrics={}),
-        verified_bundle(tmp_path / "large", sensor=service.sensor, shape=(48, 64)),
-    ):
-        with pytest.raises(BundleError):
-            routines[0].install(wrong)
-    assert daemon.bundle.identity == before
-
-
 def test_the_watch_rests_while_a_calibration_goes_on(
     service: Service, daemon: SensorSession, routines: list[ScriptedRoutine]
 ) -> None:

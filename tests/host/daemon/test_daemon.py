@@ -147,15 +147,6 @@ def test_a_reconstruction_that_fails_ends_the_run_and_is_told_to_a_second_reader
         assert daemon.status()["error"] == "broken network"
 
 
-def test_waiting_has_an_end() -> None:
-    reconstructor = CountingReconstructor()
-    reconstructor.gate.clear()
-    with daemon_of(ScriptedCamera(period_s=0.001), reconstructor) as daemon:
-        with pytest.raises(TimeoutError):
-            daemon.wait_frame(0, 0.05)
-        reconstructor.gate.set()
-
-
 def test_after_the_end_nobody_waits_and_no_thread_is_left() -> None:
     before = threading.active_count()
     daemon = daemon_of(ScriptedCamera(period_s=0.001))
