@@ -3,7 +3,6 @@
 import json
 import re
 import socket
-import stat
 import threading
 import time
 from contextlib import ExitStack, suppress
@@ -13,7 +12,6 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError, StreamError
-from gellight.base.runtime_folder import folder
 from gellight.stream import subscription
 from gellight.stream.calls import READING, Call
 from gellight.stream.network import key, subscribing_session
@@ -69,18 +67,6 @@ def test_a_subscription_that_was_closed_says_so() -> None:
                 ask()
 
 
-@pytest.mark.parametrize(
-    "content", [b"", b"{}", b"[" * 5000, b'{"type": "format"}', b"\xff" * 100000, b'{"type": "press"}']
-)
-def test_a_call_that_is_none_is_answered_with_the_reason(content: bytes) -> None:
-    daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon, name="finger"):
-        session = subscribing_session(running()[0].endpoint, config=None)
-        (reply,) = session.get(key("finger", "call"), payload=content, timeout=10)
-        assert "no call of GelLight" in reply.err.payload.to_string()
-        session.close()
-
-
 CHANGES = [
     {"type": "light", "colours": [[255, 255, 255]] * 12},
     {"type": "mode", "mode": "photometric"},
@@ -127,14 +113,6 @@ def test_a_program_of_this_user_has_the_token_and_another_computer_is_given_it()
     other, _ = bump_daemon()
     with other, Publisher(other) as first, Publisher(other, name="other") as second:
         assert len({first.token, second.token, "a-token-of-my-own"}) == 3, "each start has another"
-
-
-def test_the_file_with_the_token_is_of_its_owner_alone() -> None:
-    folder().mkdir(parents=True, mode=0o755)
-    daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon, name="finger"):
-        (place,) = folder().glob("*.json")
-        assert stat.S_IMODE(place.stat().st_mode) == 0o600
 
 
 def test_hostile_bytes_on_the_port_do_not_disturb_the_stream() -> None:
