@@ -36,8 +36,7 @@ SHAPE = flat_camera().image_shape
 @pytest.fixture
 def daemon(tmp_path: Path) -> Iterator[SensorSession]:
     bundle = linear_bundle(tmp_path / "running", SHAPE)
-    camera: Any = flat_camera(period_s=0.005)
-    with session_of(camera, Reconstructor(bundle), watch=SensorWatch(bundle)) as daemon:
+    with session_of(flat_camera(period_s=0.005), Reconstructor(bundle), watch=SensorWatch(bundle)) as daemon:
         yield daemon
 
 

@@ -42,8 +42,7 @@ def test_while_the_sensor_is_away_the_daemon_says_so_delivers_nothing_from_befor
 ) -> None:
     bench.plug("1-2", "GL0001")
     gated = Gated()
-    reconstructor: Any = gated
-    with session_of(Paced(bench.open("auto", bundle)), reconstructor) as daemon:
+    with session_of(Paced(bench.open("auto", bundle)), gated) as daemon:
         shown = lambda: str(daemon.status()["error"])  # noqa: E731
         daemon.wait_frame(10, 10)
         gated.gate.clear()

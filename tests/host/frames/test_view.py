@@ -174,7 +174,6 @@ def test_a_view_that_is_coarser_shows_no_pattern_however_its_homography_is_scale
 def test_a_large_picture_is_made_smaller_by_a_whole_factor_and_others_are_left() -> None:
     image = np.random.default_rng(0).integers(0, 256, (1850, 2600, 3), np.uint8)
     smaller = View.bounded((1850, 2600))
-    assert smaller is not None
     assert smaller.image_shape == (616, 866)
     blocks = image[:1848, :2598].reshape(616, 3, 866, 3, 3).mean(axis=(1, 3))
     np.testing.assert_allclose(smaller.of(image, "image"), blocks, atol=0.51)
@@ -185,7 +184,6 @@ def test_a_large_picture_is_made_smaller_by_a_whole_factor_and_others_are_left()
 def test_a_view_of_the_pictures_of_another_is_one_view() -> None:
     cut = View.of_box((100, 40, 2600, 1800), (1850, 2750))
     smaller = View.bounded(cut.image_shape)
-    assert smaller is not None
     both, points = smaller.after(cut), np.array([[120.0, 60.0], [2000.0, 1500.0]])
     assert (both.taken_shape, both.image_shape) == ((1850, 2750), smaller.image_shape)
     np.testing.assert_allclose(both.places(points), smaller.places(cut.places(points)))

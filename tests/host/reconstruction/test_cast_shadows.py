@@ -52,9 +52,7 @@ def of(bundle: Bundle, *, wanted: bool = True) -> CastShadows | None:
 @pytest.fixture(scope="module")
 def shadows() -> CastShadows:
     """Shadows alone."""
-    found = of(AS_IT_LOOKS)
-    assert found is not None
-    return found
+    return of(AS_IT_LOOKS)
 
 
 def on_cells(surface: Surface) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -83,7 +81,6 @@ def world(request: pytest.FixtureRequest) -> Scene:
 def seen_in(scene: Scene, bundle: Bundle) -> CastShadows:
     """The shadows of a bundle in the world of a scene, whose light is told."""
     found = of(bundle)
-    assert found is not None
     found.light, found.height_mm = simulated_light(scene.geometry, CELL_PX), seen_height_mm(scene.geometry)
     found.on_cells = found.light.on_cells(found.x_mm, found.y_mm, found.height_mm)
     return found
@@ -185,7 +182,6 @@ def test_a_lens_or_a_setting_leaves_shadows_out_but_not_the_light_of_depth() -> 
     assert of(AS_IT_LOOKS, wanted=False) is None
     assert of(replace(AS_IT_LOOKS, files={**AS_IT_LOOKS.files, **lens})) is None
     for found in (of(SYNTHETIC, wanted=False), of(replace(SYNTHETIC, files={**SYNTHETIC.files, **lens}))):
-        assert found is not None
         assert not found.hide
         assert found.by_depth
 

@@ -102,10 +102,8 @@ def test_a_frame_carries_its_force_where_the_bundle_knows_it(tmp_path: Path) -> 
     assert Reconstructor(plain).reconstruct(frame).force is None
     knowing = extend_bundle(plain, tmp_path / "knowing", force_files())
     force = Reconstructor(knowing).reconstruct(frame).force
-    assert force is not None
     assert force.normal_n == pytest.approx(press.force_n, rel=0.05)
     flat = Reconstructor(knowing).reconstruct(CameraFrame(image=weighed(0.0).picture(), time_s=0.0, sequence=1)).force
-    assert flat is not None
     assert flat.normal_n == 0
 
 

@@ -52,7 +52,6 @@ def jam() -> None:
 def refused(tmp_path: Path, prepare: Callable[[Clumsy, SimulatedCamera], None], url: str = URL, **changes: Any) -> str:
     """Run a routine that is disturbed by `prepare`; returns the reason of its end."""
     with camera(url) as sensor:
-        assert isinstance(sensor, SimulatedCamera)
         hand = Clumsy(sensor.stage)
         routine = Routine(sensor, options(tmp_path, **changes), tmp_path / "state", hand=hand)
         prepare(hand, sensor)
@@ -109,7 +108,6 @@ def test_leds_in_the_wrong_order_are_named(tmp_path: Path) -> None:
 
 def test_a_ball_of_another_radius_is_noticed_and_the_right_one_named(tmp_path: Path) -> None:
     with camera() as sensor:
-        assert sensor.stage is not None
         routine = Routine(
             sensor, options(tmp_path, ball_radius_mm=3.0), tmp_path / "state", hand=VirtualHand(sensor.stage)
         )

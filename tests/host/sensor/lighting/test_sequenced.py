@@ -29,7 +29,6 @@ def follow(sequenced: SequencedCamera, camera: VirtualCamera, frames: int) -> Co
     for _ in range(frames):
         frame = sequenced.read()
         truth = camera.truth(TRIPLES)
-        assert frame.label is not None
         said = "right" if frame.label == truth and truth.state == LightState.CLEAN else str(frame.label.state)
         counts[str(truth.state) if truth else "dark", said] += 1
     return counts

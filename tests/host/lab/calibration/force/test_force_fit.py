@@ -153,7 +153,6 @@ def test_half_a_force_and_one_without_pictures_are_refused(text: str, tmp_path: 
 def test_pictures_of_a_pulled_gel_give_the_constant_of_the_simulated_one(tmp_path: Path) -> None:
     lines = ["image,force_n,side_x_n,side_y_n"]
     with open_camera("sim://?programme=0&board=0&dots=9x7") as camera:
-        assert camera.stage is not None
         bundle = load_bundle("synthetic").with_files(camera.picture_files)
         for number, (x, y) in enumerate([(0.3, 0.0), (0.0, -0.4), (-0.3, 0.3)]):
             camera.stage.press("BALL", 0.8 + 0.1 * number, 0.5, 0.2)
