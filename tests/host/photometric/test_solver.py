@@ -102,14 +102,6 @@ def test_albedo_and_exposure_cancel() -> None:
     np.testing.assert_allclose(solved(pictures_of(depth, gradient) * dirt, depth), gradient, atol=1e-6)
 
 
-def test_light_at_the_depth_of_rest_is_wrong_where_the_gel_is_deep() -> None:
-    depth, gradient = ball(6.0, 1.0)
-    signals = pictures_of(depth, gradient)
-    shallow = solved(signals, np.zeros_like(depth))
-    assert np.abs(shallow - gradient)[depth > 0.5].max() > 0.01, "half a degree"
-    assert np.abs(solved(signals, depth) - gradient)[depth > 0.5].max() < 1e-6
-
-
 def test_a_shadow_that_is_left_out_costs_nothing_and_one_that_is_not_costs_degrees() -> None:
     depth, gradient = ball(4.0, 0.5)
     signals = pictures_of(depth, gradient)
