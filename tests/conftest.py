@@ -33,7 +33,7 @@ LONGEST = (
     "host/cli/test_signals.py", "host/lab/training/labelling/test_circles.py", "touch/test_environments.py",
     "design/test_studies.py", "host/stream/test_record_and_export.py", "host/lab/calibration/test_like.py",
     "host/daemon/test_running_states.py", "host/sensor/lighting/test_sequenced.py", "host/dashboard/test_page.py",
-    "host/dashboard/test_page_in_use.py", "host/watch/test_monitor.py", "host/daemon/test_modes.py",
+    "host/dashboard/test_page_in_use.py", "host/watch/test_monitor.py", "host/daemon/test_mode_change.py",
     "scan/test_scan.py", "touch/test_mujoco_carry.py", "benchmarks/test_integrators.py",
     "host/lab/optics/lights/test_channel_fit.py", "host/cli/test_demo.py", "host/reconstruction/test_native_path.py",
     "host/watch/test_rezero.py", "host/stream/test_recorder.py", "host/stream/test_subscription.py",

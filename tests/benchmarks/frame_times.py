@@ -21,7 +21,7 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.photometric.lights_file import FILE_NAME as LIGHTS
-from gellight.reconstruction.lens.lens_file import has_lens
+from gellight.reconstruction.lens.undistortion import has_lens
 from tests.helpers.analytic_surfaces import Surface, smooth_cap
 
 _GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])

@@ -5,14 +5,12 @@ import hashlib
 import os
 import zipfile
 from pathlib import Path
-from unittest.mock import Mock
 
 import cv2
 import numpy as np
 import pytest
 import tomli_w
 
-from gellight.base import writing
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import LedSetting, load_bundle, pack_bundle, save_bundle, write_bundle
 from tests.helpers.linear_sensor import bundle_of, linear_bundle, linear_network, reference_image
@@ -130,14 +128,6 @@ def test_an_existing_bundle_is_replaced_only_when_told(bundle: Path) -> None:
     assert [p.name for p in bundle.parent.iterdir()] == ["bundle"]
 
 
-def test_a_file_in_the_place_of_a_bundle_is_replaced_only_when_told(tmp_path: Path) -> None:
-    (tmp_path / "bundle").write_text("something else")
-    with pytest.raises(BundleError, match="exists"):
-        linear_bundle(tmp_path / "bundle", SHAPE)
-    linear_bundle(tmp_path / "bundle", SHAPE, overwrite=True)
-    assert [p.name for p in tmp_path.iterdir()] == ["bundle"]
-
-
 @pytest.mark.parametrize("overwrite", [False, True])
 def test_a_full_disk_leaves_what_was_there(bundle: Path, monkeypatch: pytest.MonkeyPatch, overwrite: bool) -> None:
     target = bundle if overwrite else bundle.parent / "other"
@@ -155,22 +145,6 @@ def test_a_full_disk_leaves_what_was_there(bundle: Path, monkeypatch: pytest.Mon
         linear_bundle(target, SHAPE, overwrite=overwrite)
     assert sorted(str(p) for p in bundle.parent.rglob("*")) == before
     load_bundle(bundle)
-
-
-def test_a_rename_that_fails_puts_the_old_bundle_back(bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    rename = Path.rename
-
-    def refuse(path: Path, target: Path) -> Path:
-        if path.name.endswith(".partial"):
-            raise OSError(errno.EACCES, os.strerror(errno.EACCES))
-        return rename(path, target)
-
-    monkeypatch.setattr(writing, "_rename_exchange", Mock(side_effect=OSError(errno.EINVAL, os.strerror(errno.EINVAL))))
-    monkeypatch.setattr(Path, "rename", refuse)
-    with pytest.raises(BundleError, match="check the folder and its permissions"):
-        linear_bundle(bundle, (48, 64), overwrite=True)
-    assert load_bundle(bundle).image_shape == SHAPE
-    assert [p.name for p in bundle.parent.iterdir()] == ["bundle"]
 
 
 def test_what_does_not_exist_is_named(tmp_path: Path) -> None:

@@ -99,15 +99,6 @@ def test_times_need_a_recording_and_pictures_none(folder: Path) -> None:
     assert "leave --recording out" in refused(run(folder, "--recording", folder / "presses.mcap"))
 
 
-def test_pictures_without_contact_and_forces_that_do_not_rise_are_refused(folder: Path) -> None:
-    write_weighings(folder, [weighed(0.0)] * 4, [0.5, 1.0, 1.5, 2.0])
-    assert "nothing is felt in 4 of 4 readings" in refused(run(folder))
-    presses = [weighed(depth) for depth in DEPTHS[1:]]
-    write_weighings(folder, presses, [one.force_n for one in reversed(presses)])
-    assert "do not rise together" in refused(run(folder))
-    assert not (folder / "new").exists()
-
-
 def test_a_press_at_the_border_is_refused(folder: Path) -> None:
     write_weighings(folder, [*(weighed(depth) for depth in DEPTHS), weighed(0.5, 3.0, 7.5)])
     assert "weight6.png: the load goes on beyond the border" in refused(run(folder))

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -48,8 +47,7 @@ class SeeingRoutine(ScriptedRoutine):
 
 @pytest.fixture(params=[True])
 def daemon(request: pytest.FixtureRequest) -> Iterator[SensorSession]:
-    camera: Any = gel_camera(dots=request.param)
-    with session_of(camera, PicturePath(placeholder(SHAPE))) as daemon:
+    with session_of(gel_camera(dots=request.param), PicturePath(placeholder(SHAPE))) as daemon:
         yield daemon
 
 
@@ -163,8 +161,7 @@ def test_a_damaged_state_takes_the_view_back(service: Service, daemon: SensorSes
 
 def test_a_running_sensor_with_a_bundle_feels_again_when_nothing_came_of_it(tmp_path: Path) -> None:
     bundle = linear_bundle(tmp_path / "running", SHAPE)
-    camera: Any = gel_camera(dots=False)
-    with session_of(camera, Reconstructor(bundle)) as daemon:
+    with session_of(gel_camera(dots=False), Reconstructor(bundle)) as daemon:
         back = daemon.prepare(PictureSteps.with_view(VIEW))
         comes(daemon, VIEW.image_shape)
         assert not daemon.bundle.calibrated

@@ -28,8 +28,7 @@ from tests.helpers.waiting import eventually
 
 
 def daemon_of(camera: ScriptedCamera, reconstructor: CountingReconstructor | None = None) -> SensorSession:
-    parts: Any = camera, reconstructor or CountingReconstructor()
-    return session_of(*parts)
+    return session_of(camera, reconstructor or CountingReconstructor())
 
 
 def follow(daemon: SensorSession, seen: list[int]) -> None:
@@ -101,9 +100,8 @@ def test_a_frame_that_is_being_reconstructed_when_all_before_is_flushed_is_not_d
 def test_the_pictures_of_files_wait_for_their_reader() -> None:
     camera = ScriptedCamera(count=30)
     camera.waits = True
-    parts: Any = camera, CountingReconstructor()
     seen: list[int] = []
-    with session_of(*parts, every=True) as daemon:
+    with session_of(camera, CountingReconstructor(), every=True) as daemon:
         for _ in range(30):
             daemon.wait_frame(-1, 10)  # somebody else, such as the page, looks at the newest
             seen.append(daemon.next_frame(seen[-1] if seen else 0, 10).camera_frame.sequence)
@@ -147,15 +145,6 @@ def test_a_reconstruction_that_fails_ends_the_run_and_is_told_to_a_second_reader
         assert daemon.status()["error"] == "broken network"
 
 
-def test_waiting_has_an_end() -> None:
-    reconstructor = CountingReconstructor()
-    reconstructor.gate.clear()
-    with daemon_of(ScriptedCamera(period_s=0.001), reconstructor) as daemon:
-        with pytest.raises(TimeoutError):
-            daemon.wait_frame(0, 0.05)
-        reconstructor.gate.set()
-
-
 def test_after_the_end_nobody_waits_and_no_thread_is_left() -> None:
     before = threading.active_count()
     daemon = daemon_of(ScriptedCamera(period_s=0.001))
@@ -171,15 +160,13 @@ def test_after_the_end_nobody_waits_and_no_thread_is_left() -> None:
 
 
 def test_the_status_says_what_fresh_presses_have_shown_of_the_bundle(tmp_path: Path) -> None:
-    camera: Any = flat_camera()
     bundle = linear_bundle(tmp_path / "bundle", (24, 32))
-    with session_of(camera, Reconstructor(bundle)) as daemon:
+    with session_of(flat_camera(), Reconstructor(bundle)) as daemon:
         assert daemon.status()["calibration"] == {
             "sensor": bundle.manifest.sensor, "identity": bundle.identity, "verified": None, "force": None,
         }  # fmt: skip
         bundle.metrics["verification"] = {"presses": 6, "depth_mm": 0.003, "normal_deg": 0.2}
-        calibration: Any = daemon.status()["calibration"]
-        assert calibration["verified"] == {"presses": 6, "depth_mm": 0.003, "normal_deg": 0.2}
+        assert daemon.status()["calibration"]["verified"] == {"presses": 6, "depth_mm": 0.003, "normal_deg": 0.2}
 
 
 class ScriptedWatch:
@@ -231,9 +218,8 @@ class ScriptedWatch:
 def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[SensorSession, ScriptedWatch]]:
     monkeypatch.setattr("gellight.daemon.session.PERIOD_S", 0.01)
     camera, watch = flat_camera(), ScriptedWatch()
-    parts: Any = camera, Reconstructor(linear_bundle(tmp_path / "running", (24, 32)))
-    scripted: Any = watch
-    with session_of(*parts, watch=scripted) as daemon:
+    path = Reconstructor(linear_bundle(tmp_path / "running", (24, 32)))
+    with session_of(camera, path, watch=watch) as daemon:
         watch.wait_looks(1)
         yield daemon, watch
 
@@ -314,8 +300,7 @@ def test_camera_and_reconstruction_run_first_if_asked(monkeypatch: pytest.Monkey
     monkeypatch.setattr(
         os, "sched_setscheduler", lambda thread, policy, param: given.append((thread, policy, param.sched_priority))
     )
-    parts: Any = ScriptedCamera(period_s=0.01), CountingReconstructor()
-    with session_of(*parts, realtime=True) as daemon:
+    with session_of(ScriptedCamera(period_s=0.01), CountingReconstructor(), realtime=True) as daemon:
         daemon.wait_frame(0, 10)
         running = {thread.name: thread.native_id for thread in threading.enumerate()}
         assert daemon.status()["priority"] == "real time"
@@ -346,7 +331,6 @@ def test_a_system_that_lets_nothing_run_first_is_told_of_and_the_camera_is_close
 ) -> None:
     monkeypatch.setattr(os, "sched_setscheduler", Mock(side_effect=PermissionError(1, "Operation not permitted")))
     camera = ScriptedCamera(period_s=0.01)
-    parts: Any = camera, CountingReconstructor()
     with pytest.raises(InputError, match=r"- rtprio 10` to /etc/security/limits.conf.*leave service.realtime out"):
-        session_of(*parts, realtime=True).__enter__()
+        session_of(camera, CountingReconstructor(), realtime=True).__enter__()
     assert camera.closed

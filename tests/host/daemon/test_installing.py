@@ -40,20 +40,6 @@ class Stream:
         return self.taken.pop
 
 
-def test_a_verified_bundle_is_kept_taken_over_and_in_service(store: BundleStore, tmp_path: Path) -> None:
-    stream, first, second = Stream(), verified_bundle(tmp_path / "first"), verified_bundle(tmp_path / "second")
-    for one in (first, second):
-        installed = install(one, sensor="GL-7", store=store, running=stream)
-        assert (installed.bundle.identity, installed.bundle.in_service) == (one.identity, True)
-        assert not installed.remembered
-    assert stream.taken == [first.identity, second.identity]
-    assert store.current("GL-7").load().files == second.files
-    assert {entry.identity: entry.in_service for entry in store.bundles()} == {
-        first.identity: False,
-        second.identity: True,
-    }
-
-
 def test_the_old_bundle_can_be_restored_and_the_new_one_after_it(store: BundleStore, tmp_path: Path) -> None:
     stream, first, second = Stream(), verified_bundle(tmp_path / "first"), verified_bundle(tmp_path / "second")
     for one in (first, second):

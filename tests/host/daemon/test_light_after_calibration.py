@@ -1,9 +1,8 @@
 """However a calibration ends, camera and LEDs are set as the running bundle says; dark once the daemon is stopped."""
 
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -18,6 +17,7 @@ from gellight.frames.camera import Camera
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.linear_sensor import verified_bundle
 from tests.helpers.scripted_camera import LitCamera
+from tests.helpers.scripted_routine import ScriptedRoutine
 from tests.helpers.sessions import session_of
 from tests.helpers.waiting import eventually
 
@@ -25,58 +25,19 @@ WHITE = np.full((12, 3), 200, np.uint8)
 SENSOR = "E660C06213842F2A"
 
 
-class LightingRoutine:
-    """Sets exposure, gain and LEDs as a calibration does, and ends as `ending` says when it is asked to."""
+class LightingRoutine(ScriptedRoutine):
+    """Sets exposure, gain and LEDs as a calibration does."""
 
-    def __init__(self, camera: Camera, install: Callable[[Bundle], object], ending: Callable[[Any], object]) -> None:
-        self.camera, self.install, self.ending = camera, install, ending
-        self.asked, self.set = threading.Event(), threading.Event()
-        self.thread = threading.Thread(target=self._run, daemon=True)
-        self.ended = False
-
-    def _run(self) -> None:
-        self.camera.controls.set("exposure_us", 20000)
-        self.camera.controls.set("gain", 3)
-        self.camera.ring.light(WHITE)
-        self.set.set()
-        self.asked.wait(10)
-        try:
-            self.ending(self)
-        except Exception:  # as the routine itself does: it is noted and shown
-            pass
-        finally:
-            self.ended = True
-
-    def snapshot(self) -> dict[str, Any]:
-        return {}
+    def __init__(self, camera: Camera, install: Callable[[Bundle], object]) -> None:
+        super().__init__(CalibrationRequest(), install)
+        self.camera = camera
 
     def act(self, action: str, **arguments: float) -> None:
         if action == "start":
-            self.thread.start()
-            assert self.set.wait(10)
-        else:
-            self.asked.set()
-
-    def stop(self) -> None:
-        self.asked.set()
-
-    def join(self, timeout_s: float | None = None) -> None:
-        self.thread.join(timeout_s)
-
-
-def fail(routine: LightingRoutine) -> None:
-    raise ValueError("a mistake in the routine")
-
-
-def lose_the_camera(routine: LightingRoutine) -> None:
-    raise CameraError("unplugged")
-
-
-ENDINGS: dict[str, Callable[[LightingRoutine], object]] = {
-    "stopped or without a bundle": lambda routine: None,
-    "failed": fail,
-    "camera lost": lose_the_camera,
-}
+            self.camera.controls.set("exposure_us", 20000)
+            self.camera.controls.set("gain", 3)
+            self.camera.ring.light(WHITE)
+        super().act(action, **arguments)
 
 
 @pytest.fixture
@@ -97,9 +58,9 @@ def daemon(camera: LitCamera, running: Bundle) -> Iterator[SensorSession]:
         yield daemon
 
 
-def served(daemon: SensorSession, folder: Path, ending: Callable[[LightingRoutine], object]) -> CalibrationService:
-    def make(request: CalibrationRequest, install: Callable[[Bundle], object]) -> Any:
-        return LightingRoutine(daemon.camera, install, ending)
+def served(daemon: SensorSession, folder: Path) -> CalibrationService:
+    def make(request: CalibrationRequest, install: Callable[[Bundle], object]) -> LightingRoutine:
+        return LightingRoutine(daemon.camera, install)
 
     return CalibrationService(daemon, store=BundleStore(folder / "store"), folder=folder / "state", make_routine=make)
 
@@ -109,10 +70,9 @@ def finish(service: CalibrationService) -> None:
     service._end.join(10)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_the_running_bundle_is_lit_again(daemon: SensorSession, camera: LitCamera, tmp_path: Path, ending: str) -> None:
+def test_the_running_bundle_is_lit_again(daemon: SensorSession, camera: LitCamera, tmp_path: Path) -> None:
     before = camera.setting()
-    with served(daemon, tmp_path, ENDINGS[ending]) as service:
+    with served(daemon, tmp_path) as service:
         service.begin(CalibrationRequest())
         assert camera.setting() != before
         assert daemon.watch.paused
@@ -132,7 +92,7 @@ def test_a_routine_that_cannot_start_leaves_nothing_changed(
         raise InputError("not now")
 
     monkeypatch.setattr(LightingRoutine, "act", refuse)
-    with served(daemon, tmp_path, fail) as service:
+    with served(daemon, tmp_path) as service:
         with pytest.raises(InputError, match="not now"):
             service.begin(CalibrationRequest())
         assert camera.setting() == before
@@ -142,7 +102,7 @@ def test_a_routine_that_cannot_start_leaves_nothing_changed(
 
 def test_a_stopped_daemon_stays_dark(camera: LitCamera, running: Bundle, tmp_path: Path) -> None:
     with session_of(camera, Reconstructor(running), watch=SensorWatch(running)) as daemon:
-        service = served(daemon, tmp_path, lambda routine: None)
+        service = served(daemon, tmp_path)
         service.begin(CalibrationRequest())
     finish(service)
     assert camera.closed
@@ -157,7 +117,7 @@ def test_lighting_that_fails_is_shown_and_tried_again(
     monkeypatch.setattr("gellight.daemon.calibration_service.RETRY_S", 0.05)
     monkeypatch.setattr("gellight.daemon.calibration_service.SETTLE_S", 0.05)
     before = camera.setting()
-    with served(daemon, tmp_path, lambda routine: None) as service:
+    with served(daemon, tmp_path) as service:
         service.begin(CalibrationRequest())
         camera.failures.reset("light")
         service.act("abort")
@@ -174,12 +134,9 @@ def test_lighting_that_fails_is_shown_and_tried_again(
 def test_a_sensor_that_does_not_say_how_it_is_set_can_be_calibrated_later(
     daemon: SensorSession, camera: LitCamera, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def read(name: str) -> float:
-        raise CameraError(f"{name} cannot be read")
-
-    with served(daemon, tmp_path, fail) as service:
+    with served(daemon, tmp_path) as service:
         with monkeypatch.context() as broken:
-            broken.setattr(camera.controls, "read", read)
+            broken.setattr(camera.controls, "read", Mock(side_effect=CameraError("gain cannot be read")))
             with pytest.raises(CameraError, match="cannot be read"):
                 service.begin(CalibrationRequest())
         service.begin(CalibrationRequest())

@@ -1,4 +1,4 @@
-"""What runs, times what is put in while it runs: `-s` prints the table.
+"""What runs, times what is put in while it runs.
 
 A ball is pressed 1 mm deep. Each pair feels it, or is refused and what ran before feels it, two frames later.
 
@@ -92,19 +92,8 @@ def bundles() -> dict[str, Bundle]:
     }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def table() -> object:
-    """What the rows said; printed when all have been."""
-    said: dict[str, dict[str, str]] = {}
-    yield said
-    width = max(map(len, ROWS))
-    print("\n" + " " * width, *(f"{column:>14}" for column in COLUMNS))
-    for row, cells in said.items():
-        print(f"{row:{width}}", *(f"{cells.get(column, '-'):>14}" for column in COLUMNS))
-
-
-def felt(session: SensorSession) -> str:
-    """What the second frame from now feels, as a share of what is pressed; `none` without a calibration."""
+def felt(session: SensorSession) -> None:
+    """The second frame from now feels what is pressed, and nothing without a calibration."""
     last = session.wait_frame(-1, PATIENCE_S).camera_frame.sequence
     for _ in range(2):
         frame = session.wait_frame(last, PATIENCE_S)
@@ -114,32 +103,27 @@ def felt(session: SensorSession) -> str:
     share = frame.contact.indentation_mm / PRESSED_MM
     if session.bundle.calibrated:
         assert share == pytest.approx(1, abs=WITHIN), f"{session.mode} {session.bundle.source} feels {share:.3f}"
-        return f"{share:.2f}"
-    assert np.isnan(share)
-    return "none"
+    else:
+        assert np.isnan(share)
 
 
-def put_in(session: SensorSession, camera: Unplugged, what: str, bundles: dict[str, Bundle]) -> str:
-    """Put it in, and take it back; what was felt in between, or after what leaves nothing behind."""
+def put_in(session: SensorSession, camera: Unplugged, what: str, bundles: dict[str, Bundle]) -> None:
+    """Put it in, and take it back; it is felt in between, or after what leaves nothing behind."""
+    light_mode = session._active.config.light.light_mode
     if what in bundles:
         back = session.replace_bundle(bundles[what])
-        try:
-            return felt(session)
-        finally:
-            back()
-    if what.startswith("to "):
-        before, light_mode = (
-            session._active.config.settings.reconstruction.mode,
-            session._active.config.light.light_mode,
-        )
+    elif what.startswith("to "):
+        mode = session._active.config.settings.reconstruction.mode
         session.change_mode(what[3:])
-        try:
-            return felt(session)
-        finally:
-            session.change_mode(before)
-            assert session._active.config.light.light_mode is light_mode
-    PASSING[what](session, camera)
-    return felt(session)
+        back = lambda: session.change_mode(mode)  # noqa: E731
+    else:
+        PASSING[what](session, camera)
+        back = lambda: None  # noqa: E731
+    try:
+        felt(session)
+    finally:
+        back()
+        assert session._active.config.light.light_mode is light_mode
 
 
 def zero(session: SensorSession, camera: Unplugged) -> None:
@@ -235,42 +219,36 @@ def opened(row: str, bundles: dict[str, Bundle]) -> tuple[SensorSession, Unplugg
     return SensorSession(camera, bundle, settings), camera
 
 
-def cell_of(session: SensorSession, camera: Unplugged, what: str, bundles: dict[str, Bundle], wrong: list[str]) -> str:
-    """What comes of putting it in; what must not be is added to `wrong`."""
+def wrong_with(session: SensorSession, camera: Unplugged, what: str, bundles: dict[str, Bundle]) -> list[str]:
+    """Put it in; return what must not be of what comes of it."""
     photometric = session.mode == "photometric" and session.bundle.source != bundles["directions"].source
     try:
-        return f"ok {put_in(session, camera, what, bundles)}"
+        put_in(session, camera, what, bundles)
     except GellightError as error:
         if "\n" in str(error):
-            wrong.append(f"{what}: more than one line: {error}")
-        print(f"{what}: {error}")
+            return [f"{what}: more than one line: {error}"]
         if what == "zero" and photometric and "change to network mode" not in str(error):
-            wrong.append(f"{what}: no remedy: {error}")
-        return "refused"
+            return [f"{what}: no remedy: {error}"]
     except AssertionError as error:
-        wrong.append(f"{what}: {error}")
-        return "WRONG"
+        return [f"{what}: {error}"]
+    return []
 
 
 @pytest.mark.parametrize(
     "row", [row if row in BY_DAY else pytest.param(row, marks=pytest.mark.nightly) for row in ROWS]
 )
-def test_what_runs_takes_what_is_put_in_or_refuses_it_and_feels_on(
-    row: str, bundles: dict[str, Bundle], table: dict[str, dict[str, str]]
-) -> None:
-    cells = table.setdefault(row, {})
+def test_what_runs_takes_what_is_put_in_or_refuses_it_and_feels_on(row: str, bundles: dict[str, Bundle]) -> None:
     wrong: list[str] = []
     running, camera = opened(row, bundles)
     with running as session:
         felt(session)
         for what in COLUMNS:
             begun_s = time.monotonic()
-            cells[what] = cell_of(session, camera, what, bundles, wrong)
+            wrong += wrong_with(session, camera, what, bundles)
             try:
                 felt(session)  # what ran before feels what is pressed
             except AssertionError as error:
                 wrong.append(f"after {what}: {error}")
-            print(f"{row}, {what}: {cells[what]}, {time.monotonic() - begun_s:.1f} s")
             if time.monotonic() - begun_s > LONGEST_S:
                 wrong.append(f"{what}: took {time.monotonic() - begun_s:.1f} s")
-    assert not wrong, wrong
+    assert wrong == []

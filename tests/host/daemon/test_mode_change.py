@@ -1,5 +1,6 @@
 """The mode of a running sensor is changed: frames go on, numbered on; what cannot be leaves everything as it was."""
 
+import json
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -7,12 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, CameraError, InputError
-from gellight.base.settings import load_settings
+from gellight.base.errors import BundleError, CameraError, ConfigError, InputError
+from gellight.base.settings import ReconstructionSettings, Settings, load_settings
+from gellight.bundle.bundle import load_bundle
 from gellight.daemon import switched_camera
+from gellight.daemon.active_pipeline import path_for
 from gellight.daemon.assembly import open_session
 from gellight.daemon.bundle_choice import placeholder
-from gellight.daemon.configuration import STILL, LightPlan
+from gellight.daemon.configuration import STILL, LightPlan, mode_config
 from gellight.daemon.session import SensorSession
 from gellight.daemon.switched_camera import SensorState, SwitchedCamera
 from gellight.frames.camera import Camera
@@ -20,8 +23,12 @@ from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
+from gellight.lab.training.synthetic import ball_presses
 from gellight.stream.publisher import Publisher
 from gellight.stream.subscription import subscribe
+from sim_reference.geometry import SensorGeometry
+from tests.benchmarks.photometric import Bench
+from tests.helpers.children import gellight
 from tests.helpers.scripted_camera import ScriptedCamera
 
 HELD = "sim://?object=BALL&depth=1.0&x=3&y=-2"
@@ -129,3 +136,48 @@ def test_pictures_of_files_that_are_on_their_way_are_not_prepared_otherwise(
             camera.prepared(config)
         return
     assert camera.prepared(config).image_shape == (12, 16)
+
+
+def test_the_photometric_demo_works_at_once_and_feels_the_ball() -> None:
+    run = gellight("demo", "--set", "reconstruction.mode=photometric", "--frames", "2", "--json", "--sensor", HELD)
+    assert run.returncode == 0, run.stderr
+    status = json.loads(run.stdout.splitlines()[-1])
+    assert status["mode"] == "photometric"
+    assert status["exposures"]["exposures"] == 4
+    assert status["exposures"]["moved"] is False
+    assert status["lost"] == 0
+    assert status["selfcheck"]["passed"], status["selfcheck"]
+    assert status["selfcheck"]["contact_normal_error_deg"] < 0.3
+    assert status["selfcheck"]["depth_error_mm"] < 0.005
+    assert status["indentation_mm"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_camera_without_a_ring_says_how_to_go_on() -> None:
+    settings = load_settings({"sensor.url": "sim://?board=0", "reconstruction.mode": "photometric"})
+    with pytest.raises(CameraError, match="no light ring"):
+        open_session(settings)
+
+
+def test_an_unknown_mode_lists_the_modes() -> None:
+    with pytest.raises(ConfigError, match="network, photometric"):
+        load_settings({"reconstruction.mode": "magic"})
+
+
+@pytest.mark.nightly
+def test_a_second_look_under_other_lights_errs_by_little_more_than_half_as_much() -> None:
+    """Over four balls; over twenty it is 0.54."""
+    bench = Bench(load_bundle("synthetic"), 1.0, 31)
+    rows = bench.measure("balls", list(ball_presses(SensorGeometry(), 4, np.random.default_rng(8))))
+    assert [row.exposures for row in rows] == [1, 4, 12, 4, 12]
+    assert rows[0].over_network == 1.0
+    assert rows[3].over_network < 0.6
+    assert rows[4].over_network < 0.6
+    assert rows[3].exposure_us == pytest.approx(25200, rel=0.02)
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_the_settings_say_whether_cast_shadows_are_made_good(wanted: bool) -> None:
+    settings = Settings(reconstruction=ReconstructionSettings(cast_shadows=wanted))
+    bundle = load_bundle("synthetic")
+    path = path_for(mode_config(bundle, settings), bundle)
+    assert path._network.cast_shadows is wanted

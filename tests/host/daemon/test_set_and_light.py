@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, CameraError, InputError
+from gellight.daemon.switched_camera import SensorState
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import ReconnectingError
 from gellight.frames.frames import CameraFrame
 from gellight.opening import open_camera
 from gellight.sensor.set_and_light import set_and_light
 from tests.helpers.linear_sensor import linear_bundle
-from tests.helpers.scripted_camera import ScriptedCamera, ScriptedControls
+from tests.helpers.scripted_camera import LitCamera, ScriptedCamera, ScriptedControls
 from tests.helpers.scripted_ring import ScriptedRing
 from tests.helpers.sessions import session_of
 from tests.helpers.waiting import eventually
@@ -35,7 +36,6 @@ def test_frames_are_wholly_under_what_was_asked_also_while_a_daemon_reads_the_ca
     with session_of(camera, Reconstructor(linear_bundle(tmp_path / "bundle", (120, 160)))) as daemon:
         for light, colours in itertools.islice(itertools.cycle((("red", RED), ("blue", BLUE))), 20):
             for frame in set_and_light(daemon.camera, {}, colours, frames=2):
-                assert frame.light is not None
                 assert (frame.light == colours).all()
                 # Pulsed light: where an exposure is not a whole number of pulses rows may differ by part of one.
                 assert np.abs(frame.image.astype(int) - pure[light]).mean() < 1.0
@@ -129,3 +129,22 @@ def test_a_light_that_the_board_took_away_is_in_no_frame_of_the_simulated_sensor
         frames = [camera.read() for _ in range(20)]
     assert "host silent); they are lit again" in caplog.text
     assert all(frame.image.mean() == pytest.approx(lit.image.mean(), rel=0.05) for frame in frames)
+
+
+LIT = SensorState(controls={"gain": 2.0}, colours=np.full((12, 3), 9, np.uint8))
+
+
+def test_a_refused_light_is_taken_back() -> None:
+    camera = LitCamera()
+    before = camera.setting()
+    camera.failures.reset("light 1")
+    with pytest.raises(BoardError, match=r"^light failed$"):
+        LIT.apply(camera)
+    assert camera.setting() == before, "dark, as before"
+
+
+def test_where_it_cannot_be_taken_back_the_error_says_both() -> None:
+    camera = LitCamera()
+    camera.failures.reset("light 1", "light 2")
+    with pytest.raises(CameraError, match=r"light failed; nor can camera and LEDs be set as before \(light failed\)"):
+        LIT.apply(camera)

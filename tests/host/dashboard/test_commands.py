@@ -47,7 +47,6 @@ def test_a_running_calibration_is_in_the_status_and_nobody_else_may_press(
 def begin_a_press(page: Page, source: FormulaSource) -> None:
     """Send a press and wait until the stage computes it, which goes on until it `may_prepare`."""
     stage = source.stage
-    assert stage is not None
     page.credit(8)
     source.put(bump(1.0, 0, 0))
     page.frame()
@@ -59,7 +58,6 @@ def begin_a_press(page: Page, source: FormulaSource) -> None:
 def test_a_press_is_computed_before_it_is_made_and_stops_neither_frames_nor_status(
     page: Page, source: FormulaSource
 ) -> None:
-    assert source.stage is not None
     stage = source.stage
     begin_a_press(page, source)
     sequence = source.put(bump(1.0, 0, 0))
@@ -73,7 +71,6 @@ def test_a_press_is_computed_before_it_is_made_and_stops_neither_frames_nor_stat
 
 
 def test_an_object_that_is_released_while_it_is_computed_is_not_pressed(page: Page, source: FormulaSource) -> None:
-    assert source.stage is not None
     stage = source.stage
     begin_a_press(page, source)
     assert page.answer(type="release") == {"type": "done", "command": "release"}

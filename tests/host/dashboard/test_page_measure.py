@@ -54,7 +54,6 @@ def test_the_place_under_the_pointer_is_measured_on_the_surface(opened_3d: Open,
     page.get_by_test_id("detail").select_option("1")
     draw(page, source, 1.2, 0.0, 0.0)
     box = page.get_by_test_id("surface").bounding_box()
-    assert box is not None
     best = 0.0
     for part in np.linspace(0.3, 0.6, 13):
         page.mouse.move(box["x"] + box["width"] / 2, box["y"] + part * box["height"])

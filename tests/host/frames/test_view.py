@@ -11,12 +11,13 @@ from gellight.bundle.bundle import extend_bundle, load_bundle
 from gellight.frames.dots import find_dots
 from gellight.frames.picture import FILE_NAME, PictureSteps, steps_of
 from gellight.frames.pixel_grid import block_means, gel_points_mm, plane_means, spread_blocks
-from gellight.frames.point_cloud import points_of
+from gellight.frames.point_cloud import ply, points_of
 from gellight.frames.view import View, read_view
 from gellight.lab.optics.lens.lattice import view_of_grid
 from gellight.opening import open_camera
 from tests.helpers.dotted import CORNERS, TAKEN, from_the_side, with_dots
 from tests.helpers.linear_sensor import BUNDLE_SHAPE, linear_bundle
+from tests.helpers.ply import read_ply
 
 SHAPE = (120, 160)
 VIEW = View.of_corners(CORNERS, TAKEN, SHAPE)
@@ -173,7 +174,6 @@ def test_a_view_that_is_coarser_shows_no_pattern_however_its_homography_is_scale
 def test_a_large_picture_is_made_smaller_by_a_whole_factor_and_others_are_left() -> None:
     image = np.random.default_rng(0).integers(0, 256, (1850, 2600, 3), np.uint8)
     smaller = View.bounded((1850, 2600))
-    assert smaller is not None
     assert smaller.image_shape == (616, 866)
     blocks = image[:1848, :2598].reshape(616, 3, 866, 3, 3).mean(axis=(1, 3))
     np.testing.assert_allclose(smaller.of(image, "image"), blocks, atol=0.51)
@@ -184,9 +184,27 @@ def test_a_large_picture_is_made_smaller_by_a_whole_factor_and_others_are_left()
 def test_a_view_of_the_pictures_of_another_is_one_view() -> None:
     cut = View.of_box((100, 40, 2600, 1800), (1850, 2750))
     smaller = View.bounded(cut.image_shape)
-    assert smaller is not None
     both, points = smaller.after(cut), np.array([[120.0, 60.0], [2000.0, 1500.0]])
     assert (both.taken_shape, both.image_shape) == ((1850, 2750), smaller.image_shape)
     np.testing.assert_allclose(both.places(points), smaller.places(cut.places(points)))
     with pytest.raises(InputError, match="makes pictures of 100 x 90 px, these are of 2600 x 1800 px"):
         smaller.after(View.of_box((0, 0, 100, 90), (1850, 2600)))
+
+
+def test_the_surface_is_triangles_that_face_the_camera(tmp_path: Path) -> None:
+    x, y = np.meshgrid(np.arange(40.0) - 19.5, np.arange(30.0) - 14.5)
+    depth = np.exp(-((x - 5) ** 2 + (y + 4) ** 2) / 50).astype(np.float32)
+    depth[20:24, 3:9] = np.nan
+    image = np.random.default_rng(0).integers(0, 256, (30, 40, 3), np.uint8)
+    (tmp_path / "gel.ply").write_bytes(ply(depth, (0.5, 0.25), image))
+    vertices, triangles, _ = read_ply(tmp_path / "gel.ply")
+    assert len(vertices["z"]) == 40 * 30 - 4 * 6
+    assert len(triangles) == 2 * (39 * 29 - 5 * 7)
+    assert np.array_equal(np.stack([vertices[name] for name in ("red", "green", "blue")], 1), image[~np.isnan(depth)])
+    at = np.stack([vertices[name] for name in "xyz"], 1)
+    exact = np.exp(-((at[:, 0] / 0.5 - 5) ** 2 + (at[:, 1] / 0.25 - 4) ** 2) / 50)
+    assert np.abs(at[:, 2] - exact).max() < 1e-6, "y points up"
+    corners = at[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (normals[:, 2] > 0).all()
+    assert np.allclose(normals[:, 2], 0.125), "each is half a pixel"

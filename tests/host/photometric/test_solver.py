@@ -102,27 +102,6 @@ def test_albedo_and_exposure_cancel() -> None:
     np.testing.assert_allclose(solved(pictures_of(depth, gradient) * dirt, depth), gradient, atol=1e-6)
 
 
-def test_light_from_afar_would_be_wrong_by_degrees() -> None:
-    """Directions of the picture's centre for every pixel: what photometric stereo with parallel light assumes."""
-    depth, gradient = ball(4.0, 0.5)
-    signals = pictures_of(depth, gradient)
-    middle = Points(np.zeros(depth.size), np.zeros(depth.size), np.zeros(depth.size))
-    rows = light_rows(middle, flat_pictures(), RING)
-    far = np.moveaxis(slopes(solve(signals, rows, signals > 0)).reshape(2, *depth.shape), 0, 2)
-    wrong = np.degrees(np.arctan(np.linalg.norm(far - gradient, axis=2)))
-    corner = np.degrees(np.arctan(np.linalg.norm((solved(signals, depth) - gradient)[:8, :8], axis=2)))
-    assert wrong[depth > 0].max() > 1.0
-    assert corner.max() < 1e-4
-
-
-def test_light_at_the_depth_of_rest_is_wrong_where_the_gel_is_deep() -> None:
-    depth, gradient = ball(6.0, 1.0)
-    signals = pictures_of(depth, gradient)
-    shallow = solved(signals, np.zeros_like(depth))
-    assert np.abs(shallow - gradient)[depth > 0.5].max() > 0.01, "half a degree"
-    assert np.abs(solved(signals, depth) - gradient)[depth > 0.5].max() < 1e-6
-
-
 def test_a_shadow_that_is_left_out_costs_nothing_and_one_that_is_not_costs_degrees() -> None:
     depth, gradient = ball(4.0, 0.5)
     signals = pictures_of(depth, gradient)

@@ -5,14 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, InputError
+from gellight.base.errors import InputError
 from gellight.bundle.bundle import extend_bundle, load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.measures import BEYOND_VIEW, HEAVIER
 from gellight.reconstruction import force as force_module
 from gellight.reconstruction.force import ForceScale, Layer, compliance, indenting
-from gellight.reconstruction.force_file import read_force
 from sim_reference import gel
 from tests.benchmarks.force import FINGER, on_a_finger
 from tests.helpers.fem_presses import NAMES, SPACING_MM, depth_mm, force_n, picture
@@ -103,19 +102,9 @@ def test_a_frame_carries_its_force_where_the_bundle_knows_it(tmp_path: Path) -> 
     assert Reconstructor(plain).reconstruct(frame).force is None
     knowing = extend_bundle(plain, tmp_path / "knowing", force_files())
     force = Reconstructor(knowing).reconstruct(frame).force
-    assert force is not None
     assert force.normal_n == pytest.approx(press.force_n, rel=0.05)
     flat = Reconstructor(knowing).reconstruct(CameraFrame(image=weighed(0.0).picture(), time_s=0.0, sequence=1)).force
-    assert flat is not None
     assert flat.normal_n == 0
-
-
-def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
-    plain = linear_bundle(tmp_path / "plain", SHAPE, pixel_size_mm=PIXELS)
-    broken = force_files()["force.json"].replace(b"0.15", b"-0.15")
-    bundle = extend_bundle(plain, tmp_path / "broken", {"force.json": broken})
-    with pytest.raises(BundleError, match=r"youngs_modulus_mpa.*calibrate force"):
-        read_force(bundle)
 
 
 # ---- finite elements: weighed with one ball, other objects are right within 10 % ----
@@ -133,14 +122,6 @@ def test_one_ball_weighs_every_object_within_a_tenth(name: str) -> None:
     modulus = force_n(WEIGHED) / integral(depth_mm(WEIGHED))
     assert modulus == pytest.approx(0.2, rel=0.04), "of the gel, 0.2 MPa"
     assert modulus * integral(depth_mm(name)) == pytest.approx(force_n(name), rel=0.1)
-
-
-def test_a_constant_of_the_volume_would_not() -> None:
-    """The constant that fits best leaves some object a fifth off."""
-    volume = {name: float(np.maximum(depth_mm(name), 0).sum()) * SPACING_MM**2 for name in NAMES}
-    ratio = np.array([force_n(name) / volume[name] for name in NAMES])
-    best = np.sqrt(ratio.min() * ratio.max())
-    assert np.abs(ratio / best - 1).max() > 0.2
 
 
 def test_so_it_is_when_the_depth_is_felt_in_pictures() -> None:

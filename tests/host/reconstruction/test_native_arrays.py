@@ -1,12 +1,19 @@
-"""Cosine transforms in C against SciPy's, and results whose memory is used again."""
+"""Parts of the C library: transforms against SciPy, the network against ONNX Runtime, memory that is used again."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import fft
 
-from gellight.reconstruction.native import build, library
+from gellight.bundle.bundle import load_bundle
+from gellight.reconstruction.native import build, library, network
+from gellight.reconstruction.native.build import library_file
 from gellight.reconstruction.native.cosine import CosineRows, radices_of
+from gellight.reconstruction.native.library import Library, fitting
 from gellight.reconstruction.native.work import LentArrays
+from gellight.reconstruction.network_session import NetworkSession
+from tests.helpers.linear_sensor import linear_bundle
 
 RUNNABLE = [pytest.param(name, id=name) for name in library.fitting()]
 LENGTHS = (32, 36, 60, 64, 80, 90, 160, 306, 320, 33, 46)
@@ -52,3 +59,38 @@ def test_few_are_kept() -> None:
     assert len({array.ctypes.data for array in held}) == 10
     del held
     assert len(arrays._free) == 3
+
+
+SYNTHETIC = load_bundle("synthetic")
+SHAPE = SYNTHETIC.image_shape
+
+
+def session(content: bytes) -> NetworkSession:
+    return NetworkSession(content, source="test")
+
+
+@pytest.mark.parametrize("name", fitting())
+@pytest.mark.parametrize("count", [1, 31, 1000])
+def test_it_answers_as_onnx_runtime_does(name: str, count: int) -> None:
+    judge = session(SYNTHETIC.network)
+    found = network.fastest(Library(library_file(name)), SYNTHETIC.network, judge, SHAPE)
+    assert isinstance(found, network.NativeNetwork)
+    rows = np.random.default_rng(3).normal([0, 0, 0, 320, 240], [30, 30, 30, 100, 90], (count, 5)).astype(np.float32)
+    (slopes, jacobian), (right, true) = found.slopes_and_jacobian(rows), judge.slopes_and_jacobian(rows)
+    np.testing.assert_allclose(found.slopes(rows), right, atol=1e-5)
+    np.testing.assert_allclose(slopes, right, atol=1e-5)
+    np.testing.assert_allclose(jacobian, true, atol=1e-6)
+
+
+def test_another_network_and_other_answers_are_left_to_onnx_runtime(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    if not fitting():
+        pytest.skip("no library runs on this machine")
+    library = Library(library_file(fitting()[0]))
+    other = session(linear_bundle(tmp_path / "b", (32, 32)).network)
+    assert network.fastest(library, linear_bundle(tmp_path / "c", (32, 32)).network, other, (32, 32)) is other
+    judge, pack = session(SYNTHETIC.network), network.pack
+    monkeypatch.setattr(network, "pack", lambda weights: pack({**weights, "bias_1": weights["bias_1"] + 0.1}))
+    assert network.fastest(library, SYNTHETIC.network, judge, SHAPE) is judge
+    assert "its answers differ" in caplog.text

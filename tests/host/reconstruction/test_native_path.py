@@ -146,7 +146,6 @@ def test_a_picture_that_is_not_contiguous(name: str) -> None:
 def test_a_network_that_answers_nan_is_an_error_and_not_a_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     native, _ = both(SYNTHETIC)
     path = native._path
-    assert isinstance(path, NativePath)
     nan = lambda rows: (rows[:, :2] * np.nan, np.zeros((len(rows), 6)))  # noqa: E731
     monkeypatch.setattr(path._answers, "slopes_and_jacobian", nan)
     with pytest.raises(ValueError, match="NaN or infinite"):

@@ -1,5 +1,8 @@
-"""The library for aarch64, run by QEMU on any machine, against the NumPy form."""
+"""The shipped libraries: of aarch64, run by QEMU on any machine, against NumPy; and in the wheel as they were built."""
 
+import subprocess
+import sys
+import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -9,11 +12,13 @@ import pytest
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frame_path import pipeline
 from gellight.frames.frames import CameraFrame
+from gellight.lab.core_board import build as core_board
 from gellight.reconstruction.native import build, judge, library
-from tests.benchmarks.frame_times import halved, scenes
+from tests.benchmarks.frame_times import scenes
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.native_forms import agree, both
 from tests.helpers.other_processor import OtherProcessor, build_server
+from tests.helpers.places import CHECKOUT
 
 pytestmark = pytest.mark.nightly
 
@@ -63,16 +68,49 @@ def test_images_of_other_sizes(
     compare(linear_bundle(tmp_path / "b", shape), seed=1, smoothing_px=smoothing_px)
 
 
-def test_a_library_that_is_wrong_there_is_seen(aarch64: OtherProcessor, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the comparison is worth: one number of one function is changed on its way back."""
-    right = OtherProcessor.call
+COMPUTED_BY = """
+import logging
+logging.basicConfig()
+from gellight.bundle.bundle import load_bundle
+from gellight.frame_path.pipeline import Reconstructor
+import gellight
+print(gellight.__file__)
+print(Reconstructor(load_bundle("synthetic")).status()["computed_by"])
+"""
 
-    def call(self: OtherProcessor, function: str, *arguments: object) -> int:
-        found = right(self, function, *arguments)  # type: ignore[arg-type]
-        if function == "gradient_map":
-            arguments[1][5, 5, 0] += 0.01  # type: ignore[index]
-        return found
 
-    monkeypatch.setattr(OtherProcessor, "call", call)
-    with pytest.raises(AssertionError):
-        compare(halved(load_bundle("synthetic")))
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("wheel")
+    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", place], cwd=CHECKOUT, check=True)
+    return next(place.glob("*.whl"))
+
+
+def test_one_wheel_serves_every_platform_and_holds_each_library_once(wheel: Path) -> None:
+    assert wheel.name.endswith("-py3-none-any.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        files = {name: archive.read(name) for name in archive.namelist() if name.endswith(".so")}
+        packed = sum(archive.getinfo(name).compress_size for name in files)
+    built = [build.library_file(name) for name in build.TARGETS]
+    built += [core_board.library_file(name) for name in core_board.TARGETS]
+    assert files == {path.relative_to(CHECKOUT / "host").as_posix(): path.read_bytes() for path in built}
+    assert packed < 500_000, "bytes; more would be worth a wheel for each platform"
+
+
+@pytest.mark.skipif(not library.fitting(), reason="no library is built for this machine")
+def test_the_installed_library_is_loaded_without_a_compiler(wheel: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tmp_path)
+    block = tmp_path / "ziglang"
+    block.mkdir()
+    (block / "__init__.py").write_text("raise ImportError('no compiler here')")
+    done = subprocess.run(
+        [sys.executable, "-c", COMPUTED_BY],
+        env={"PYTHONPATH": str(tmp_path), "PATH": "/nowhere"},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    where, computed_by = done.stdout.splitlines()
+    assert where.startswith(str(tmp_path)), "the wheel's files run, not the checkout's"
+    assert computed_by == f"C, {library.fitting()[0]}", done.stderr

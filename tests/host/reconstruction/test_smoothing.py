@@ -130,12 +130,6 @@ def test_a_contact_that_the_noise_leaves_visible_keeps_its_slopes() -> None:
     assert widened_error < 1.05 * surface_error
 
 
-def test_a_map_of_zeros_stays_one() -> None:
-    zeros = np.zeros((*SHAPE, 2), np.float32)
-    for result in stages(zeros):
-        np.testing.assert_array_equal(result, zeros)
-
-
 @pytest.mark.parametrize("shape", [(5, 4), (33, 47), (64, 61)])
 def test_any_size_of_map_is_smoothed(shape: tuple[int, int]) -> None:
     widened = stages(noise(7, shape))[2]

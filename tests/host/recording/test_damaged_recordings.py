@@ -16,7 +16,6 @@ from gellight.opening import open_camera
 from gellight.recording import recording_file
 from gellight.recording.frame_record import FrameRecord
 from gellight.recording.recording_file import Recording, RecordingWriter
-from gellight.recording.replay_camera import ReplayCamera
 from tests.helpers.recorded import plain
 
 Record = Callable[..., Path]
@@ -130,12 +129,6 @@ def test_an_existing_file_is_not_replaced(record: Record) -> None:
     path = record([plain(0)])
     with pytest.raises(InputError, match="exists"):
         RecordingWriter(path, "finger")
-
-
-def test_a_recording_brings_its_bundle(record: Record, bundle: Bundle) -> None:
-    with open_camera(f"replay://{record([plain(0)])}") as camera:
-        assert isinstance(camera, ReplayCamera)
-        assert camera.bundle.identity == bundle.identity
 
 
 def test_a_bundle_is_attached_once(record: Record, bundle: Bundle) -> None:

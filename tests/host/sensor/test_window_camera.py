@@ -44,7 +44,7 @@ class ScriptedSequence(ScriptedCamera):
 
 
 def window(script: str, exposure_us: float | None = None) -> tuple[WindowCamera, ScriptedSequence]:
-    inner: Any = ScriptedSequence(script)
+    inner = ScriptedSequence(script)
     return WindowCamera(inner, TRIPLES, exposure_us=exposure_us), inner
 
 

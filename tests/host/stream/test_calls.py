@@ -1,27 +1,32 @@
-"""Another program asks the daemon, and it answers or says why it does not."""
+"""Other programs ask the daemon, whatever bytes they send: an answer or a refusal, and the frames go on."""
 
 import json
 import re
 import socket
-import stat
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from typing import get_args
 
 import numpy as np
 import pytest
+import zenoh
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
 
 from gellight.base.errors import InputError, StreamError
+from gellight.base.locking import lock
 from gellight.base.runtime_folder import folder
+from gellight.sensor.v4l2.options import parse_url
 from gellight.stream import subscription
 from gellight.stream.calls import READING, Call
-from gellight.stream.network import key, subscribing_session
+from gellight.stream.network import close, key, subscribing_session
 from gellight.stream.publisher import Publisher
 from gellight.stream.running import running
 from gellight.stream.sensor import Sensor
 from gellight.stream.source import NoFrameError
-from gellight.stream.subscription import subscribe
+from gellight.stream.subscription import read_status, subscribe
 from tests.helpers.command_line import invoke
 from tests.helpers.streamed import bump_daemon
 from tests.helpers.weighed import HeavyFrames
@@ -67,18 +72,6 @@ def test_a_subscription_that_was_closed_says_so() -> None:
         for ask in (frames.status, frames.zero, lambda: frames.bundle):
             with pytest.raises(StreamError, match="subscribe anew"):
                 ask()
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"{}", b"[" * 5000, b'{"type": "format"}', b"\xff" * 100000, b'{"type": "press"}']
-)
-def test_a_call_that_is_none_is_answered_with_the_reason(content: bytes) -> None:
-    daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon, name="finger"):
-        session = subscribing_session(running()[0].endpoint, config=None)
-        (reply,) = session.get(key("finger", "call"), payload=content, timeout=10)
-        assert "no call of GelLight" in reply.err.payload.to_string()
-        session.close()
 
 
 CHANGES = [
@@ -127,14 +120,6 @@ def test_a_program_of_this_user_has_the_token_and_another_computer_is_given_it()
     other, _ = bump_daemon()
     with other, Publisher(other) as first, Publisher(other, name="other") as second:
         assert len({first.token, second.token, "a-token-of-my-own"}) == 3, "each start has another"
-
-
-def test_the_file_with_the_token_is_of_its_owner_alone() -> None:
-    folder().mkdir(parents=True, mode=0o755)
-    daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon, name="finger"):
-        (place,) = folder().glob("*.json")
-        assert stat.S_IMODE(place.stat().st_mode) == 0o600
 
 
 def test_hostile_bytes_on_the_port_do_not_disturb_the_stream() -> None:
@@ -188,3 +173,63 @@ def test_bad_arguments_are_refused_in_words_by_both_kinds_of_source(kind: str) -
         for press in (("BALL", float("nan")), (1, 0.5), ("BALL", "deep")):
             with pytest.raises(InputError, match=r"(depth_mm|object) = "):
                 source.press(*press)
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4),
+    max_leaves=12,
+)
+calls = st.builds(
+    lambda kind, rest: json.dumps({**rest, "type": kind}).encode(),
+    st.sampled_from(["status", "calibration", "light", "zero", "press", "release", "mode", "nonsense"]) | json_values,
+    st.dictionaries(st.sampled_from(["colours", "object", "depth_mm", "x_mm", "y_mm", "x"]), json_values, max_size=5),
+)
+
+
+@pytest.mark.parametrize("answer", [b"", b"[" * 200_000, b"\xff", b"5", b"[]"])
+def test_an_answer_that_is_no_status_is_an_error_of_the_stream(answer: bytes) -> None:
+    with pytest.raises(StreamError, match="what answers as finger gives no status"):
+        read_status(answer, "finger")
+
+
+@pytest.mark.parametrize("url", ["v4l2://[", "sim://[x", "v4l2://[::1"])
+def test_a_url_with_half_a_bracket_is_refused(url: str) -> None:
+    with pytest.raises(InputError, match="is no URL"):
+        parse_url(url)
+
+
+@pytest.fixture(scope="module")
+def called(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[zenoh.Session, str]]:
+    """A client of zenoh, and the address of the daemon that it is connected to."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("run")))
+        daemon, _ = bump_daemon(period_s=0.02)
+        with daemon, Publisher(daemon, name="finger"):
+            endpoint = running()[0].endpoint
+            session = subscribing_session(endpoint, config=None)
+            yield session, endpoint.removeprefix("tcp/")
+            close(session)
+
+
+@given(st.binary(max_size=300) | calls)
+@example(b"[" * 50_000)
+@example(b'{"type": "light", "colours": [' + b"[1,2,3]," * 8000 + b"[1,2,3]]}")
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_daemon_answers_any_call_and_lives_on(called: tuple[zenoh.Session, str], content: bytes) -> None:
+    caller, _ = called
+    (reply,) = caller.get(key("finger", "call"), payload=content, timeout=20)
+    assert (reply.ok is None) != (reply.err is None)
+    (status,) = caller.get(key("finger", "call"), payload=b'{"type": "status"}', timeout=20)
+    assert json.loads(status.ok.payload.to_bytes())["frames"] >= 0
+
+
+@given(st.binary(max_size=6000))
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_file_of_a_daemon_may_hold_anything(content: bytes) -> None:
+    """Locked as by a daemon that lives: it is passed over."""
+    folder().mkdir(parents=True, exist_ok=True)
+    (folder() / "x.json").write_bytes(content)
+    with (folder() / "x.json").open("a+") as handle:
+        assert lock(handle)
+        assert running() == []

@@ -88,16 +88,6 @@ def test_a_name_is_looked_for_on_the_network_too(start: Start) -> None:
         subscribe("middle")
 
 
-def test_a_daemon_without_lan_is_not_found(start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    daemon, _ = bump_daemon()
-    monkeypatch.setattr(subscription, "found_by_multicast", network.found_by_multicast)
-    with daemon, Publisher(daemon, name="hidden-one") as publisher:
-        assert publisher.lan_port == 0
-        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "of-nobody"))
-        with pytest.raises(StreamError, match="no daemon publishes hidden-one"):
-            subscribe("hidden-one")
-
-
 def test_when_every_port_is_taken_the_remedy_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(network, "LAN_PORTS", 1)
     with socket.create_server(("", 0)) as taken:

@@ -6,7 +6,6 @@ import os
 import re
 import runpy
 import shutil
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +20,7 @@ from gellight.frames.measures import MapOnRequest
 from gellight.lab.report.pictures import write_png
 from gellight.stream.publisher import Publisher
 from gellight.stream.wire import encode
-from tests.helpers.children import run, started
+from tests.helpers.children import run
 from tests.helpers.doc_examples import examples
 from tests.helpers.fem_presses import force_n
 from tests.helpers.places import CHECKOUT, real
@@ -139,21 +138,6 @@ def test_pictures_of_a_real_sensor_show_it_as_well_as_the_page_says() -> None:
     assert place < 0.12
     assert worst[0] < 0.3
     assert 0.7 < area < 1
-
-
-def test_a_mistyped_name_is_told_in_one_line_while_it_is_waited_for() -> None:
-    daemon, _ = bump_daemon()
-    command = [sys.executable, EXAMPLES / "live.py", "bal"]
-    with (
-        daemon,
-        Publisher(daemon, name="ball"),
-        started(command, stderr=subprocess.PIPE, text=True) as program,
-    ):
-        line = program.stderr.readline()
-        assert program.poll() is None
-        program.kill()
-    assert "no daemon publishes bal" in line
-    assert "there are ball; waiting" in line
 
 
 def test_every_example_is_run_and_described() -> None:

@@ -1,12 +1,13 @@
 """A client that knows Foxglove's protocol and nothing of GelLight sees the sensor; the shipped layout fits."""
 
 import asyncio
-import builtins
 import json
 import re
 import runpy
 import struct
-from collections.abc import Iterator
+import sys
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
 from typing import Any
 
 import aiohttp
@@ -45,11 +46,17 @@ def looked_at(url: str, topics: set[str]) -> dict[str, Any]:
     return asyncio.run(asyncio.wait_for(_looked_at(url, topics), 30))
 
 
-async def _looked_at(url: str, topics: set[str]) -> dict[str, Any]:
+@asynccontextmanager
+async def connected(url: str, **how: Any) -> AsyncIterator[aiohttp.ClientWebSocketResponse]:
     async with (
         aiohttp.ClientSession() as client,
-        client.ws_connect(url, protocols=["foxglove.sdk.v1"], max_msg_size=0) as wire,
+        client.ws_connect(url, protocols=["foxglove.sdk.v1"], max_msg_size=0, **how) as wire,
     ):
+        yield wire
+
+
+async def _looked_at(url: str, topics: set[str]) -> dict[str, Any]:
+    async with connected(url) as wire:
         channels: list[dict[str, Any]] = []
         while not channels:
             told = await wire.receive_json()
@@ -108,10 +115,7 @@ def test_a_viewer_that_reads_nothing_slows_nothing(served: tuple[str, BumpRecons
     url, made = served
 
     async def stand_still() -> int:
-        async with (
-            aiohttp.ClientSession() as client,
-            client.ws_connect(url, protocols=["foxglove.sdk.v1"], max_msg_size=0) as wire,
-        ):
+        async with connected(url) as wire:
             asked = [{"id": number, "channelId": number} for number in range(1, 6)]
             await wire.send_json({"op": "subscribe", "subscriptions": asked})
             transport = wire._response.connection.transport
@@ -130,10 +134,7 @@ def test_a_viewer_that_reads_nothing_slows_nothing(served: tuple[str, BumpRecons
 ])  # fmt: skip
 def test_hostile_messages_are_borne(served: tuple[str, BumpReconstructor], sent: str | bytes) -> None:
     async def send() -> None:
-        async with (
-            aiohttp.ClientSession() as client,
-            client.ws_connect(served[0], protocols=["foxglove.sdk.v1"]) as wire,
-        ):
+        async with connected(served[0]) as wire:
             await (wire.send_str(sent) if isinstance(sent, str) else wire.send_bytes(sent))
             await asyncio.sleep(0.1)
 
@@ -148,14 +149,7 @@ def test_a_port_in_use_is_told(served: tuple[str, BumpReconstructor]) -> None:
 
 
 def test_without_the_package_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    known = builtins.__import__
-
-    def without(name: str, *rest: Any) -> Any:
-        if name == "foxglove":
-            raise ModuleNotFoundError(name)
-        return known(name, *rest)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, "foxglove", None)
     with pytest.raises(StreamError, match="pip install foxglove-sdk"):
         FoxgloveServer(bump_daemon()[0], name="finger", port=0).__enter__()
 
@@ -188,12 +182,11 @@ def test_a_web_page_of_strangers_does_not_see_the_sensor(origin: str | None, wel
 
     async def connect(url: str) -> bool:
         headers = {"Origin": origin} if origin else {}
-        async with aiohttp.ClientSession() as client:
-            try:
-                async with client.ws_connect(url, protocols=["foxglove.sdk.v1"], headers=headers) as wire:
-                    return (await wire.receive_json())["op"] == "serverInfo"
-            except aiohttp.WSServerHandshakeError as error:
-                return error.status != 403
+        try:
+            async with connected(url, headers=headers) as wire:
+                return (await wire.receive_json())["op"] == "serverInfo"
+        except aiohttp.WSServerHandshakeError as error:
+            return error.status != 403
 
     daemon, _ = bump_daemon()
     with daemon, FoxgloveServer(daemon, name="finger", port=0) as server:

@@ -178,42 +178,6 @@ def test_a_callback_that_does_not_return_is_told_and_the_rest_is_closed(monkeypa
     released.set()
 
 
-def test_frames_come_to_a_callback_until_the_subscription_is_closed() -> None:
-    daemon, _ = bump_daemon()
-    seen: list[TactileFrame] = []
-    enough = threading.Event()
-
-    def use(frame: TactileFrame) -> None:
-        seen.append(frame)
-        if len(seen) == 3:
-            enough.set()
-
-    with daemon, Publisher(daemon), subscribe() as frames:
-        frames.listen(use)
-        assert enough.wait(10)
-    count = len(seen)
-    time.sleep(0.05)
-    assert len(seen) == count
-
-
-def test_what_a_callback_raises_is_raised_at_the_end() -> None:
-    daemon, _ = bump_daemon()
-    called = threading.Event()
-
-    def fail(frame: TactileFrame) -> None:
-        called.set()
-        raise ZeroDivisionError("in the callback")
-
-    def listening() -> None:
-        with subscribe() as frames:
-            frames.listen(fail)
-            assert called.wait(10)
-            time.sleep(0.05)
-
-    with daemon, Publisher(daemon), pytest.raises(ZeroDivisionError, match="in the callback"):
-        listening()
-
-
 @pytest.mark.parametrize("close_of", ["connect", "subscribe"])
 def test_a_loop_ends_when_another_thread_closes_its_source(close_of: str) -> None:
     daemon, _ = bump_daemon()

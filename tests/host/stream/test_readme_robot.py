@@ -27,7 +27,6 @@ def running(arguments: list[str], says: str) -> Iterator[tuple[Popen[Any], str]]
     """Run a command of the section until it says `says`; give it, and what it said then."""
     environment = {**os.environ, "GELLIGHT_STREAM_FOXGLOVE_PORT": "0"}
     with children.started([*children.GELLIGHT, *arguments], stderr=-1, text=True, env=environment) as verb:
-        assert verb.stderr is not None
         for line in verb.stderr:
             if says in line:
                 yield verb, line

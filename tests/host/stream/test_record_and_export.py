@@ -26,7 +26,7 @@ from gellight.reconstruction.native import library
 from gellight.recording.array_files import STEP, write_arrays
 from gellight.recording.frame_record import packed_picture
 from gellight.recording.lerobot_files import write_lerobot
-from gellight.recording.recording_file import CHUNK_BYTES, Recording
+from gellight.recording.recording_file import Recording
 from gellight.recording.replay_camera import open_replay
 from tests.helpers import children
 from tests.helpers.command_line import invoke, refused
@@ -59,14 +59,6 @@ def test_a_recording_is_replayed_with_its_own_bundle(recording: Path) -> None:
     status = json.loads(done.stdout)
     assert status["indentation_mm"] == pytest.approx(1.0, abs=0.05)
     assert status["calibration"]["identity"] == gellight.load_bundle("synthetic").identity
-
-
-def test_no_frame_is_left_out_of_a_replay_that_waits_for_its_reader(recording: Path) -> None:
-    recorded, got = len(list(Recording(recording).frames())), []
-    with gellight.connect(f"replay://{recording}?speed=0", every=True, patience_s=120) as sensor:
-        for frame in sensor:
-            got.append(frame.camera_frame.sequence)
-    assert got == list(range(got[0], got[0] + recorded))
 
 
 def test_a_replay_that_ends_before_its_frames_says_so_in_words(recording: Path) -> None:
@@ -219,29 +211,6 @@ def test_the_verb_records_until_it_is_ended_and_then_finishes_the_file(tmp_path:
     recorded = Recording(out)
     assert len(list(recorded.frames())) >= 3
     assert recorded.whole
-
-
-def test_a_recording_that_is_killed_gives_its_finished_chunks(tmp_path: Path) -> None:
-    """At most one chunk is lost, of frames without a gap; what is left is exported and can be replayed."""
-    out = tmp_path / "killed.mcap"
-    url = "sim://?object=BALL&depth=0.5&fps=10"
-    with children.started([*children.GELLIGHT, "record", "--sensor", url, "--out", out], stdout=-1, stderr=-1) as verb:
-        while not out.exists() or out.stat().st_size < 2.5 * CHUNK_BYTES:
-            assert verb.poll() is None, verb.stderr.read()
-            time.sleep(0.1)
-        os.kill(verb.pid, signal.SIGKILL)
-        verb.wait(timeout=60)
-    recorded = Recording(out)
-    frames = list(recorded.frames())
-    numbers = [frame.info.sequence for frame in frames]
-    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
-    assert not recorded.whole
-    read_bytes = sum(len(frame.data) for frame in frames)
-    attached_bytes = out.stat().st_size - read_bytes
-    assert read_bytes >= CHUNK_BYTES, "two chunks and the bundle were there"
-    assert attached_bytes < 2 * CHUNK_BYTES
-    done = done_of("export", out, "--out", tmp_path / "out", "--every", 5, "--json")
-    assert json.loads(done.stdout) == {"frames": -(-len(frames) // 5), "whole": False}, done.stderr
 
 
 def test_depth_computed_on_another_processor_keeps_to_the_stated_bound(

@@ -39,26 +39,6 @@ with subscribe("auto") as frames:
 """
 
 
-def test_a_frame_arrives_as_the_daemon_made_it() -> None:
-    daemon, made = bump_daemon()
-    with daemon, Publisher(daemon, name="finger"), subscribe("finger") as frames:
-        for _ in range(3):
-            got = frames.next_frame()
-            sent = made.given[got.camera_frame.sequence]
-            assert np.array_equal(got.depth_mm, sent.depth_mm)
-            assert np.array_equal(got.gradient_map, sent.gradient_map)
-            assert got.contact.indentation_mm == sent.contact.indentation_mm
-
-
-def test_another_process_gets_frames_too() -> None:
-    daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon), started([sys.executable, "-c", COUNTING, "5"], stdout=-1, text=True) as reader:
-        lines = reader.stdout.read().splitlines()
-    numbers = [int(line.split()[0]) for line in lines]
-    assert len(numbers) == 5
-    assert numbers == sorted(set(numbers))
-
-
 def test_the_newest_frame_is_given_and_those_passed_over_are_counted() -> None:
     daemon, made = bump_daemon(period_s=0.005)
     with daemon, Publisher(daemon) as publisher, subscribe() as frames:
@@ -130,28 +110,6 @@ def test_nothing_is_encoded_while_nobody_reads() -> None:
     with daemon, Publisher(daemon) as publisher:
         eventually(lambda: len(made.given) >= 50)
         assert publisher.frames == 0
-
-
-def test_a_daemon_that_ends_is_told_at_once() -> None:
-    daemon, _ = bump_daemon(period_s=0.2)
-    with daemon:
-        publisher = Publisher(daemon, name="finger").__enter__()
-        with subscribe("finger", patience_s=60) as frames:
-            frames.next_frame()
-            publisher.__exit__()
-            with pytest.raises(StreamError, match="daemon of finger has ended"):
-                [frames.next_frame() for _ in range(10)]
-
-
-def test_a_sensor_that_delivers_nothing_is_told() -> None:
-    daemon, _ = bump_daemon(period_s=3)
-    with (
-        daemon,
-        Publisher(daemon),
-        subscribe(patience_s=0.2) as frames,
-        pytest.raises(StreamError, match=r"for 0\.2 s"),
-    ):
-        [frames.next_frame() for _ in range(2)]
 
 
 def test_frames_of_another_version_are_told() -> None:
@@ -296,29 +254,7 @@ def test_an_address_where_nothing_listens_is_told() -> None:
         subscribe("zenoh://127.0.0.1:1")
 
 
-def test_only_this_computer_can_connect_unless_told() -> None:
-    session, endpoint = publishing_session(lan=False, config=None)
-    assert endpoint.startswith("tcp/127.0.0.1:")
-    port = int(endpoint.rpartition(":")[2])
-    listening = [line.split()[1] for line in Path("/proc/net/tcp").read_text().splitlines()[1:] if line.split()[3] == "0A"]  # fmt: skip  # noqa: E501
-    assert [place for place in listening if int(place.split(":")[1], 16) == port] == [f"0100007F:{port:04X}"]
-    inodes = {os.readlink(link) for link in Path("/proc/self/fd").iterdir() if link.exists()}  # noqa: PTH115
-    mine = [line.split() for line in Path("/proc/net/tcp6").read_text().splitlines()[1:]]
-    assert not [row for row in mine if row[3] == "0A" and f"socket:[{row[9]}]" in inodes], "nor by IPv6"
-    session.close()
-
-
 # ---- in the same process ----
-
-
-def test_a_sensor_in_this_process_gives_the_same_frames() -> None:
-    daemon, made = bump_daemon()
-    with Sensor(daemon) as sensor:
-        for number, frame in enumerate(sensor):
-            assert np.array_equal(frame.depth_mm, made.given[frame.camera_frame.sequence].depth_mm)
-            assert set(frame.provenance.ages_s) == {"taken", "reconstructed"}
-            if number == 3:
-                break
 
 
 def test_every_frame_of_a_sensor_in_this_process_on_request() -> None:

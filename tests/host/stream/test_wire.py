@@ -17,8 +17,7 @@ from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import STEEP, MapOnRequest
 from gellight.frames.pose import ObjectPose
 from gellight.frames.shear import MOST_DOTS, DotsSeen, Shear
-from gellight.reconstruction.contact import MOST_PATCHES, measure_patches
-from gellight.reconstruction.integration import normals
+from gellight.reconstruction.contact import MOST_PATCHES
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.stream.wire import PLANE, PREFIX, decode, encode
 from tests.helpers.dashboard_source import bump
@@ -59,17 +58,6 @@ def test_a_damaged_pose_is_refused() -> None:
         decode(cut, no_bundle)
 
 
-def test_the_contacts_of_cloth_are_not_too_many_for_a_message() -> None:
-    depth, gradient = np.zeros((480, 640)), np.full((480, 640, 2), 0.123456789)
-    for row in range(2, 470, 8):
-        depth[row : row + 5, np.arange(640) % 8 < 5] = 0.5 + row / 1000
-    contacts = measure_patches(depth > 0, depth, gradient, 0.0588)
-    assert len(contacts) == MOST_PATCHES
-    assert contacts[-1].depth_mm > 0.9, "the deepest"
-    followed = tuple(replace(one, number=2**31, age_s=1 / 3, velocity_mm_s=(1 / 3, -1 / 3)) for one in contacts)
-    assert decode(encode(replace(full_frame(), contacts=followed)), no_bundle).contacts == followed
-
-
 def test_the_provenance_arrives_with_the_ages_of_the_journey() -> None:
     sent = full_frame()
     sent = replace(sent, provenance=replace(sent.provenance, unix_s=time.time() - 0.5))
@@ -77,13 +65,6 @@ def test_the_provenance_arrives_with_the_ages_of_the_journey() -> None:
     assert list(got.ages_s) == ["taken", "reconstructed", "published", "received"]
     assert 0.5 <= got.ages_s["published"] <= got.ages_s["received"] < 10
     assert replace(got, ages_s={}) == replace(sent.provenance, ages_s={})
-
-
-def test_normals_are_those_of_the_gradient_map() -> None:
-    sent = full_frame()
-    got = decode(encode(sent), no_bundle)
-    assert np.array_equal(got.normal_map, normals(sent.gradient_map))
-    assert got.normal_map is got.normal_map, "computed once"
 
 
 def test_the_difference_image_is_made_with_the_reference_of_its_zero(tmp_path: Path) -> None:
@@ -99,24 +80,6 @@ def test_the_difference_image_is_made_with_the_reference_of_its_zero(tmp_path: P
     assert asked == []
     image = sent.camera_frame.image.astype(np.float32)
     assert np.allclose(got.difference, image - bundle.reference)
-    assert asked == [sent.provenance.zero]
-
-
-def test_the_force_arrives_and_its_pressure_map_is_made_with_the_bundle(tmp_path: Path) -> None:
-    plain = linear_bundle(tmp_path / "plain", shape=SHAPE)
-    bundle = extend_bundle(plain, tmp_path / "bundle", force_files())
-    sent = replace(full_frame(), measures=BundleMeasures(bundle))
-    asked: list[str] = []
-
-    def bundle_of(zero: str) -> Bundle:
-        asked.append(zero)
-        return bundle
-
-    got = decode(encode(sent), bundle_of).force
-    assert got.as_json() == sent.force.as_json()
-    assert got.normal_n > 0
-    assert asked == []
-    assert np.array_equal(got.pressure_mpa, sent.force.pressure_mpa)
     assert asked == [sent.provenance.zero]
 
 

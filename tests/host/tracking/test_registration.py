@@ -73,7 +73,6 @@ def test_what_a_surface_hides_is_said(height: Height, hidden: int) -> None:
     """A ball tells no turn about its middle, a bar no slide along it and no roll."""
     key, view = Keyframe(seen(height, noise=0.003)), seen(height, moved(0.1, 0.05, (0, 0, 0)), noise=0.003, seed=1)
     found = register(key, view, np.eye(4))
-    assert found is not None
     told = information(key, view, found).told
     assert told.shape[1] == 6 - hidden
     below = np.array([0, 0, -4.0]) - key.centre_mm  # the middle of the ball, the axis of the bar
@@ -86,7 +85,6 @@ def test_what_a_surface_hides_is_said(height: Height, hidden: int) -> None:
 def test_a_smooth_ball_slides_and_does_not_roll() -> None:
     key, view = Keyframe(seen(ball)), seen(ball, moved(0.3, 0.0, (0, 0, 0)))
     found = register(key, view, np.eye(4))
-    assert found is not None
     held = hold(key, view, np.eye(4), found, information(key, view, found).told)
     motion = twist_of(held.pose, key.centre_mm)
     assert motion[:3] == pytest.approx([0.3, 0, 0], abs=0.01)

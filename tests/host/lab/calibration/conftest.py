@@ -34,7 +34,6 @@ def calibrate(folder: Path) -> None:
     """Let the virtual hand calibrate, with the light ring and a pin grid; installed bundles are listed."""
     installed: list[str] = []
     with Remembering(camera(LIT)) as sensor:
-        assert sensor.stage is not None
         hand = VirtualHand(sensor.stage)
         routine = Routine(
             sensor, whole(folder), folder / "state", hand=hand, install=lambda bundle: installed.append(bundle.source)

@@ -38,7 +38,6 @@ def test_the_lights_are_those_of_the_ring_and_the_ring_shines_afterwards_as_befo
         before = run.frame().image
         model = measure_lights(run)
         after = run.frame().image
-    assert model is not None
     assert model.ring == RingGeometry()
     assert model.gamma == 1.0
     assert model.pattern_residual < 0.01
@@ -61,7 +60,6 @@ def test_a_ring_that_stands_elsewhere_than_the_settings_say_is_told_with_its_mea
 def test_a_ring_that_stands_as_the_settings_say_is_taken(tmp_path: Path) -> None:
     with begun(tmp_path, geometry=HIGH, ring=RingGeometry(mounting_height_mm=15.0)) as run:
         model = measure_lights(run)
-        assert model is not None
         assert model.ring.height_mm == 25.0
 
 

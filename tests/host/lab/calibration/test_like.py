@@ -44,7 +44,6 @@ def closing() -> Iterator[None]:
 def routine_of(folder: Path, url: str = LIT, **changes: Any) -> Routine:
     """Return a routine whose hand presses, and whose camera is closed with the test."""
     sensor = _opened.enter_context(camera(url))
-    assert sensor.stage is not None
     wanted = options(folder, limits=ANY, **changes)
     return Routine(sensor, wanted, folder / "state", hand=VirtualHand(sensor.stage))
 

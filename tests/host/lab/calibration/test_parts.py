@@ -14,7 +14,7 @@ from gellight.lab.calibration.choices import RoutineOptions
 from gellight.lab.calibration.coverage import advice, coverage
 from gellight.lab.calibration.display import Display
 from gellight.lab.calibration.live_error import LiveError
-from gellight.lab.calibration.preparing import contour_picture, full_colours, led_settings, of_image, uniformity
+from gellight.lab.calibration.preparing import full_colours, led_settings, of_image, uniformity
 from gellight.lab.calibration.sensing import TouchDetector, check_light, wait_free, wait_press
 from gellight.lab.calibration.untouched import foreign_share
 from gellight.lab.simulator.scene import Press as GelPress
@@ -71,13 +71,6 @@ def test_the_average_of_opposite_colours_is_evener_than_each() -> None:
     assert figures.red.sigma_grey == pytest.approx(100 / np.sqrt(12), rel=0.01)
 
 
-def test_contours_separate_bright_from_dark() -> None:
-    ramp = np.linspace(50, 150, 320, dtype=np.float32)[None, :].repeat(240, axis=0)
-    picture = contour_picture(ramp)
-    assert picture.shape == (240, 320, 3)
-    assert picture[120, 310].sum() > picture[120, 10].sum() + 100
-
-
 def test_a_touch_is_seen_and_a_change_of_all_the_light_is_not() -> None:
     reference = np.full((*SHAPE, 3), 100, np.float32)
     detector = TouchDetector(reference, 1.0)
@@ -85,15 +78,6 @@ def test_a_touch_is_seen_and_a_change_of_all_the_light_is_not() -> None:
     assert detector.look(frame(brighter)).free
     brighter[100:130, 100:130] += 10
     assert not detector.look(frame(brighter)).free
-
-
-def test_what_moves_between_two_frames_is_not_still() -> None:
-    detector = TouchDetector(np.full((*SHAPE, 3), 100, np.float32), 1.0)
-    here, there = (np.full((*SHAPE, 3), 100, np.uint8) for _ in range(2))
-    here[100:130, 100:130] += 20
-    there[100:130, 110:140] += 20
-    looks = [detector.look(frame(image)).still for image in (here, here, there, there)]
-    assert looks == [False, True, False, True]
 
 
 def test_a_clipped_and_a_dark_picture_are_told_apart() -> None:

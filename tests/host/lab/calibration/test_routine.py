@@ -19,7 +19,6 @@ from gellight.lab.calibration.choices import RoutineOptions
 from gellight.lab.calibration.presets import PRESETS, preset_called
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.report.pictures import write_png
-from gellight.lab.simulator.simulated_camera import SimulatedCamera
 from gellight.lab.simulator.virtual_hand import VirtualHand, hand_of
 from gellight.opening import open_camera
 from gellight.photometric.lights_file import read_lights
@@ -59,7 +58,6 @@ def test_a_ring_of_eight_leds_is_calibrated_as_its_geometry_says(tmp_path: Path)
     """
     ring = {**GEOMETRY, "led_colours": "RRRGGGBB"}
     with open_camera(LIT, geometry=ring) as sensor:
-        assert isinstance(sensor, SimulatedCamera)
         tools = options(tmp_path, ring=RingGeometry(led_colours="RRRGGGBB"), presses=30, until_um=UNTIL_UM)
         routine = Routine(sensor, tools, tmp_path / "state", hand=VirtualHand(sensor.stage), install=lambda _: None)
         snapshot = finished(routine)
@@ -79,7 +77,6 @@ def test_a_ring_of_eight_leds_is_calibrated_as_its_geometry_says(tmp_path: Path)
 
 def test_a_board_of_another_number_of_leds_is_told(tmp_path: Path) -> None:
     with open_camera(LIT, geometry={**GEOMETRY, "led_colours": "RRRGGGBB"}) as sensor:
-        assert isinstance(sensor, SimulatedCamera)
         hand = VirtualHand(sensor.stage)
         snapshot = finished(Routine(sensor, options(tmp_path), tmp_path / "state", hand=hand, install=lambda _: None))
     assert "the board drives 8 LEDs, led_colours = 'RRRRGGGGBBBB' has 12" in snapshot["problem"]
@@ -155,7 +152,6 @@ class Person:
     """A user of the guided routine: goes on when asked, presses and lifts on the stage."""
 
     def __init__(self, routine: Routine, sensor: Camera) -> None:
-        assert sensor.stage is not None
         self.routine, self.stage = routine, sensor.stage
         self.presses = 0
 
@@ -243,7 +239,6 @@ def test_a_resumed_calibration_that_does_not_pass_replaces_nothing(
     state = json.loads(place.read_text())
     place.write_text(json.dumps({**state, "finished": False, "checks": []}))
     with camera(LIT) as sensor:
-        assert sensor.stage is not None
         strict = whole(tmp_path, limits=Limits(depth_mm=1e-5))
         hand = VirtualHand(sensor.stage)
         snapshot = finished(Routine(sensor, strict, tmp_path / "state", hand=hand, install=lambda bundle: 1 / 0))
@@ -265,7 +260,6 @@ def test_the_bundle_keeps_all_that_its_draft_holds(calibrated: tuple[Path, dict[
     draft = replace(draft, manifest=draft.manifest.model_copy(update={"bulge": 0.7}))
     draft = extend_bundle(draft, tmp_path / "state/draft", {"notes.json": b"{}"}, overwrite=True)
     with camera(LIT) as sensor:
-        assert sensor.stage is not None
         tools = whole(tmp_path)
         snapshot = finished(Routine(sensor, tools, tmp_path / "state", hand=VirtualHand(sensor.stage)))
     assert snapshot["step"] == "finished", snapshot["problem"]

@@ -109,40 +109,6 @@ def test_no_text_is_cut_or_covers_another(chart: str) -> None:
             assert (np.maximum(one[:2], other[:2]) >= np.minimum(one[2:], other[2:])).any(), (one, other)
 
 
-def test_each_number_of_a_heat_map_stands_in_its_cell_and_each_label_beside_its_row_or_column() -> None:
-    chart = ElementTree.fromstring(long_heat_map())
-    cells = [[float(cell.attrib[name]) for name in ("x", "y", "width", "height")] for cell in chart.iter(f"{SVG}rect")]
-    found = [(text.get("class"), text.text, float(text.get("x", "nan")), float(text.get("y", "nan")))
-             for text in chart.iter(f"{SVG}text")]  # fmt: skip
-    numbers = [place for kind, *_, x, y in found for place in [(x, y)] if kind == "cell"]
-    for (left, top, wide, high), (x, y) in zip(cells, numbers, strict=True):
-        assert x == pytest.approx(left + wide / 2, abs=1)
-        assert top < y - 6 < y < top + high
-    places = {text: (x, y) for kind, text, x, y in found if kind == "tick"}
-    for label, cell in (("6.5 mm", cells[0]), ("6", cells[2])):
-        assert places[label][0] < cell[0]
-        assert places[label][1] == pytest.approx(cell[1] + cell[3] / 2, abs=5)
-    for label, cell in (("5", cells[0]), ("a long column", cells[1])):
-        assert places[label][0] == pytest.approx(cell[0] + cell[2] / 2, abs=1)
-        assert places[label][1] > cells[3][1] + cells[3][3]
-    assert cells[1][0] - cells[0][0] == pytest.approx(cells[0][2] + 1), "side by side"
-    assert cells[2][1] - cells[0][1] == cells[0][3] + 1
-
-
-def test_a_heat_map_is_as_wide_as_its_cells_or_its_title() -> None:
-    def widths(title: str) -> tuple[float, float]:
-        chart = ElementTree.fromstring(
-            heat_map([[1, 2, 3]], ["a"], ["b"] * 3, Axes(title=title, x="", y=""), largest=3)
-        )
-        last = list(chart.iter(f"{SVG}rect"))[-1].attrib
-        return float(chart.attrib["width"]), float(last["x"]) + float(last["width"])
-
-    wide, cells = widths("short")
-    assert cells < wide < cells + 8
-    wide, cells = widths("t" * 40)
-    assert cells + 100 < wide < 40 * 9
-
-
 def test_each_curve_has_its_colour_and_line_in_the_legend() -> None:
     one, other = Series("a", [0, 1], [0, 1], dashed=True), Series("b", [0, 1], [1, 0], colour=7)
     paths = [path.attrib for path in ElementTree.fromstring(line_chart([one, other], AXES)).iter(f"{SVG}path")]

@@ -2,6 +2,10 @@
 
 import csv
 import json
+import os
+import signal
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,10 +14,14 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.lab.simulator.dataset import DatasetRequest, make_dataset
+from gellight.lab.simulator.processes import call_all
 from sim_reference import gel
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import press_object
+from tests.helpers.children import started
 from tests.helpers.command_line import invoke
+from tests.helpers.places import CHECKOUT
+from tests.helpers.waiting import eventually
 
 SMALL = SensorGeometry(image_width_px=80, image_height_px=60, pixel_size_mm=0.4)
 REQUEST = DatasetRequest(presses=3, objects=("BALL", "WAVE"), geometry=SMALL, seed=5)
@@ -139,3 +147,50 @@ def test_the_verb_says_what_it_wrote(tmp_path: Path) -> None:
     result = invoke("simulate", "dataset", *arguments)
     assert json.loads(result.stdout)["presses"] == 1, result.output
     assert json.loads((out / "dataset.json").read_text())["request"]["objects"] == ["BALL"]
+
+
+def square(number: int) -> int:
+    return number**2
+
+
+def test_results_come_in_the_order_of_the_calls() -> None:
+    done: list[int] = []
+    assert call_all(square, [(3,), (2,), (1,)], 2, done.append) == [9, 4, 1]
+    assert sorted(done) == [0, 1, 2]
+
+
+def die(number: int) -> int:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def test_a_worker_that_was_killed_is_reported() -> None:
+    with pytest.raises(InputError, match="use fewer --workers than 2"):
+        call_all(die, [(1,)], 2)
+
+
+def linger(folder: str) -> None:
+    """Say which process this is, and work for long."""
+    (Path(folder) / str(os.getpid())).touch()
+    time.sleep(100)
+
+
+CALLS = """
+import sys
+from gellight.lab.simulator.processes import call_all
+from tests.host.lab.simulator.test_processes import linger
+if __name__ == "__main__":
+    call_all(linger, [(sys.argv[1] + f"/{at}",) for at in range(2)], 2)
+"""
+
+
+def test_workers_end_with_the_program_that_is_killed(tmp_path: Path) -> None:
+    for at in range(2):
+        (tmp_path / str(at)).mkdir()
+    (tmp_path / "calls.py").write_text(CALLS)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(CHECKOUT), str(CHECKOUT / "host")])}
+    with started([sys.executable, tmp_path / "calls.py", tmp_path], env=environment) as program:
+        eventually(lambda: len(list(tmp_path.glob("[01]/*"))) == 2, 60)
+        program.kill()
+        workers = [Path("/proc") / path.name for path in tmp_path.glob("[01]/*")]
+        eventually(lambda: not any(worker.exists() for worker in workers), 60)

@@ -87,7 +87,6 @@ class Watched(CameraWrapper):
 
     def read(self) -> CameraFrame:
         frame = self._camera.read()
-        assert frame.light is not None
         self.latched = frame.light
         return frame
 

@@ -9,9 +9,11 @@ import pytest
 from gellight.base.errors import CameraError, InputError
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.lab.simulator.shutter import ReadNoise
 from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.opening import open_camera
-from sim_reference.camera import CameraResponse
+from gellight.reconstruction.fine_pattern import FinePattern
+from sim_reference.camera import CameraResponse, digitise
 
 GEOMETRY = {"image_width_px": 64, "image_height_px": 48, "pixel_size_mm": 0.588}
 PLAIN = "sim://?board=0&programme=0&fps=1000&noise=0"
@@ -59,7 +61,6 @@ def test_controls_at_their_defaults_leave_the_picture_as_it_was() -> None:
 
 def test_a_value_out_of_range_and_an_unknown_control_are_refused() -> None:
     with camera() as sensor:
-        assert sensor.controls is not None
         with pytest.raises(InputError, match=r"gain = 99: choose 1 to 8"):
             sensor.controls.set("gain", 99)
         with pytest.raises(CameraError, match="no control 'focus'"):
@@ -122,3 +123,37 @@ def test_the_cylinder_presses_a_flat_round_end() -> None:
         flat = truth.depth_mm[truth.contact & (np.hypot(*np.indices((48, 64)) - [[[23.5]], [[31.5]]]) < 4)]
         assert np.ptp(flat) < 0.01
         assert "CYLINDER" not in sensor.stage.objects
+
+
+GREY = np.random.default_rng(3).uniform(60, 180, (120, 160, 3)).astype(np.float32)
+
+
+@pytest.mark.parametrize("noise_grey", [0.0, 1.0, 3.0])
+def test_pictures_have_the_mean_and_the_noise_of_the_reference(noise_grey: float) -> None:
+    noise, rng = ReadNoise(np.random.default_rng(1)), np.random.default_rng(2)
+    ours = np.stack([noise.digitise(GREY, noise_grey) for _ in range(100)]).astype(float)
+    theirs = np.stack([digitise(GREY, noise_grey, rng) for _ in range(100)]).astype(float)
+    assert ours.mean() == pytest.approx(theirs.mean(), abs=0.01)
+    assert ours.std(axis=0).mean() == pytest.approx(theirs.std(axis=0).mean(), rel=0.01, abs=1e-9)
+    averaged = np.abs(ours.mean(axis=0) - GREY).mean()
+    assert averaged == pytest.approx(np.abs(theirs.mean(axis=0) - GREY).mean(), rel=0.03)
+
+
+def test_noise_is_independent_from_pixel_to_pixel_and_from_frame_to_frame() -> None:
+    noise = ReadNoise(np.random.default_rng(1))
+    first, second = ((noise.digitise(GREY, 5.0) - GREY).ravel() for _ in range(2))
+    assert abs(np.corrcoef(first, second)[0, 1]) < 0.02
+    assert abs(np.corrcoef(first[:-1], first[1:])[0, 1]) < 0.02
+
+
+def test_no_frame_repeats_the_noise_of_another_shifted() -> None:
+    """By the best match within 20 pixels a bundle of another unit is found out (`reconstruction.fine_pattern`)."""
+    grey, noise = np.full((240, 320, 3), 120, np.float32), ReadNoise(np.random.default_rng(1))
+    first = FinePattern(noise.digitise(grey, 5.0))
+    assert max(first.match(noise.digitise(grey, 5.0)) for _ in range(60)) < 8
+
+
+def test_what_is_out_of_range_is_clipped() -> None:
+    noise = ReadNoise(np.random.default_rng(1))
+    assert set(np.unique(noise.digitise(np.full((40, 40, 3), 400, np.float32), 1.0))) == {255}
+    assert set(np.unique(noise.digitise(np.full((40, 40, 3), -40, np.float32), 1.0))) == {0}

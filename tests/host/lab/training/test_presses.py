@@ -59,13 +59,6 @@ def test_the_slopes_are_the_derivatives_of_the_depth() -> None:
     np.testing.assert_allclose(gradient[inside, 1], along_y[inside], atol=1e-3)
 
 
-def test_left_of_the_middle_the_depth_grows_to_the_right() -> None:
-    gradient = sphere_gradient(press(), BALL, SHAPE)
-    assert gradient[50, 70, 0] > 0 > gradient[50, 90, 0]
-    assert gradient[40, 80, 1] > 0 > gradient[60, 80, 1]
-    np.testing.assert_array_equal(gradient[50, 80], 0)
-
-
 def test_the_contact_circle_has_the_area_of_a_circle() -> None:
     assert contact_circle(press(80.3, 50.6), SHAPE).sum() == pytest.approx(np.pi * 400, rel=0.02)
 

@@ -46,8 +46,6 @@ def bundle() -> Bundle:
 def seen_dots(scene: Scene, press: Press | None, rng: np.random.Generator, unseen: float = 0.0) -> DotsSeen:
     """The dots as a follower tells them: off by 0.04 px, some of them not seen."""
     rest, now = scene.shear(None), scene.shear(press)
-    assert rest is not None
-    assert now is not None
     reasons = np.where(rng.random(63) < unseen, Unseen.MISSING, Unseen.SEEN).astype(np.uint8)
     return DotsSeen(
         rest_px=rest.dots_px, places_px=now.dots_px + rng.normal(0, 0.04, (63, 2)), reasons=reasons
@@ -67,9 +65,7 @@ def felt(scene: Scene, bundle: Bundle, press: Press | None, dots: DotsSeen | Non
 
 
 def shear_of(scene: Scene, bundle: Bundle, press: Press, seed: int = 0, unseen: float = 0.0) -> Shear:
-    shear = felt(scene, bundle, press, seen_dots(scene, press, np.random.default_rng(seed), unseen)).shear
-    assert shear is not None
-    return shear
+    return felt(scene, bundle, press, seen_dots(scene, press, np.random.default_rng(seed), unseen)).shear
 
 
 def side_of(bundle: Bundle) -> ShearScale:
@@ -111,12 +107,9 @@ def test_a_dot_on_every_cell_tells_the_traction_of_each() -> None:
 @pytest.mark.parametrize("press", DRAGS[:4])
 def test_the_force_of_a_drag_is_told_within_a_tenth(scene: Scene, bundle: Bundle, press: Press) -> None:
     shear, truth = shear_of(scene, bundle, press), scene.shear(press)
-    assert truth is not None
     assert not shear.unknown
-    assert shear.force_n is not None
     off = np.hypot(*np.subtract(shear.force_n, truth.force_n))
     assert off < 0.12 * np.hypot(*truth.force_n)
-    assert shear.force_error_n is not None
     assert off < 4 * np.hypot(*shear.force_error_n)
     assert min(shear.force_error_n) > side_of(bundle).side_error_share * np.hypot(*shear.force_n)
     assert shear.centre_mm == pytest.approx(press.place[:2], abs=0.02)
@@ -127,49 +120,39 @@ def test_the_force_of_a_drag_is_told_within_a_tenth(scene: Scene, bundle: Bundle
 def test_the_gel_carries_the_imprint_along(scene: Scene, bundle: Bundle) -> None:
     """By 1 mm, a third of the radius of the contact: kernels from where it is now would be 7 % off."""
     shear, truth = shear_of(scene, bundle, DRAGS[3]), scene.shear(DRAGS[3])
-    assert truth is not None
     assert shear.force_n == pytest.approx(truth.force_n, abs=0.04 * truth.force_n[0])
 
 
 def test_a_twist_is_told_within_a_quarter(scene: Scene, bundle: Bundle) -> None:
     shear, truth = shear_of(scene, bundle, DRAGS[4]), scene.shear(DRAGS[4])
-    assert truth is not None
     assert shear.torque_nmm == pytest.approx(truth.torque_nmm, rel=0.25)
     assert truth.torque_nmm > 0.5
-    assert shear.torque_nmm is not None
-    assert shear.torque_error_nmm is not None
     assert shear.torque_error_nmm > side_of(bundle).side_error_share * shear.torque_nmm
 
 
 def test_a_press_has_no_force_along_the_gel(scene: Scene, bundle: Bundle) -> None:
     for press in (Press("BALL", 1.0, 4.0, 2.0), Press("CYLINDER", 0.5, -3.0, 0.0)):
         shear = shear_of(scene, bundle, press)
-        assert shear.force_n is not None
         normal = felt(scene, bundle, press, None).force
-        assert normal is not None
         assert np.hypot(*shear.force_n) < 0.02 * normal.normal_n
 
 
 def test_the_traction_adds_up_to_the_force(scene: Scene, bundle: Bundle) -> None:
     shear = shear_of(scene, bundle, DRAGS[0])
     traction = shear.traction_mpa
-    assert traction is not None
     total = traction.sum(axis=(0, 1)) * GEOMETRY.pixel_size_mm**2
     np.testing.assert_allclose(total, shear.force_n, rtol=0.02, atol=0.002)
 
 
 def test_a_fifth_of_the_dots_missing_costs_little(scene: Scene, bundle: Bundle) -> None:
     truth = scene.shear(DRAGS[0])
-    assert truth is not None
     shear = shear_of(scene, bundle, DRAGS[0], seed=2, unseen=0.2)
-    assert shear.force_n is not None
     assert np.isnan(shear.field_mm).any()
     assert np.hypot(*np.subtract(shear.force_n, truth.force_n)) < 0.15 * np.hypot(*truth.force_n)
 
 
 def test_nothing_touched_is_no_force(scene: Scene, bundle: Bundle) -> None:
     shear = felt(scene, bundle, None, seen_dots(scene, None, np.random.default_rng(0))).shear
-    assert shear is not None
     assert shear.force_n == (0, 0)
     assert shear.traction_mpa is None
 
@@ -181,7 +164,6 @@ def test_without_dots_there_is_nothing_to_say(scene: Scene, bundle: Bundle) -> N
 def test_dots_of_another_gel_give_no_force(scene: Scene, bundle: Bundle) -> None:
     dots = replace(seen_dots(scene, DRAGS[0], np.random.default_rng(0)), problem="this is another gel")
     shear = felt(scene, bundle, DRAGS[0], dots).shear
-    assert shear is not None
     assert shear.force_n is None
     assert shear.unknown == "this is another gel"
     assert np.isnan(shear.field_mm).all()
@@ -190,7 +172,6 @@ def test_dots_of_another_gel_give_no_force(scene: Scene, bundle: Bundle) -> None
 def test_a_bundle_without_a_constant_knows_the_displacement_alone(scene: Scene, bundle: Bundle) -> None:
     plain = replace(bundle, files={name: file for name, file in bundle.files.items() if name != FILE_NAME})
     shear = felt(scene, plain, DRAGS[0], seen_dots(scene, DRAGS[0], np.random.default_rng(0))).shear
-    assert shear is not None
     assert shear.force_n is None
     assert "calibrate force" in shear.unknown
     assert np.nanmax(shear.field_mm) > 0.2
@@ -201,7 +182,6 @@ def test_the_constant_scales_the_force(scene: Scene, bundle: Bundle) -> None:
     record = ForceRecord.model_validate_json(bundle.files[FILE_NAME])
     other = replace(bundle, files={**bundle.files, **force_file(record.model_copy(update={"side_scale": 2.0}))})
     one, two = (shear_of(scene, each, DRAGS[0]) for each in (bundle, other))
-    assert one.force_n is not None
     np.testing.assert_allclose(two.force_n, np.multiply(one.force_n, 2))
 
 
@@ -245,7 +225,6 @@ def test_dots_that_no_felt_contact_moves_give_no_force(scene: Scene, bundle: Bun
     dots = seen_dots(scene, press, np.random.default_rng(0))
     dragged = replace(dots, places_px=dots.places_px + 0.2 / GEOMETRY.pixel_size_mm)
     shear = felt(scene, bundle, press, dragged).shear
-    assert shear is not None
     assert shear.force_n is None
     assert "fill the view" in shear.unknown
     assert np.nanmedian(np.abs(shear.field_mm)) > 0.15
@@ -259,7 +238,6 @@ def test_what_is_not_felt_and_may_fill_the_view_is_in_the_error_or_makes_it_unkn
     dots = seen_dots(scene, None, np.random.default_rng(0))
     dots = replace(dots, places_px=dots.places_px + np.array([by_mm, 0.0]) / GEOMETRY.pixel_size_mm)
     shear = felt(scene, bundle, None, dots).shear
-    assert shear is not None
     if not known:
         assert (shear.force_n, "fill the view" in shear.unknown) == (None, True)
         return

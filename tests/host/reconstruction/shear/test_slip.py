@@ -67,7 +67,6 @@ def judged(
     told = []
     for frame, sticks in frames(scene, bundle, motions, at):
         slip = slips.follow(contacts.follow(frame)).slip
-        assert slip is not None
         told.append((slip, sticks))
     return told
 
@@ -85,7 +84,6 @@ def test_a_drag_sticks_then_slips_and_a_held_object_does_not(scene: Scene, bundl
     assert SlipState.PARTIAL in states[8 : full + 1]
     assert set(states[33:]) == {SlipState.STICK}
     velocity = told[28][0].velocity_mm_s
-    assert velocity is not None
     assert velocity[0] == pytest.approx(STEP_MM / FRAME_S, rel=0.35)
 
 
@@ -193,7 +191,6 @@ def told_of(frame: TactileFrame, steps: list[Step], last_s: float = FRAME_S) -> 
         time_s = FRAME_S * number + (last_s - FRAME_S) * (number == len(steps) - 1)
         taken = replace(frame.camera_frame, time_s=time_s)
         slip = slips.follow(replace(frame, camera_frame=taken, contacts=(patch,), measures=measures)).slip
-        assert slip is not None
         told.append(slip)
     return told
 
@@ -205,11 +202,9 @@ def test_nothing_is_said_where_no_dot_is_under_the_contact(scene: Scene, bundle:
 
 def test_a_gel_without_dots_has_no_slip_and_another_gel_says_why(pressed: TactileFrame) -> None:
     dots = pressed.camera_frame.dots
-    assert dots is not None
     contacts, slips = ContactFollower(), SlipFollower()
     plain = replace(pressed, camera_frame=replace(pressed.camera_frame, dots=None))
     assert slips.follow(contacts.follow(plain)).slip is None
     other = replace(pressed, camera_frame=replace(pressed.camera_frame, dots=replace(dots, problem="another gel")))
     slip = slips.follow(contacts.follow(other)).slip
-    assert slip is not None
     assert (slip.state, slip.why, slip.confidence) == (SlipState.UNKNOWN, "another gel", 0)

@@ -77,16 +77,6 @@ def test_the_bounds_grow_with_the_time_since_the_last_ping() -> None:
     assert errors[-1] - errors[0] == pytest.approx(20_000, rel=0.02), "200 us a second"
 
 
-def test_many_pings_tell_the_drift() -> None:
-    rng = np.random.default_rng(3)
-    clock, known = TrueClock(rng), ClockMap()
-    clock.wander = 0.0
-    for number in range(120):
-        known.add(jittered(clock, 10 + 0.25 * number, rng))
-    assert known.drift.error < 5e-5
-    assert known.drift.low <= clock.drift <= known.drift.high
-
-
 def test_a_board_that_starts_anew_is_noticed_and_nothing_before_is_claimed() -> None:
     rng = np.random.default_rng(4)
     clock, known = TrueClock(rng), ClockMap()

@@ -1,7 +1,6 @@
 """Modes, controls, and who stands in the way: chosen, verified, named."""
 
 import errno
-import os
 import sys
 import threading
 from pathlib import Path
@@ -10,7 +9,7 @@ from subprocess import PIPE
 import pytest
 
 from gellight.base.errors import CameraError, InputError
-from gellight.base.holders import holders, holders_text
+from gellight.base.holders import holders
 from gellight.sensor.v4l2 import controls as c
 from gellight.sensor.v4l2 import structures as v
 from gellight.sensor.v4l2.controls import V4l2Controls
@@ -180,23 +179,6 @@ def test_the_controls_of_a_camera_that_was_closed_say_so() -> None:
     for use in (camera.controls.names, camera.controls.deviations, lambda: camera.controls.set("gain", 3)):
         with pytest.raises(CameraError, match="is closed: open it again"):
             use()
-
-
-def test_holders_are_found_by_their_open_files(tmp_path: Path) -> None:
-    device = tmp_path / "video7"
-    device.touch()
-    for number, name in ((4711, "cheese"), (os.getpid(), "ourselves")):
-        (tmp_path / f"proc/{number}/fd").mkdir(parents=True)
-        (tmp_path / f"proc/{number}/comm").write_text(f"{name}\n")
-        (tmp_path / f"proc/{number}/fd/5").symlink_to(device)
-    (tmp_path / "proc/12/fd").mkdir(parents=True)
-    (tmp_path / "by-id").symlink_to(device)
-    assert holders(tmp_path / "by-id", proc=tmp_path / "proc") == [(4711, "cheese")]
-    assert holders_text(device, proc=tmp_path / "proc") == "cheese (process 4711)"
-    assert "may not see" in holders_text(tmp_path / "other", proc=tmp_path / "proc")
-    (tmp_path / "proc/4711/fd/5").unlink()
-    (tmp_path / f"proc/{os.getpid()}/fd/6").symlink_to(device)
-    assert "this programme itself" in holders_text(device, proc=tmp_path / "proc")
 
 
 def test_an_open_file_of_another_process_is_seen_for_real(tmp_path: Path) -> None:
