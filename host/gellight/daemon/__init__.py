@@ -6,6 +6,7 @@ session.py              SensorSession: the running sensor, and the one way to ex
 assembly.py             opens the sensor that the settings name
 bundle_choice.py        which bundle belongs to a sensor
 switched_camera.py      the camera whose front, which takes the planned light, is exchanged while it runs
+calls.py                what may be asked of it: each call once, and `Commands`, which carries them out
 sensor_state.py         how a sensor is set and lit, and how to set it the same again
 frame_threads.py        the threads that capture and reconstruct; the session's camera for a second reader
 realtime.py             camera and reconstruction before all other programs

@@ -269,10 +269,6 @@ class CalibrationService:
         """Return the report of a stored bundle, HTML; BundleError where there is none."""
         return self._store.find(identity).report()
 
-    def rezero(self) -> None:
-        """Set the zero of the depth; InputError, saying why, where it must not be set."""
-        self._daemon.rezero(asked=True)
-
     def picture(self, name: str) -> Picture:
         """Return a picture, (H, W, 3) RGB: "live" is the newest frame; InputError where there is none of that name."""
         if name == "live":

@@ -11,9 +11,9 @@ from gellight.base.errors import InputError
 from gellight.base.writing import whole, write_file
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.running.felt import felt_frames
-from gellight.cli.running.reconstruct import maps_file
 from gellight.cli.showing import show
 from gellight.frames.frames import TactileFrame
+from gellight.frames.maps_file import maps_file
 from gellight.frames.point_cloud import ply
 from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.lab.report.video import VideoFile

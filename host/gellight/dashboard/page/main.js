@@ -77,10 +77,9 @@ const connection = new Connection({
   },
   frame: receive,
   status: takeStatus,
-  answer: (answer) => press.answer(answer),
 });
-const press = new PressPanel((command) => connection.send(command));
-const tracking = new Tracking(element("track"), (command) => connection.send(command));
+const press = new PressPanel();
+const tracking = new Tracking(element("track"));
 const scan = new ScanPanel(press);
 const tool = () => (measuring() ? measure : press);
 const pictures = new Pictures([...planes.canvases, element("truth")], {

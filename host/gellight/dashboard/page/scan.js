@@ -1,5 +1,6 @@
 // A scan by hand: what to do next, the map as far as it is, and where no press has been.
 
+import { command } from "./command.js";
 import { write } from "./figures.js";
 import { download } from "./saving.js";
 
@@ -24,8 +25,8 @@ export class ScanPanel {
     this.#press = press;
     this.#button.addEventListener("click", () => this.#open(element("scan-panel").hidden));
     element("scan-begin").addEventListener("submit", (event) => this.#begin(event));
-    element("scan-undo").addEventListener("click", () => this.#ask({ type: "undo" }));
-    element("scan-end").addEventListener("click", () => this.#ask({ type: "end" }));
+    element("scan-undo").addEventListener("click", () => this.#ask({ type: "scan-undo" }));
+    element("scan-end").addEventListener("click", () => this.#ask({ type: "scan-end" }));
     for (const link of element("scan-files").querySelectorAll("a")) link.addEventListener("click", (event) => this.#save(event, link));
   }
 
@@ -68,11 +69,12 @@ export class ScanPanel {
   #begin(event) {
     event.preventDefault();
     this.#press.offer(PART);
-    this.#ask({ type: "begin", name: element("scan-name").value });
+    this.#ask({ type: "scan", name: element("scan-name").value });
   }
 
-  #ask(command) {
-    return this.#fetch("scan", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(command) });
+  async #ask(call) {
+    this.#refusal = await command(call);
+    if (this.#refusal) this.#say(this.#refusal, true);
   }
 
   /** Save the map as the file of a link; a link alone would not say why there is no such file. */
@@ -83,10 +85,10 @@ export class ScanPanel {
   }
 
   /** Return the answer; where it is a refusal, say it and return nothing. */
-  async #fetch(address, how) {
+  async #fetch(address) {
     this.#refusal = "";
     try {
-      const answer = await fetch(address, how);
+      const answer = await fetch(address);
       if (answer.ok) return answer;
       this.#refusal = (await answer.json()).message;
     } catch {

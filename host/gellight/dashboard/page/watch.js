@@ -1,5 +1,7 @@
 // What the watch has found: shown above the pictures, hidden while the sensor is as it was calibrated.
 
+import { command } from "./command.js";
+
 const element = (id) => document.getElementById(id);
 
 export class WatchNotice {
@@ -31,7 +33,6 @@ export class WatchNotice {
   }
 
   async #setZero() {
-    const answer = await fetch("calibration", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ type: "zero" }) });
-    element("watch-answer").textContent = answer.ok ? "the zero is set" : (await answer.json()).message;
+    element("watch-answer").textContent = (await command({ type: "zero" })) || "the zero is set";
   }
 }

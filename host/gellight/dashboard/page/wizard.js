@@ -2,6 +2,7 @@
 
 import { drawCurve, drawPlaces, drawSlopes } from "./charts.js";
 import { CirclePicture } from "./circle.js";
+import { command as ask } from "./command.js";
 import { node, row } from "./elements.js";
 import { figureRows } from "./wizard_figures.js";
 import { ACTION_NAMES, PICTURE_NAMES, STEP_NAMES, advice, instruction, pictureNote, presetNote } from "./wizard_texts.js";
@@ -36,9 +37,8 @@ async function poll() {
   setTimeout(poll, POLL_MS);
 }
 
-async function command(body) {
-  const answer = await fetch("calibration", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
-  showRefusal(answer.ok ? "" : (await answer.json()).message);
+async function command(call) {
+  showRefusal(await ask(call));
 }
 
 function showError(text) {
@@ -189,7 +189,7 @@ async function begin() {
   if (!element("request").reportValidity()) return;
   stats.losses = [];
   try {
-    await command({ type: "begin", request: await request() });
+    await command({ type: "calibrate", request: await request() });
   } catch (error) {
     showRefusal(error.message);
   }
