@@ -1,4 +1,4 @@
-/* Generated from host/gellight/ring/protocol.py by `gellight firmware generate`; do not edit. */
+/* Generated from host/gellight/ring/protocol.py by `python firmware/generate.py`; do not edit. */
 
 #ifndef GELLIGHT_PROTOCOL_H
 #define GELLIGHT_PROTOCOL_H

@@ -6,16 +6,16 @@ from typing import Annotated
 
 import typer
 
-from gellight.base.errors import InputError
-from gellight.ring.firmware import build as building
-from gellight.ring.firmware import generate as generating
-from gellight.ring.firmware.build import committed_image
+from gellight.cli.lazy import lazy_group
+from gellight.ring.firmware.build import committed_image, read_image
 from gellight.ring.firmware.image import image_crc
-from gellight.ring.firmware.targets import CHECKOUT, in_checkout, packaged
+from gellight.ring.firmware.targets import packaged
 from gellight.ring.protocol import VERSION, schema_crc
 
-app = typer.Typer(help="The firmware of the light ring: see it, build it, flash it.", no_args_is_help=True)
-Checkout = Annotated[Path | None, typer.Option(help="sources; default: the checkout this package runs from")]
+GONE = {name: f"is `python firmware/{name}.py` in a clone now" for name in ("generate", "build")}
+app = typer.Typer(
+    cls=lazy_group({}, GONE), help="The firmware of the light ring: see it, flash it.", no_args_is_help=True
+)
 
 
 @app.command("info")
@@ -29,33 +29,6 @@ def information() -> None:
     print(f"protocol  {VERSION[0]}.{VERSION[1]}, schema {schema_crc():08x}")
 
 
-@app.command("generate")
-def generate(checkout: Checkout = None) -> None:
-    """Write the C header and the document of the protocol from its definition."""
-    for path in generating.generate(checkout or CHECKOUT):
-        print(f"wrote {path}")
-
-
-@app.command("build")
-def build(
-    checkout: Checkout = None,
-    compiler: Annotated[str, typer.Option(help="zig (of the extra `firmware`) or gcc")] = "zig",
-    out: Annotated[Path | None, typer.Option(help="UF2 file; default: the one that comes with this package")] = None,
-    target: Annotated[str | None, typer.Option(help="a folder of firmware/boards; default: each")] = None,
-) -> None:
-    """Compile the images."""
-    found = in_checkout(checkout or CHECKOUT)
-    if out and out.suffix.lower() != ".uf2":
-        raise InputError(f"--out {out}: give a name that ends with .uf2; a file of another kind would be replaced")
-    if out and target is None:
-        target = building.DEFAULT
-    for name in [target] if target else found:
-        image = building.build(checkout or CHECKOUT, target=name, compiler_name=compiler)
-        path = out or found[name].image
-        digest = building.write_image(image, path, found[name])
-        print(f"{path}: {len(image)} bytes, SHA-256 {digest}")
-
-
 @app.command("flash")
 def flash(
     port: Annotated[str | None, typer.Option(help="serial port of a running board, /dev/ttyACM0 or serial://")] = None,
@@ -67,7 +40,7 @@ def flash(
     from gellight.ring.firmware.flash import check_board, copy_uf2, flash_board
     from gellight.ring.transport import board_ports, find_port
 
-    content = building.read_image(image) if image else None
+    content = read_image(image) if image else None
     name = find_port(port.removeprefix("serial://")) if port and port.startswith("serial://") else port
     before = {found.device for found in board_ports()} - {name}
     if drive:

@@ -46,7 +46,7 @@ VERBS = open_group(
             "service": ("service:app", "Let systemd run the sensor of this user."),
             "install-udev": ("install_udev:command", "Let users who are not root use the sensor; needs root."),
             "ring": ("ring:app", "The light ring by hand."),
-            "firmware": ("firmware:app", "The firmware of the light ring: see it, build it, flash it."),
+            "firmware": ("firmware:app", "The firmware of the light ring: see it, flash it."),
         },
     },
     ELSEWHERE | MOVED,

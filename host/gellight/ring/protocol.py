@@ -12,7 +12,7 @@ Host and board have to agree on the major version alone. A minor version adds co
 and fields with a default at the end of replies and events, never of requests; limits may change. So each side ignores
 what it does not know: fields behind those it knows, and events; it refuses a command with UNKNOWN_COMMAND.
 """
-# After a change here run `gellight firmware generate`.
+# After a change here run `python firmware/generate.py`.
 
 import zlib
 from dataclasses import dataclass

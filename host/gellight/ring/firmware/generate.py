@@ -12,7 +12,7 @@ from gellight.ring.wire import Record, layout
 
 HEADER = Path("firmware/core/protocol.h")
 DOCUMENT = Path("docs/protocol.md")
-COMMAND_LINE = "gellight firmware generate"
+COMMAND_LINE = "python firmware/generate.py"
 
 
 def snake(name: str) -> str:
