@@ -45,7 +45,7 @@ def opening(browser: Browser, server: DashboardServer, place: str = "") -> Itera
 
     yield open_page
     context.close()
-    known = ("WebSocket connection", "status of 409")  # a lost server; a command that was refused, and told
+    known = ("WebSocket connection", "status of 409", "status of 503")  # a lost server; what is refused, and told
     assert [text for text in complaints if not any(words in text for words in known)] == []
 
 

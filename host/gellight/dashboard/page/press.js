@@ -1,9 +1,8 @@
 // Pressing objects into the simulated gel: the pointer says where, the slider and the wheel say how deep.
 
 import { command } from "./command.js";
-import { write } from "./figures.js";
+import { button, element, write } from "./dom.js";
 
-const element = (id) => document.getElementById(id);
 const DEPTH_STEP_MM = 0.05;
 
 export class PressPanel {
@@ -93,14 +92,7 @@ export class PressPanel {
   #fill({ objects, max_depth_mm: deepest }) {
     this.#slider.max = deepest;
     this.#setDepth(this.depthMm);
-    const buttons = objects.map((name) => {
-      const button = Object.assign(document.createElement("button"), { textContent: name });
-      button.dataset.testid = `object-${name}`;
-      button.setAttribute("role", "radio");
-      button.addEventListener("click", () => this.#choose(name));
-      return button;
-    });
-    element("objects").replaceChildren(...buttons);
+    element("objects").replaceChildren(...objects.map((name) => button(name, () => this.#choose(name), "", { role: "radio", testid: `object-${name}` })));
     this.#choose(objects[0]);
   }
 

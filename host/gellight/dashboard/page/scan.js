@@ -1,11 +1,9 @@
 // A scan by hand: what to do next, the map as far as it is, and where no press has been.
 
 import { command } from "./command.js";
-import { write } from "./figures.js";
-import { download } from "./saving.js";
+import { button, element, shape, write } from "./dom.js";
+import { fetchFile } from "./saving.js";
 
-const element = (id) => document.getElementById(id);
-const SVG = "http://www.w3.org/2000/svg";
 const STEPS = { press: "Press over half of a press that was", hold: "Hold it still", lift: "Lift it", join: "Finding its place: press beside meanwhile" };
 const AROUND_MM = 1;
 const PART = "PCONVEX"; // of a simulated sensor: larger than half of the view, and the same nowhere else
@@ -77,24 +75,9 @@ export class ScanPanel {
     if (this.#refusal) this.#say(this.#refusal, true);
   }
 
-  /** Save the map as the file of a link; a link alone would not say why there is no such file. */
   async #save(event, link) {
     event.preventDefault();
-    const answer = await this.#fetch(link.href);
-    if (answer) download(await answer.blob(), link.href.split("/").pop());
-  }
-
-  /** Return the answer; where it is a refusal, say it and return nothing. */
-  async #fetch(address) {
-    this.#refusal = "";
-    try {
-      const answer = await fetch(address);
-      if (answer.ok) return answer;
-      this.#refusal = (await answer.json()).message;
-    } catch {
-      this.#refusal = "the server does not answer";
-    }
-    this.#say(this.#refusal, true);
+    this.#say(await fetchFile(link.href), true);
   }
 
   /** Lift our own press once it was still. */
@@ -124,13 +107,7 @@ export class ScanPanel {
       element("scan-sides").textContent = presses && named.length ? `not scanned yet: ${named.map(([side]) => side).join(", ")}` : "";
       return;
     }
-    const buttons = named.map(([side, shift]) => {
-      const button = Object.assign(document.createElement("button"), { textContent: `Press ${side}` });
-      button.dataset.testid = `scan-${side}`;
-      button.addEventListener("click", () => this.#pressBeside(shift, outlines));
-      return button;
-    });
-    element("scan-sides").replaceChildren(...buttons);
+    element("scan-sides").replaceChildren(...named.map(([side, shift]) => button(`Press ${side}`, () => this.#pressBeside(shift, outlines), "", { testid: `scan-${side}` })));
   }
 
   /** Press where the sensor would be moved by `shift` over the part: there the part is moved the other way. */
@@ -154,24 +131,16 @@ export class ScanPanel {
     const [right, bottom] = [0, 1].map((axis) => Math.max(...corners.map((corner) => corner[axis])) + AROUND_MM);
     box.setAttribute("viewBox", `${left} ${top} ${right - left} ${bottom - top}`);
     box.replaceChildren(
-      make("image", { href: `scan/map?${version}`, x: 0, y: 0, width, height, preserveAspectRatio: "none" }),
-      ...open.map((outline) => make("polygon", { points: outline.join(" "), class: "open" })),
-      ...Object.values(outlines).map((outline) => make("polygon", { points: outline.join(" "), class: "pressed" })),
+      shape("image", { href: `scan/map?${version}`, x: 0, y: 0, width, height, preserveAspectRatio: "none" }),
+      ...open.map((outline) => shape("polygon", { points: outline.join(" "), class: "open" })),
+      ...Object.values(outlines).map((outline) => shape("polygon", { points: outline.join(" "), class: "pressed" })),
       ...Object.entries(outlines).map(([number, outline]) => label(number, outline, (right - left) / 22)),
     );
   }
 }
 
-function make(name, attributes) {
-  const node = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
-  return node;
-}
-
 function label(text, [[left, top], , [right, bottom]], size) {
-  const node = make("text", { x: (left + right) / 2, y: (top + bottom) / 2, "font-size": size });
-  node.textContent = text;
-  return node;
+  return shape("text", { x: (left + right) / 2, y: (top + bottom) / 2, "font-size": size }, text);
 }
 
 function distance([x, y], [otherX, otherY]) {

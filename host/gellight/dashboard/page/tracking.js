@@ -1,7 +1,7 @@
 // The object that is tracked: its axes over the pictures, and the way that it has come.
 
 import { command } from "./command.js";
-import { write } from "./figures.js";
+import { write } from "./dom.js";
 
 const MOST_PLACES = 400;
 const AXIS_MM = 2;

@@ -1,8 +1,7 @@
 // What the watch has found: shown above the pictures, hidden while the sensor is as it was calibrated.
 
 import { command } from "./command.js";
-
-const element = (id) => document.getElementById(id);
+import { element, node } from "./dom.js";
 
 export class WatchNotice {
   #hidden = ""; // the findings that the visitor has hidden
@@ -27,9 +26,7 @@ export class WatchNotice {
     this.#shown = kinds;
     if (texts === this.#texts) return;
     this.#texts = texts;
-    element("findings").replaceChildren(...findings.map(({ severity, text }) => {
-      return Object.assign(document.createElement("li"), { textContent: text, className: severity });
-    }));
+    element("findings").replaceChildren(...findings.map(({ severity, text }) => node("li", text, severity)));
   }
 
   async #setZero() {
