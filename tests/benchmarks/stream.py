@@ -138,7 +138,7 @@ def recording_costs(frames: int = 100) -> None:
                     frame = frame_of(number, base)
                     camera_frame = replace(frame.camera_frame, encoded=raw)
                     writer.add(camera_frame, CaptureStamp(zeroed=bundle, unix_s=time.time()))
-                    writer.add_felt(frame)
+                    writer.add_tactile(frame)
                 writer.close()
                 cost_ms = (processor_s() - begun) / frames * 1e3
                 size_mb, took_s = path.stat().st_size / 1e6, time.monotonic() - begun_s

@@ -293,7 +293,7 @@ class CalibrationService:
     def _usual_routine(self, request: CalibrationRequest, install: Install) -> Routine:
         camera = self._daemon.camera
         if request.hand and camera.stage is None:
-            raise InputError("nobody presses by itself on a real sensor: take the virtual hand off")
+            raise InputError("the virtual hand needs a simulated sensor: untick it")
         options = RoutineOptions(
             out=self._folder.with_name(self._folder.name + ".bundle"),
             sensor=self.sensor,

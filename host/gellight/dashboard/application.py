@@ -25,7 +25,7 @@ from gellight.daemon.calls import MOST_CALL, Commands, read_call, read_json
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import Handler, guard
 from gellight.dashboard.fetched import FOR_EVER, Fetched, ScanController, answered, refused
-from gellight.dashboard.made_once import MadeOnce
+from gellight.dashboard.identity_cache import IdentityCache
 from gellight.dashboard.messages import encode, without_nan
 from gellight.dashboard.metrics import Metrics
 from gellight.dashboard.reference_views import ReferenceViews
@@ -85,7 +85,7 @@ class Dashboard:
         self._source, self._scan, self._sensors = source, scan, sensors
         self._commands = Commands(source, calibration, scan)
         self._clients: set[Client] = set()
-        self._references, self._once = ReferenceViews(), MadeOnce()
+        self._references, self._once = ReferenceViews(), IdentityCache()
         self._fetched = Fetched(source, self._references, calibration, scan)
         self._message = b""
         self._number = -1

@@ -40,7 +40,7 @@ from typing import Any
 
 import numpy as np
 
-from gellight.dashboard.made_once import MadeOnce
+from gellight.dashboard.identity_cache import IdentityCache
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.view import jpeg, pack_contact, pack_depth, reduce, view_shape
 from gellight.frames.frames import GroundTruth, TactileFrame
@@ -55,7 +55,7 @@ PREFIX = struct.Struct("<4sII")
 
 
 def encode(
-    frame: TactileFrame, *, pixel_size_mm: tuple[float, float], references: ReferenceViews, once: MadeOnce
+    frame: TactileFrame, *, pixel_size_mm: tuple[float, float], references: ReferenceViews, once: IdentityCache
 ) -> bytes:
     """Encode `frame`; `pixel_size_mm` is the (x, y) size of a camera pixel on the gel.
 

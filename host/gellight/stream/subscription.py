@@ -24,7 +24,7 @@ from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.frames.status import SensorStatus
 from gellight.stream.network import LAN_PORT, close, found_by_multicast, key, name_of, subscribing_session
-from gellight.stream.running import meant, running
+from gellight.stream.running import default_daemon, running
 from gellight.stream.shared_memory import MappedMemory, OverwrittenError
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
 from gellight.stream.wire import decode
@@ -119,7 +119,7 @@ def _found(target: str, config: Path | None) -> tuple[str, str, str, str]:
     there = [daemon for daemon in daemons if target in ("auto", daemon.name)]
     if not there:
         return *_on_the_lan("" if target == "auto" else target, config), "", ""
-    if (found := meant(there)) is None:
+    if (found := default_daemon(there)) is None:
         raise StreamError(f"several daemons publish: name one of {', '.join(daemon.name for daemon in there)}")
     return found.endpoint, found.name, found.memory, found.token
 
@@ -184,7 +184,7 @@ def _present(session: zenoh.Session, name: str, endpoint: str) -> str:
     replies = session.liveliness().get(pattern, timeout=ANSWER_S)
     names = sorted({name_of(str(reply.ok.key_expr)) for reply in replies if reply.ok})
     if len(names) != 1:
-        there = f"there are {', '.join(names)}: name one of them" if names else "start it with `gellight run`"
+        there = f"there are {', '.join(names)}: pass one name" if names else "start it with `gellight run`"
         raise StreamError(f"no one daemon of {name or 'a sensor'} is at {endpoint}: {there}")
     return names[0]
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gellight.dashboard import messages
-from gellight.dashboard.made_once import MadeOnce
+from gellight.dashboard.identity_cache import IdentityCache
 from gellight.dashboard.messages import without_nan
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.view import DEPTH_UNIT_MM, view_shape
@@ -23,7 +23,7 @@ PIXEL = (PIXEL_MM, PIXEL_MM)
 
 
 def encode(frame: TactileFrame, *, pixel_size_mm: tuple[float, float]) -> bytes:
-    return messages.encode(frame, pixel_size_mm=pixel_size_mm, references=ReferenceViews(), once=MadeOnce())
+    return messages.encode(frame, pixel_size_mm=pixel_size_mm, references=ReferenceViews(), once=IdentityCache())
 
 
 FRAME = bump(1.2, 3.0, -2.0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from gellight.dashboard.application import PAGE
 from gellight.dashboard.fetched import FOR_EVER
-from gellight.dashboard.made_once import MadeOnce
+from gellight.dashboard.identity_cache import IdentityCache
 from gellight.dashboard.messages import encode
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.dashboard.server import DashboardServer
@@ -68,7 +68,7 @@ def test_all_that_the_page_loads_is_small(server: DashboardServer) -> None:
 
 
 def test_a_map_that_stays_the_same_is_packed_once() -> None:
-    once, made = MadeOnce(), []
+    once, made = IdentityCache(), []
     flat = np.zeros(3)
     flat.flags.writeable = False
     for _ in range(3):
@@ -81,14 +81,14 @@ def test_a_map_that_stays_the_same_is_packed_once() -> None:
 
 
 def test_a_map_that_may_change_is_packed_each_time_and_not_kept() -> None:
-    once, taken = MadeOnce(), np.zeros(3)
+    once, taken = IdentityCache(), np.zeros(3)
     numbers = iter(range(9))
     assert [once.of("depth", (taken,), lambda: next(numbers)) for _ in range(3)] == [0, 1, 2]
     assert not once._made
 
 
 def test_frames_at_rest_touched_and_at_rest_again_come_out_as_they_are() -> None:
-    once, references = MadeOnce(), ReferenceViews()
+    once, references = IdentityCache(), ReferenceViews()
     touched, rest = bump(1.2, 3.0, -2.0), bump(0.0, 0.0, 0.0)
     for array in (rest.depth_mm, rest.contact.mask):
         array.flags.writeable = False

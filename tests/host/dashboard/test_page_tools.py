@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from gellight.dashboard.made_once import MadeOnce
+from gellight.dashboard.identity_cache import IdentityCache
 from gellight.dashboard.messages import encode
 from gellight.dashboard.reference_views import ReferenceViews
 from gellight.frames.pose import ObjectPose
@@ -28,7 +28,7 @@ def show(page: Page, source: FormulaSource, frame: Any) -> View:
     """Let the page draw `frame`; return what was sent of it."""
     sequence = source.put(frame)
     page.wait_for_function("sequence => gellight.sequence === sequence", arg=sequence)
-    return decode(encode(frame, pixel_size_mm=(PIXEL_MM, PIXEL_MM), references=ReferenceViews(), once=MadeOnce()))
+    return decode(encode(frame, pixel_size_mm=(PIXEL_MM, PIXEL_MM), references=ReferenceViews(), once=IdentityCache()))
 
 
 def saved(page: Page, button: str, folder: Path) -> Path:

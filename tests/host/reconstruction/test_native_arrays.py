@@ -6,7 +6,7 @@ from scipy import fft
 
 from gellight.reconstruction.native import build, library
 from gellight.reconstruction.native.cosine import CosineRows, radices_of
-from gellight.reconstruction.native.lent_arrays import LentArrays
+from gellight.reconstruction.native.lent_arrays import ArrayPool
 
 RUNNABLE = [pytest.param(name, id=name) for name in library.fitting()]
 LENGTHS = (32, 36, 60, 64, 80, 90, 160, 306, 320, 33, 46)
@@ -33,7 +33,7 @@ def test_lengths_without_small_factors_are_left_to_scipy() -> None:
 
 
 def test_memory_is_used_again_only_when_nobody_has_it() -> None:
-    arrays = LentArrays((5, 7))
+    arrays = ArrayPool((5, 7))
     first = arrays.take()
     first[:] = 1
     part = first[2:, ::2].T
@@ -47,7 +47,7 @@ def test_memory_is_used_again_only_when_nobody_has_it() -> None:
 
 
 def test_few_are_kept() -> None:
-    arrays = LentArrays((3,), np.bool_)
+    arrays = ArrayPool((3,), np.bool_)
     held = [arrays.take() for _ in range(10)]
     assert len({array.ctypes.data for array in held}) == 10
     del held

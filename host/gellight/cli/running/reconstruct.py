@@ -88,7 +88,7 @@ def _refuse_useless(method: Method, source: str, *names: str) -> None:
     """Refuse options that change nothing for this source of the light: the asker would believe that they did."""
     useless = [f"--{name.replace('_', '-')}" for name in names if getattr(method, name)]
     if useless:
-        raise InputError(f"{' and '.join(useless)} changes nothing with {source}: leave it away")
+        raise InputError(f"{' and '.join(useless)} has no effect with {source}: remove it")
 
 
 def _of_channels(method: Method, bundle: Bundle, paths: Sequence[Path]) -> TactileFrame:

@@ -28,7 +28,7 @@ Size = Annotated[int, typer.Option("--size", min=32, max=2048, help="Pixels a si
 
 
 @dataclass(frozen=True)
-class Answering:
+class OutputOptions:
     """Where the answer of a study goes."""
 
     out: OutFolder = None
@@ -44,7 +44,7 @@ class Answering:
 
 
 @dataclass(frozen=True)
-class Study(Answering):
+class Study(OutputOptions):
     """The options that all studies share."""
 
     geometry: GeometryFile = None
@@ -100,7 +100,7 @@ def coarse(study: Study) -> None:
 @app.command()
 @with_options
 def fine(
-    answering: Answering,
+    answering: OutputOptions,
     geometry: GeometryFile = None,
     diameter: Annotated[float, typer.Option("--diameter-mm", min=1, help="Of the disc that is judged.")] = 35.0,
     gamma: Annotated[float, typer.Option("--gamma", min=1, max=3, help="Of the camera's picture; 1: linear.")] = 1.0,
@@ -144,7 +144,7 @@ def design(
 @app.command()
 @with_options
 def ball(
-    answering: Answering,
+    answering: OutputOptions,
     geometry: GeometryFile = None,
     press: Annotated[float, typer.Option("--press", help="How deep the ball is pressed, mm.")] = 2.0,
     radius: Annotated[

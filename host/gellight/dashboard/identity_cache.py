@@ -8,7 +8,7 @@ import numpy as np
 T = TypeVar("T")
 
 
-class MadeOnce:
+class IdentityCache:
     """Remembers, by name, what was made last and of what. Arrays that may be written into are made of anew."""
 
     def __init__(self) -> None:
