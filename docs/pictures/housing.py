@@ -1,4 +1,4 @@
-"""Make housing.webp, the exploded picture of docs/build.md: the solids of `gellight optimize housing`, cut open.
+"""Make housing.webp, the exploded picture of docs/build.md: the solids of `gellight optimize make housing`, cut open.
 
     .venv/bin/python docs/pictures/housing.py
 

@@ -16,6 +16,7 @@ from gellight.base.errors import ConfigError, GellightError, InputError
 from gellight.frames.point_cloud import STL_RECORD, solid_stl
 from gellight.lab.simulator.geometry_file import read_geometry
 from gellight_design import benchmark_files, studies, sweep
+from gellight_design.output import write_all
 from gellight_design.sweep import run_study
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
 from sim_reference.optimizer.exposing import LightGroups
@@ -177,7 +178,7 @@ def test_the_solids_are_closed(tmp_path: Path) -> None:
 
 
 def test_the_objects_can_be_exported(tmp_path: Path) -> None:
-    written = benchmark_files.write_benchmark(tmp_path, 1.0, 32)
+    written = write_all(tmp_path, benchmark_files.benchmark_files(1.0, 32))
     assert sorted(path.name for path in written) == sorted(
         f"{name}.{kind}" for name in BENCHMARK_NAMES for kind in ("npy", "stl")
     )

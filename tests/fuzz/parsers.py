@@ -6,18 +6,19 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
-from pydantic import ValidationError
 
-from gellight.base.errors import BoardError, GellightError
+from gellight.base.errors import BoardError, GellightError, InputError
 from gellight.base.settings import read_settings
 from gellight.bundle.bundle import REFERENCE, Bundle, load_bundle, packed_bundle, unpack_bundle
 from gellight.bundle.manifest import manifest_toml, parse_manifest
+from gellight.daemon.calls import read_call, read_json
 from gellight.dashboard.access import cookie
-from gellight.dashboard.commands import COMMANDS
+from gellight.dashboard.application import Credit
 from gellight.frames import picture
 from gellight.frames.dots import Dots
 from gellight.frames.frames import CameraFrame, CaptureStamp
@@ -35,7 +36,6 @@ from gellight.ring.wire import Packet, decode, encode
 from gellight.sensor.v4l2.decoding import decode as decode_picture
 from gellight.sensor.v4l2.formats import Mode
 from gellight.stream import wire
-from gellight.stream.calls import read_call
 from tests.fuzz.of_users import of_networks, of_other_files, of_tables, of_urls
 from tests.fuzz.parser import Parser, by_file
 from tests.helpers.linear_sensor import linear_bundle, reference_image
@@ -131,7 +131,7 @@ def _of_programs() -> Iterator[Parser]:
     frame = wire.encode(full_frame())
     yield Parser("frame", lambda content: wire.decode(content, _no_bundle), (frame,), (GellightError,))
     yield Parser("call", read_call, (b'{"type":"status"}', press), (GellightError, ValueError))
-    yield Parser("command", COMMANDS.validate_json, (b'{"type":"credit","count":1}', press), (ValidationError,))
+    yield Parser("command", partial(read_json, Credit), (b'{"count":1}',), (InputError,))
     yield Parser("host", lambda content: cookie(content.decode("latin-1")), (b"127.0.0.1:8420", b"[::1]:80"), ())
 
 

@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,6 +139,9 @@ class FormulaSource:
     def __init__(self, *, stage: RecordingStage | None = None) -> None:
         self.stage = stage
         self.error: str | None = None
+        self.calibrating = False
+        self.camera = SimpleNamespace(waits=False)
+        self.zeros = 0
         self.figures: dict[str, object] = {
             "sensor": "formula://bump",
             "frames": 1234,
@@ -186,6 +190,9 @@ class FormulaSource:
 
     def track(self, on: bool) -> None:
         self.tracking = on
+
+    def rezero(self) -> None:
+        self.zeros += 1
 
     def status(self) -> dict[str, object]:
         return {**self.figures, "error": self.error}

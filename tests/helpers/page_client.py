@@ -2,6 +2,8 @@
 
 import asyncio
 import json
+import urllib.error
+import urllib.request
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -36,17 +38,17 @@ class Page:
 
         return self._runner.run(read())
 
-    def send(self, content: str | bytes = b"", **command: object) -> None:
-        """Send text or bytes as they are, or else a command."""
+    def send(self, content: str | bytes = b"", **said: object) -> None:
+        """Send text or bytes as they are, or else JSON."""
         if isinstance(content, str):
             self._runner.run(self.socket.send_str(content))
         elif content:
             self._runner.run(self.socket.send_bytes(content))
         else:
-            self._runner.run(self.socket.send_json(command))
+            self._runner.run(self.socket.send_json(said))
 
     def credit(self, count: int = 1) -> None:
-        self.send(type="credit", count=count)
+        self.send(count=count)
 
     def message(self, timeout_s: float = FRAME_S) -> View:
         """Return the next frame."""
@@ -63,10 +65,6 @@ class Page:
             return message.type is WSMsgType.TEXT and json.loads(message.data)["type"] in kinds
 
         return dict(json.loads(self._first(wanted, FRAME_S).data))
-
-    def answer(self, **command: object) -> dict[str, Any]:
-        self.send(**command)
-        return self.text("done", "error")
 
     def is_silent(self) -> bool:
         try:
@@ -100,6 +98,18 @@ def pages(**options: Any) -> Iterator[Callable[..., Page]]:
 def bearer() -> dict[str, str]:
     """Return the header of a program of this user."""
     return {"Authorization": f"Bearer {own_token()}"}
+
+
+def post(base: str, call: object, **headers: str) -> tuple[int, dict[str, Any]]:
+    """Ask for something, or send bytes as they are; return the status and what is answered."""
+    content = call if isinstance(call, bytes) else json.dumps(call).encode()
+    headers = {"Content-Type": "application/json", **bearer(), **headers}
+    try:
+        with urllib.request.urlopen(urllib.request.Request(base + "command", content, headers)) as answer:
+            return answer.status, json.load(answer)
+    except urllib.error.HTTPError as error:
+        text = error.read().decode()
+        return error.code, json.loads(text) if text.startswith("{") else {"message": text}
 
 
 def get(url: str, **options: Any) -> tuple[int, str, Mapping[str, str]]:

@@ -90,7 +90,6 @@ class Scripted:
         self.bundles: list[ListedBundle] = []
         self.interrupted = False
         self.simulated = False
-        self.calibrating = False
         self.hand = False
         self.needs: tuple[Need, ...] = ()
         self.refusal = ""
@@ -131,9 +130,6 @@ class Scripted:
         if identity != "a" * 16:
             raise BundleError(f"bundle {identity} has no report")
         return b"<!doctype html><title>Calibration of A17</title><style>h1 { color: red }</style><h1>Report</h1>"
-
-    def rezero(self) -> None:
-        self._ask("zero")
 
     def picture(self, name: str) -> NDArray[np.uint8]:
         if name not in {"live", *(self.routine or {}).get("pictures", [])}:

@@ -124,7 +124,7 @@ def browses(*ports: str) -> list[str]:
 
 def page(base: str) -> list[str]:
     """Ask a page for everything there is, and for the zero."""
-    zero = urllib.request.Request(base + "calibration", b'{"type": "zero"}', {"Content-Type": "application/json"})
+    zero = urllib.request.Request(base + "command", b'{"type": "zero"}', {"Content-Type": "application/json"})
     asked = [zero, *(base + path for path in ("", "status", "metrics", "health", "calibration", "ws"))]
     return [_tried(lambda one=one: urllib.request.urlopen(one).status) for one in asked]  # type: ignore[misc]
 

@@ -163,7 +163,7 @@ def pages() -> dict[str, str]:
 def panel(name: str, daemon: SensorSession, busy: Callable[[], bool]) -> AbstractContextManager[Any]:
     """Return what an installed distribution has for the page by this name (entry point `gellight.panels`), or None.
 
-    It is a context manager, made with the sensor and what says that the sensor is busy; see `dashboard.scanning`.
+    It is a context manager, made with the sensor and what says that the sensor is busy: a `ScanController`.
     """
     for found in entry_points(group="gellight.panels", name=name):
         made: AbstractContextManager[Any] = found.load()(daemon, busy=busy)

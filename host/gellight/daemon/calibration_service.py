@@ -268,10 +268,6 @@ class CalibrationService:
         """Return the report of a stored bundle, HTML; BundleError where there is none."""
         return self._store.find(identity).report()
 
-    def rezero(self) -> None:
-        """Set the zero of the depth; InputError, saying why, where it must not be set."""
-        self._daemon.rezero(asked=True)
-
     def picture(self, name: str) -> Picture:
         """Return a picture, (H, W, 3) RGB: "live" is the newest frame; InputError where there is none of that name."""
         if name == "live":
@@ -296,7 +292,7 @@ class CalibrationService:
     def _usual_routine(self, request: CalibrationRequest, install: Install) -> Routine:
         camera = self._daemon.camera
         if request.hand and camera.stage is None:
-            raise InputError("nobody presses by itself on a real sensor: take the virtual hand off")
+            raise InputError("the virtual hand needs a simulated sensor: untick it")
         options = RoutineOptions(
             out=self._folder.with_name(self._folder.name + ".bundle"),
             sensor=self.sensor,

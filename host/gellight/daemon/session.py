@@ -135,6 +135,11 @@ class SensorSession:
         return SharedCamera(self._camera, self._threads.captured)
 
     @property
+    def calibrating(self) -> bool:
+        """Whether a calibration goes on, which sets the light and wants no other presses than its own."""
+        return self._calibration is not None
+
+    @property
     def joins_exposures(self) -> bool:
         """Whether a tactile frame is made of several pictures, each under another light."""
         return self._active.config.light.joined
@@ -254,7 +259,7 @@ class SensorSession:
             return True
 
     def _check_not_calibrating(self) -> None:
-        if self._calibration is not None:
+        if self.calibrating:
             raise InputError("a calibration goes on, which sets the light: wait for its end, or stop it")
 
     def _configure(self, config: ModeConfig, state: SensorState | None) -> Callable[[], object]:
@@ -272,7 +277,7 @@ class SensorSession:
                 raise CameraError(f"{self._camera.url} was stopped: its LEDs stay dark")
             before, config, set_before = self._active, pipeline.config, None
             if pipeline.watch is not None:
-                pipeline.watch.paused = self._calibration is not None
+                pipeline.watch.paused = self.calibrating
             if state is None and config is before.config:  # another zero: the camera goes on as it is
                 self._active = pipeline
             else:

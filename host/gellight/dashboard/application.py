@@ -1,4 +1,4 @@
-"""The dashboard's web application: the page, the live frames over a WebSocket, and the presses of a visitor.
+"""The dashboard's web application: the page, the live frames over a WebSocket, and `/command`, one of daemon/calls.py.
 
 Flow control is by credits: the page grants as many frames as it is ready to draw, one frame is sent for each credit,
 and it is always the newest. Nothing is queued, so a slow page sees fewer frames, never old ones, and slows nobody else.
@@ -16,20 +16,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from aiohttp import WSMsgType, web
-from pydantic import ValidationError
+from pydantic import Field
 
-from gellight.base.allowed import in_words
+from gellight.base.allowed import StrictModel
 from gellight.base.errors import GellightError, InputError
 from gellight.daemon.calibration_service import CalibrationService
+from gellight.daemon.calls import MOST_CALL, Commands, read_call, read_json
 from gellight.daemon.session import SensorSession
-from gellight.dashboard.access import guard
-from gellight.dashboard.commands import COMMANDS, Credit, Press, Release, Track
-from gellight.dashboard.messages import MadeOnce, encode, without_nan
+from gellight.dashboard.access import Handler, guard
+from gellight.dashboard.fetched import FOR_EVER, Fetched, ScanController, answered, refused
+from gellight.dashboard.messages import IdentityCache, encode, without_nan
 from gellight.dashboard.metrics import Metrics
-from gellight.dashboard.page_files import FOR_EVER, PageFiles
-from gellight.dashboard.scanning import ScanDesk, ScanRoutes
 from gellight.dashboard.view import ReferenceViews
-from gellight.dashboard.wizard import Wizard
 
 logger = logging.getLogger(__name__)
 
@@ -42,14 +40,19 @@ CLOSE_S = 1.0
 STATUS_PERIOD_S = 0.25
 MAX_CREDITS = 8
 """a greedy page is not flooded"""
-MAX_COMMAND_BYTES = 4096
+MOST_CREDIT_BYTES = 4096
 MOST_CLIENTS = 32
 """pages that are open at once: each costs messages, and more than these are a mistake or an attack"""
 MOST_AT_ONCE = 16
-"""commands of a page that are being carried out"""
-STAGE_THREADS = 2
-"""so that an object can be released while another is computed"""
-CALIBRATING = "a calibration is running, and only its own presses may touch the gel: finish or stop it in the wizard"
+"""commands that are being carried out, of all pages"""
+COMMAND_THREADS = 4
+"""so that an object can be released while others are computed"""
+
+
+class Credit(StrictModel):
+    """The page is ready to draw `count` more frames."""
+
+    count: int = Field(ge=1, le=MAX_CREDITS)
 
 
 @dataclass(eq=False)
@@ -61,7 +64,7 @@ class Client:
     sent: int = -1
     """number of the message sent last"""
     tasks: set[asyncio.Task[None]] = field(default_factory=set)
-    """what is done for it: frames, status, commands"""
+    """what is done for it: frames, status"""
 
 
 class Dashboard:
@@ -71,44 +74,45 @@ class Dashboard:
         self,
         source: SensorSession,
         calibration: CalibrationService | None = None,
-        scan: ScanDesk | None = None,
+        scan: ScanController | None = None,
         sensors: Callable[[], Mapping[str, str]] = dict,
     ) -> None:
         """Serve `source`, with the wizard and the scan where they are; nothing runs before the application starts.
 
         sensors: returns the names of this user's sensors, with the addresses of their pages.
         """
-        self._source, self._calibration, self._scan, self._sensors = source, calibration, scan, sensors
-        self._wizard = Wizard(calibration)
+        self._source, self._scan, self._sensors = source, scan, sensors
+        self._commands = Commands(source, calibration, scan)
         self._clients: set[Client] = set()
-        self._references, self._once = ReferenceViews(), MadeOnce()
+        self._references, self._once = ReferenceViews(), IdentityCache()
+        self._fetched = Fetched(source, self._references, calibration, scan)
         self._message = b""
         self._number = -1
         self._fresh = False
         """whether the message is known to be the newest; it is not after the pump has rested"""
         self._sequence = -1
-        self._image_shape: tuple[int, int] | None = None
         self._error: str | None = None
         self._changed = asyncio.Condition()
         self._waiter = ThreadPoolExecutor(1, thread_name_prefix="dashboard-frames")
         self._teller = ThreadPoolExecutor(1, thread_name_prefix="dashboard-status")
-        self._worker = ThreadPoolExecutor(STAGE_THREADS, thread_name_prefix="dashboard-commands")
-        self._newest_command = -1
+        self._worker = ThreadPoolExecutor(COMMAND_THREADS, thread_name_prefix="dashboard-commands")
+        self._carrying = 0
+        """commands that are being carried out"""
 
     def application(self, token: str) -> web.Application:
-        """Return the aiohttp application: page, `/status`, `/ws`, `/metrics`, `/health`, and the wizard's.
+        """Return the aiohttp application: page, `/command`, `/status`, `/ws`, `/metrics`, `/health`; see fetched.py.
 
         token: what a request has to bring; see access.py.
         """
-        app = web.Application(middlewares=[guard(token)])
+        app = web.Application(middlewares=[guard(token), _packed], client_max_size=MOST_CALL)
         app.router.add_get("/ws", self._serve_client)
+        app.router.add_post("/command", self._obey)
         app.router.add_get("/sensors", self._list_sensors)
         app.router.add_get("/status", self._show_status)
         Metrics(self._status_text).add_routes(app)
-        self._wizard.add_routes(app)
-        ScanRoutes(self._scan).add_routes(app)
-        app.router.add_get("/reference/{name}", self._show_reference)
-        PageFiles(PAGE).add_routes(app)
+        self._fetched.add_routes(app)
+        app.router.add_get("/", _send_page)
+        app.router.add_static("/", PAGE)
         app.cleanup_ctx.append(self._run_pump)
         app.on_shutdown.append(self._close_clients)
         return app
@@ -177,15 +181,13 @@ class Dashboard:
     def _next_message(self) -> bytes:
         frame = self._source.wait_frame(self._sequence, FRAME_TIMEOUT_S)
         self._sequence = frame.camera_frame.sequence
-        height, width = frame.depth_mm.shape
-        self._image_shape = (height, width)
         size = self._source.pixel_size_mm
         return encode(frame, pixel_size_mm=size, references=self._references, once=self._once)
 
     async def _serve_client(self, request: web.Request) -> web.StreamResponse:
         if len(self._clients) >= MOST_CLIENTS:
             return web.Response(status=503, text=f"{MOST_CLIENTS} pages of this sensor are open: close some")
-        socket = web.WebSocketResponse(max_msg_size=MAX_COMMAND_BYTES, heartbeat=20.0, compress=False)
+        socket = web.WebSocketResponse(max_msg_size=MOST_CREDIT_BYTES, heartbeat=20.0, compress=False)
         client = Client(socket)
         self._clients.add(client)  # before anything is awaited, so that many at once are counted
         try:
@@ -204,10 +206,16 @@ class Dashboard:
 
     async def _listen(self, client: Client) -> None:
         async for message in client.socket:
-            if message.type is WSMsgType.TEXT:
-                await self._obey(client, message.data)
-            elif message.type is WSMsgType.BINARY:
-                await _answer_error(client, None, "commands are JSON text, not binary")
+            if message.type not in (WSMsgType.TEXT, WSMsgType.BINARY):
+                return
+            try:
+                credit = read_json(Credit, message.data)
+            except InputError as error:
+                await client.socket.send_json({"type": "error", "message": f"no credit: {error}"})
+                continue
+            async with self._changed:
+                client.credits = min(client.credits + credit.count, MAX_CREDITS)
+                self._changed.notify_all()
 
     async def _send_frames(self, client: Client) -> None:
         while True:
@@ -231,7 +239,7 @@ class Dashboard:
         status = dict(self._source.status())
         status["error"] = status.get("error") or self._error
         status |= {"type": "status", "now_s": time.monotonic(), "clients": len(self._clients)}
-        status["calibrating"] = self._calibrating
+        status["calibrating"] = self._source.calibrating
         status |= {"can_scan": self._scan is not None, "scan": self._scan and self._scan.state()}
         stage = self._source.stage
         pressed = stage and {"objects": list(stage.objects), "max_depth_mm": stage.max_depth_mm, **stage.status()}
@@ -240,75 +248,37 @@ class Dashboard:
     async def _show_status(self, request: web.Request) -> web.Response:
         return web.Response(text=await self._status_text(), content_type="application/json")
 
-    async def _show_reference(self, request: web.Request) -> web.Response:
+    async def _obey(self, request: web.Request) -> web.Response:
+        """Carry out a call and answer as it says, or {"message": why not}."""
+        # JSON only: a form of another site could be sent without asking.
+        if request.content_type != "application/json":
+            return refused("commands are application/json", 415)
         try:
-            picture = self._references.picture(request.match_info["name"])
+            call = read_call(await request.read())
         except InputError as error:
-            return web.Response(status=404, text=str(error))
-        return web.Response(body=picture, content_type="image/webp", headers={"Cache-Control": FOR_EVER})
-
-    async def _obey(self, client: Client, text: str) -> None:
+            return refused(str(error), 400)
+        if self._carrying >= MOST_AT_ONCE:
+            return refused(f"{MOST_AT_ONCE} commands are being carried out: wait for them", 429)
+        carry_out, kind = self._commands.take(call), call.answer_type
+        self._carrying += 1
         try:
-            command = COMMANDS.validate_json(text)
-        except ValidationError as error:
-            await _answer_error(client, None, in_words(error, "the command"))
-            return
-        if isinstance(command, Credit):
-            async with self._changed:
-                client.credits = min(client.credits + command.count, MAX_CREDITS)
-                self._changed.notify_all()
-            return
-        if len(client.tasks) >= MOST_AT_ONCE:
-            await _answer_error(client, command.type, f"{MOST_AT_ONCE} commands are being carried out: wait for them")
-            return
-        self._newest_command += 1
-        task = asyncio.create_task(self._carry_out(client, command, self._newest_command))
-        client.tasks.add(task)
-        task.add_done_callback(client.tasks.discard)
-
-    async def _carry_out(self, client: Client, command: Press | Release | Track, number: int) -> None:
-        try:
-            await asyncio.get_running_loop().run_in_executor(self._worker, self._move_stage, command, number)
-        except (GellightError, ValueError) as error:
-            await _answer_error(client, command.type, str(error))
-        except Exception:
-            logger.exception("%s failed", command)
-            await _answer_error(client, command.type, "the stage failed; its log says why")
-        else:
-            await client.socket.send_json({"type": "done", "command": command.type})
-
-    @property
-    def _calibrating(self) -> bool:
-        return self._calibration is not None and self._calibration.calibrating
-
-    def _move_stage(self, command: Press | Release | Track, number: int) -> None:
-        """Do what a page asks for; a press is dropped when a newer command has come before it was computed."""
-        stage = self._source.stage
-        if isinstance(command, Track):
-            self._source.track(command.on)
-            if stage is not None and not self._calibrating:
-                stage.drive(on=command.on)
-            return
-        if stage is None:
-            raise ValueError("this sensor has no stage: objects can be pressed on a simulated sensor only (sim://)")
-        if self._calibrating:
-            raise ValueError(CALIBRATING)
-        if isinstance(command, Release):
-            stage.release()
-            return
-        command.check(stage, self._view_mm())
-        press = command.object, command.depth_mm, command.x_mm, command.y_mm
-        if number == self._newest_command:
-            stage.prepare(*press)
-        if number == self._newest_command and not self._calibrating:
-            stage.press(*press)
-
-    def _view_mm(self) -> tuple[float, float]:
-        if self._image_shape is None:
-            raise ValueError("no frame has been seen yet, so the size of the view is unknown: wait for the first frame")
-        pixel_x, pixel_y = self._source.pixel_size_mm
-        return self._image_shape[1] * pixel_x, self._image_shape[0] * pixel_y
+            return await answered(self._worker, lambda: web.Response(body=carry_out(), content_type=kind), 409)
+        finally:
+            self._carrying -= 1
 
 
-async def _answer_error(client: Client, command: str | None, message: str) -> None:
-    await client.socket.send_json({"type": "error", "command": command, "message": message})
+async def _send_page(request: web.Request) -> web.FileResponse:
+    return web.FileResponse(PAGE / "index.html")
+
+
+@web.middleware
+async def _packed(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Send the page's files compressed; a browser keeps the libraries, whose folders name their version."""
+    response = await handler(request)
+    if isinstance(response, web.FileResponse):
+        known = "If-None-Match" in request.headers  # aiohttp would pack the body that a 304 has not
+        if "gzip" in request.headers.get("Accept-Encoding", "") and not known:
+            response.enable_compression(web.ContentCoding.gzip)
+        if request.path.startswith("/vendor/"):
+            response.headers["Cache-Control"] = FOR_EVER
+    return response

@@ -49,7 +49,7 @@ from gellight.reconstruction.errors import depth_errors
 T = TypeVar("T")
 
 
-class MadeOnce:
+class IdentityCache:
     """Remembers, by name, what was made last and of what. Arrays that may be written into are made of anew."""
 
     def __init__(self) -> None:
@@ -79,7 +79,7 @@ PREFIX = struct.Struct("<4sII")
 
 
 def encode(
-    frame: TactileFrame, *, pixel_size_mm: tuple[float, float], references: ReferenceViews, once: MadeOnce
+    frame: TactileFrame, *, pixel_size_mm: tuple[float, float], references: ReferenceViews, once: IdentityCache
 ) -> bytes:
     """Encode `frame`; `pixel_size_mm` is the (x, y) size of a camera pixel on the gel.
 

@@ -20,7 +20,7 @@ from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import is_loopback
 from gellight.dashboard.application import Dashboard
-from gellight.dashboard.scanning import ScanDesk
+from gellight.dashboard.fetched import ScanController
 
 logger = logging.getLogger(__name__)
 _requests = logging.getLogger(f"{__name__}.requests")
@@ -126,7 +126,7 @@ class DashboardServer(PageServer):
         *,
         port: int = DEFAULT_PORT,
         calibration: CalibrationService | None = None,
-        scan: ScanDesk | None = None,
+        scan: ScanController | None = None,
         sensors: Callable[[], Mapping[str, str]] = dict,
         host: str = HOST,
         token: str = "",

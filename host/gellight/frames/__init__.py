@@ -12,6 +12,7 @@ dot_following.py   which dot is which from frame to frame
 shear.py           what is known of the gel along its surface; the same as figures that travel
 picture.py         what a bundle does to each picture, and the camera that does it
 pixel_grid.py      where pixels lie on the gel; means over blocks of them
+maps_file.py       the maps of a frame as one .npz file
 point_cloud.py     a depth map as points in space; normals
 video_files.py     the pictures of a video file
 """

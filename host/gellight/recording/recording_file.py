@@ -120,7 +120,7 @@ class RecordingWriter:
         """Whether anything is written of tactile frames."""
         return self.depth is not DepthKind.NONE or bool(self.maps)
 
-    def add_felt(self, frame: TactileFrame) -> None:
+    def add_tactile(self, frame: TactileFrame) -> None:
         """Write contact, depth and maps of a frame, as far as they were asked for. OSError where the disk is full."""
         provenance = frame.provenance
         if not self.of_tactile_frames or provenance is None:

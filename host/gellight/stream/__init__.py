@@ -5,7 +5,6 @@ sensor.py         connect: a sensor in this process
 subscription.py   subscribe: a daemon in another process
 publisher.py      Publisher: what makes a daemon's frames available to others
 wire.py           the message that carries a frame; docs/wire-format.md
-calls.py          what others may ask of a daemon
 network.py        sessions of zenoh, and its keys
 shared_memory.py  frames that need not go through the network
 frame_thread.py   the thread that sends a daemon's newest frame

@@ -20,11 +20,11 @@ from urllib.parse import urlsplit
 import zenoh
 
 from gellight.base.errors import GellightError, InputError
+from gellight.daemon.calls import MOST_CALL, Commands, read_call
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import Camera
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
-from gellight.stream.calls import READING, Call, answer, read_call
 from gellight.stream.frame_thread import POLL_S, sending
 from gellight.stream.network import close, free_lan_port, key, publishing_session
 from gellight.stream.running import RunningDaemon, announced
@@ -32,8 +32,8 @@ from gellight.stream.shared_memory import FrameMemory
 from gellight.stream.wire import encoded
 
 logger = logging.getLogger(__name__)
-MOST_CALL = 65536
-"""bytes of a call"""
+AT_ONCE = 2
+"""calls of a kind that are carried out: an object can be released while another press is computed"""
 MOST_WAITING = 16
 """calls that are not answered yet, of either kind; those beyond are refused"""
 
@@ -67,6 +67,7 @@ class Publisher:
         its token. Programs of this user find both.
         """
         self._daemon, self._asked, self._lan, self._config, self._page = daemon, name, lan, config, page
+        self._calls = Commands(daemon)
         self.token = token or secrets.token_urlsafe(24)
         self._until = ExitStack()
         self._wanted, self._read_parts = threading.Event(), set[str]()
@@ -171,20 +172,21 @@ class Publisher:
         with _answering(query):
             content = query.payload.to_bytes() if query.payload and len(query.payload) <= MOST_CALL else b""
             call = read_call(content)
-            if not isinstance(call, READING):
+            if not call.reads:
                 self._check(query.attachment)
-            (self._questions if isinstance(call, READING) else self._commands).put(partial(self._answer, query, call))
+            (self._questions if call.reads else self._commands).put(partial(_answer, query, self._calls.take(call)))
 
-    def _answer(self, query: zenoh.Query, call: Call) -> None:
-        with query, _answering(query):
-            query.reply(query.key_expr, answer(self._daemon, call))
+
+def _answer(query: zenoh.Query, carry_out: Callable[[], bytes]) -> None:
+    with query, _answering(query):
+        query.reply(query.key_expr, carry_out())
 
 
 class _Queue:
-    """Calls that are carried out one after the other, in a thread of their own; few of them wait."""
+    """Calls that wait for their turn, in threads of their own; few of them wait."""
 
     def __init__(self, kind: str) -> None:
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix=kind)
+        self._worker = ThreadPoolExecutor(AT_ONCE, thread_name_prefix=kind)
         self._room = threading.BoundedSemaphore(MOST_WAITING)
 
     def put(self, work: Callable[[], None]) -> None:

@@ -183,7 +183,7 @@ class Recorder:
             if frame.camera_frame.sequence >= self._first:
                 self._waiting.append(frame)
         while self._waiting and self._waiting[0].camera_frame.sequence <= self._last:
-            self._writer.add_felt(self._waiting.popleft())
+            self._writer.add_tactile(self._waiting.popleft())
             self.status.depths += 1
         return number
 

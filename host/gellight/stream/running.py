@@ -84,7 +84,7 @@ def running() -> list[RunningDaemon]:
     return [daemon for path in sorted(folder().glob("*.json")) if (daemon := _read(path)) is not None]
 
 
-def meant(daemons: Sequence[RunningDaemon]) -> RunningDaemon | None:
+def default_daemon(daemons: Sequence[RunningDaemon]) -> RunningDaemon | None:
     """Return the daemon that was started last from this terminal, else the only one; None where that is not told."""
     here = [daemon for daemon in daemons if daemon.session and daemon.session == _session()]
     newest = max(here, key=lambda daemon: daemon.since_unix_s, default=None)

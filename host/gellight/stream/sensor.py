@@ -7,16 +7,13 @@ import time
 import weakref
 from contextlib import ExitStack, suppress
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle
 from gellight.daemon.assembly import open_session
+from gellight.daemon.calls import Call, Commands
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.frames.status import SensorStatus
-from gellight.stream.calls import Drag, Press, Release, commanded_s, light_of, made, move
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
 
 
@@ -56,7 +53,7 @@ class Sensor(FrameSource):
     def __init__(self, daemon: SensorSession, *, every: bool = False, patience_s: float = PATIENCE_S) -> None:
         """Start `daemon`, and stop it at the end."""
         super().__init__(patience_s=patience_s, every=every)
-        self.daemon = daemon
+        self.daemon, self._calls = daemon, Commands(daemon)
         self._until = ExitStack()
         self._frames = self._until.enter_context(daemon.delivered.subscribe(BACKLOG)) if every else daemon.delivered
         self._number = 0
@@ -91,38 +88,5 @@ class Sensor(FrameSource):
         """The calibration bundle in use, with the zero in use."""
         return self.daemon.zeroed_bundle
 
-    def light(self, colours: NDArray[np.uint8] | None) -> None:
-        """Show colours on the LEDs, or the light of the bundle again (None); see `SensorSession.light`."""
-        asked = light_of(colours).colours
-        self.daemon.light(None if asked is None else np.array(asked, np.uint8))
-        self._since_s = commanded_s(self.daemon)
-
-    def mode(self, mode: str) -> None:
-        """Go on in another mode; see `SensorSession.change_mode`."""
-        self.daemon.change_mode(mode)
-        self._since_s = commanded_s(self.daemon)
-
-    def zero(self) -> None:
-        """Set the zero of the depth; see `SensorSession.rezero`."""
-        self.daemon.rezero()
-        self._since_s = commanded_s(self.daemon)
-
-    def track(self, on: bool) -> None:
-        """Give frames the pose of the object that touches, or no more."""
-        self.daemon.track(on)
-
-    def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
-        """Press an object into a simulated gel."""
-        self._move(made(Press, object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
-
-    def drag(self, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> None:
-        """Move what is pressed into a simulated gel sideways, to x, y from where it was pressed, and turn it."""
-        self._move(made(Drag, x_mm=x_mm, y_mm=y_mm, turn_rad=turn_rad))
-
-    def release(self) -> None:
-        """Lift the object off the simulated gel."""
-        self._move(Release())
-
-    def _move(self, call: Press | Drag | Release) -> None:
-        move(self.daemon, call)
-        self._since_s = commanded_s(self.daemon)
+    def _ask(self, call: Call) -> bytes:
+        return self._calls.take(call)()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 import threading
 import time
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import CameraError, InputError, StreamError
 from gellight.bundle.bundle import Bundle
+from gellight.daemon.calls import Call, Drag, Mode, Press, Release, Track, Zero, light_of, made
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
 from gellight.frames.status import SensorStatus
@@ -153,38 +155,46 @@ class FrameSource(ABC):
     def bundle(self) -> Bundle:
         """The calibration bundle in use, with the zero in use."""
 
-    @abstractmethod
     def light(self, colours: NDArray[np.uint8] | None) -> None:
         """Show (12, 3) uint8 RGB on the LEDs, or the light of the bundle again (None); depth needs the latter."""
+        self._command(light_of(colours))
 
-    @abstractmethod
     def mode(self, mode: str) -> None:
         """Go on in another mode: network or photometric; InputError where that cannot be."""
+        self._command(made(Mode, mode=mode))
 
-    @abstractmethod
     def zero(self) -> None:
         """Set the zero of the depth to the gel as it is now: nothing touches it; InputError where that is not so."""
+        self._command(Zero())
 
-    @abstractmethod
     def track(self, on: bool) -> None:
         """Give frames the pose of the object that touches, or no more; for all readers of the sensor."""
+        self._ask(made(Track, on=on))
 
-    @abstractmethod
     def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
         """Press an object into a simulated gel; InputError for a real one."""
+        self._command(made(Press, object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
 
-    @abstractmethod
     def drag(self, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> None:
         """Move what is pressed into a simulated gel sideways, to x, y from where it was pressed, and turn it.
 
         InputError where nothing is pressed, and for a real gel.
         """
+        self._command(made(Drag, x_mm=x_mm, y_mm=y_mm, turn_rad=turn_rad))
 
-    @abstractmethod
     def release(self) -> None:
         """Lift the object off the simulated gel."""
+        self._command(Release())
+
+    def _command(self, call: Call) -> None:
+        """Have it done, and pass over the frames of before."""
+        self._since_s = float(json.loads(self._ask(call)).get("time_s", 0.0))
 
     # ---- the two kinds ----
+
+    @abstractmethod
+    def _ask(self, call: Call) -> bytes:
+        """Have a call carried out, and return the answer; InputError says why it cannot be."""
 
     @abstractmethod
     def _take(self, timeout_s: float) -> TactileFrame:

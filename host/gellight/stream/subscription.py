@@ -12,34 +12,19 @@ from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote, unquote
 
-import numpy as np
 import zenoh
-from numpy.typing import NDArray
 from zenoh.handlers import Callback
 
 from gellight.base.allowed import split_url
 from gellight.base.errors import GellightError, InputError, StreamError
 from gellight.base.mailbox import Mailbox
 from gellight.bundle.bundle import Bundle, unpack_bundle
+from gellight.daemon.calls import Calibration, Call, Status
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.frames.status import SensorStatus
-from gellight.stream.calls import (
-    READING,
-    Calibration,
-    Call,
-    Drag,
-    Mode,
-    Press,
-    Release,
-    Status,
-    Track,
-    Zero,
-    light_of,
-    made,
-)
 from gellight.stream.network import LAN_PORT, close, found_by_multicast, key, name_of, subscribing_session
-from gellight.stream.running import meant, running
+from gellight.stream.running import default_daemon, running
 from gellight.stream.shared_memory import MappedMemory, OverwrittenError
 from gellight.stream.source import BACKLOG, PATIENCE_S, FrameSource
 from gellight.stream.wire import decode
@@ -134,7 +119,7 @@ def _found(target: str, config: Path | None) -> tuple[str, str, str, str]:
     there = [daemon for daemon in daemons if target in ("auto", daemon.name)]
     if not there:
         return *_on_the_lan("" if target == "auto" else target, config), "", ""
-    if (found := meant(there)) is None:
+    if (found := default_daemon(there)) is None:
         raise StreamError(f"several daemons publish: name one of {', '.join(daemon.name for daemon in there)}")
     return found.endpoint, found.name, found.memory, found.token
 
@@ -199,7 +184,7 @@ def _present(session: zenoh.Session, name: str, endpoint: str) -> str:
     replies = session.liveliness().get(pattern, timeout=ANSWER_S)
     names = sorted({name_of(str(reply.ok.key_expr)) for reply in replies if reply.ok})
     if len(names) != 1:
-        there = f"there are {', '.join(names)}: name one of them" if names else "start it with `gellight run`"
+        there = f"there are {', '.join(names)}: pass one name" if names else "start it with `gellight run`"
         raise StreamError(f"no one daemon of {name or 'a sensor'} is at {endpoint}: {there}")
     return names[0]
 
@@ -306,7 +291,7 @@ class Subscription(FrameSource):
 
     def _ask(self, call: Call) -> bytes:
         try:
-            token = None if isinstance(call, READING) else self._token
+            token = None if call.reads else self._token
             asked = self._session.get(
                 key(self.name, "call"), payload=call.model_dump_json(), attachment=token, timeout=CALL_S
             )
@@ -321,10 +306,6 @@ class Subscription(FrameSource):
                 raise StreamError(f"the daemon of {self.name} did not answer within {CALL_S:g} s: is its machine busy?")
             raise InputError(said)
         return replies[0].ok.payload.to_bytes()
-
-    def _command(self, call: Call) -> None:
-        """Have it done, and pass over the frames of before."""
-        self._since_s = float(json.loads(self._ask(call) or b"{}").get("time_s", 0.0))
 
     def status(self) -> SensorStatus:
         """Return `SensorSession.status` of the daemon."""
@@ -341,31 +322,3 @@ class Subscription(FrameSource):
         if zero not in self._bundles:
             raise StreamError("the zero has changed since this frame was taken: ask for the difference image at once")
         return self._bundles[zero]
-
-    def light(self, colours: NDArray[np.uint8] | None) -> None:
-        """Show colours on the LEDs, or the light of the bundle again (None); see `SensorSession.light`."""
-        self._command(light_of(colours))
-
-    def mode(self, mode: str) -> None:
-        """Go on in another mode; see `SensorSession.change_mode`."""
-        self._command(made(Mode, mode=mode))
-
-    def zero(self) -> None:
-        """Set the zero of the depth; see `SensorSession.rezero`."""
-        self._command(Zero())
-
-    def track(self, on: bool) -> None:
-        """Give frames the pose of the object that touches, or no more; for all readers of the sensor."""
-        self._ask(made(Track, on=on))
-
-    def press(self, object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> None:
-        """Press an object into a simulated gel."""
-        self._command(made(Press, object=object_name, depth_mm=depth_mm, x_mm=x_mm, y_mm=y_mm))
-
-    def drag(self, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> None:
-        """Move what is pressed into a simulated gel sideways, to x, y from where it was pressed, and turn it."""
-        self._command(made(Drag, x_mm=x_mm, y_mm=y_mm, turn_rad=turn_rad))
-
-    def release(self) -> None:
-        """Lift the object off the simulated gel."""
-        self._command(Release())

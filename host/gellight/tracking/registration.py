@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.pixel_grid import bounding_box
-from gellight.tracking.rigid import carried, inverse, pose_of, twist_of, upheld
+from gellight.tracking.rigid import carried, inverse, orthonormal, pose_of, twist_of
 from gellight.tracking.view import View, at_pixels
 
 
@@ -75,7 +75,7 @@ class Keyframe:
         curvatures = view.curvatures[rows, columns].astype(np.float64)
         errors = errors_of(curvatures)
         jacobian = jacobian_of(points - self.centre_mm, slopes, curvatures, errors)
-        chosen = telling(jacobian, most_points)
+        chosen = informative(jacobian, most_points)
         self.errors = errors[chosen]
         """(N, 3) what depth and slopes of a good pixel are out by"""
         self.inside = view.inside[rows, columns][chosen]
@@ -115,7 +115,7 @@ def jacobian_of(r: Array, slopes: Array, curvatures: Array, errors: Array) -> Ar
     return np.asarray(np.stack([depth, slope_x, slope_y], axis=1) / errors[:, :, None] / SCALE)
 
 
-def telling(jacobian: Array, most: int) -> NDArray[np.intp]:
+def informative(jacobian: Array, most: int) -> NDArray[np.intp]:
     """Return which of the points to take: half of them spread evenly, half by their leverage."""
     count = len(jacobian)
     if count <= most:
@@ -214,7 +214,7 @@ def register(
         length = float(np.linalg.norm(step))
         if strict and (left <= 0 or length < SETTLED_MM):
             return Registration(pose, compared, weights, usual, steps)
-        pose = upheld(pose @ pose_of(step / SCALE, key.centre_mm))
+        pose = orthonormal(pose @ pose_of(step / SCALE, key.centre_mm))
         steps, left = steps + 1, left - 1
         if not strict and (left <= 0 or length < NEARLY_MM):
             strict, left = True, STRICT_STEPS

@@ -68,7 +68,7 @@ def inverse(pose: Array) -> Array:
     return back
 
 
-def upheld(pose: Array) -> Array:
+def orthonormal(pose: Array) -> Array:
     """Return a pose whose rotation is one to the last digit, also after thousands of products."""
     rotation = pose[:3, :3]
     kept = pose.copy()

@@ -26,7 +26,7 @@ from gellight.tracking.registration import (
     register,
     spins,
 )
-from gellight.tracking.rigid import carried, inverse, moved_twists, pose_of, twist_of, upheld
+from gellight.tracking.rigid import carried, inverse, moved_twists, orthonormal, pose_of, twist_of
 from gellight.tracking.view import View, at_pixels
 
 Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ MARGIN = 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class TrackedKeyframe:
     """A keyframe of an object, and its pose."""
 
     keyframe: Keyframe
@@ -70,10 +70,10 @@ class Known:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Match:
     """An object in a frame."""
 
-    known: Known
+    known: TrackedKeyframe
     registration: Registration
     agreement: Agreement
     information: Information
@@ -83,10 +83,10 @@ class Found:
     @property
     def motion(self) -> Array:
         """(4, 4) from the first frame of the object to this one."""
-        return upheld(self.registration.pose @ self.known.motion)
+        return orthonormal(self.registration.pose @ self.known.motion)
 
 
-def right(a: Agreement) -> bool:
+def agrees(a: Agreement) -> bool:
     """Say whether two views that agree so show one object in the same place.
 
     Where one is pressed deeper than the other the slopes differ, and the curvatures still agree.
@@ -97,9 +97,9 @@ def right(a: Agreement) -> bool:
     return a.overlap >= LEAST_OVERLAP and alike
 
 
-def sure(a: Agreement, own: float) -> bool:
+def is_certain(a: Agreement, own: float) -> bool:
     """Say whether no other start needs to be tried; `own` is what the residual of this object usually is."""
-    return right(a) and a.residual <= OWN * own and (a.residual <= 1.5 or (a.unlike <= 0.1 and a.curvature >= 0.75))
+    return agrees(a) and a.residual <= OWN * own and (a.residual <= 1.5 or (a.unlike <= 0.1 and a.curvature >= 0.75))
 
 
 def score(a: Agreement) -> float:
@@ -117,7 +117,7 @@ class Tracker:
         """
         self._doubts = doubts
         self._number = 0
-        self._known: list[Known] = []
+        self._known: list[TrackedKeyframe] = []
         """the keyframes of the object, the first one first; none: nothing is followed"""
         self._since = 0
         self._motion = np.eye(4)
@@ -171,29 +171,29 @@ class Tracker:
         self._number, self._since, self._missed = self._number + 1, sequence, 0
         self._residuals.clear()
         self._relief, self.loss = False, None
-        self._known = [Known(keyframe, np.eye(4), np.zeros((6, 6)))]
+        self._known = [TrackedKeyframe(keyframe, np.eye(4), np.zeros((6, 6)))]
         self._motion, self._step, self._before = np.eye(4), np.zeros(6), view
         return self._pose(view, np.eye(4), np.zeros((6, 6)))
 
     # ---- one frame ----
 
-    def _find(self, view: View) -> Found | None:
+    def _find(self, view: View) -> Match | None:
         """Return the object in a view, None where it is not found."""
         assert self._before is not None
         expected = pose_of(HOLDS * self._step, self._before.centre_mm) @ self._motion
         known = self._chosen(view, expected)
         found = self._registered(known, view, expected @ inverse(known.motion))
-        if found is not None and sure(found.agreement, self._own):
+        if found is not None and is_certain(found.agreement, self._own):
             self.loss = None if self._tells(found) else Loss.UNTOLD
             return None if self.loss else found
         candidates = [found, *(self._registered(one, view, start) for one, start in self._best_starts(view, known))]
-        agreed = [one for one in candidates if one is not None and right(one.agreement) and self._tells(one)]
+        agreed = [one for one in candidates if one is not None and agrees(one.agreement) and self._tells(one)]
         if not agreed:
-            untold = any(one is not None and right(one.agreement) for one in candidates)
+            untold = any(one is not None and agrees(one.agreement) for one in candidates)
             self.loss = Loss.UNTOLD if untold else Loss.UNLIKE
         return min(agreed, key=lambda one: score(one.agreement), default=None)
 
-    def _chosen(self, view: View, expected: Array) -> Known:
+    def _chosen(self, view: View, expected: Array) -> TrackedKeyframe:
         """Return the oldest keyframe of which enough is expected to be seen, else that of which most is."""
         shares = []
         for known in self._known:
@@ -205,11 +205,11 @@ class Tracker:
             shares.append(share)
         return self._known[int(np.argmax(shares))]
 
-    def _best_starts(self, view: View, known: Known) -> list[tuple[Known, Array]]:
+    def _best_starts(self, view: View, known: TrackedKeyframe) -> list[tuple[TrackedKeyframe, Array]]:
         """Return the two most promising of all starts, tried with few points."""
         assert self._before is not None
         moves = guesses(self._before, view) + spins(self._before, view)
-        tried: list[tuple[float, int, Known, Array]] = []
+        tried: list[tuple[float, int, TrackedKeyframe, Array]] = []
         for one in dict.fromkeys([known, self._known[-1]]):
             for move in moves:
                 start = move @ self._motion @ inverse(one.motion)
@@ -218,7 +218,7 @@ class Tracker:
                     tried.append((score(agreement(one.coarse, view, found)), len(tried), one, found.pose))
         return [(one, pose) for _, _, one, pose in sorted(tried, key=lambda each: each[:2])[:2]]
 
-    def _registered(self, known: Known, view: View, start: Array) -> Found | None:
+    def _registered(self, known: TrackedKeyframe, view: View, start: Array) -> Match | None:
         key = known.keyframe
         found = register(key, view, start)
         if found is None:
@@ -230,9 +230,9 @@ class Tracker:
             found = hold(key, view, start, found, told.told) or found
             told = information(key, view, found)
         plain = 0 < told.told.shape[1] < 6 and not self._relief and looks_alike(key, view, found, told.told)
-        return Found(known, found, agreement(key, view, found), told, plain)
+        return Match(known, found, agreement(key, view, found), told, plain)
 
-    def _tells(self, found: Found) -> bool:
+    def _tells(self, found: Match) -> bool:
         """Say whether all is told, or the object never had a relief: else it may have moved unseen."""
         self._relief = self._relief or not found.plain
         return found.information.told.shape[1] == 6 or not self._relief or not self._doubts
@@ -251,7 +251,7 @@ class Tracker:
         moved, turned = (float(np.linalg.eigvalsh(part @ part.T)[-1]) for part in (known[:3], known[3:]))
         return moved < DOUBTFUL_MM**2 and turned < DOUBTFUL_RAD**2
 
-    def _note(self, view: View, found: Found, covariance: Array) -> ObjectPose:
+    def _note(self, view: View, found: Match, covariance: Array) -> ObjectPose:
         """Take in where the object is, and return it."""
         assert self._before is not None
         self._step = np.zeros(6)
@@ -262,16 +262,16 @@ class Tracker:
         if self._leads_on(found):
             keyframe = Keyframe(view)
             if keyframe.registrable:
-                self._known = [*self._known[: MOST_KEYFRAMES - 1], Known(keyframe, found.motion, covariance)]
+                self._known = [*self._known[: MOST_KEYFRAMES - 1], TrackedKeyframe(keyframe, found.motion, covariance)]
         return self._pose(view, found.motion, covariance)
 
-    def _leads_on(self, found: Found) -> bool:
+    def _leads_on(self, found: Match) -> bool:
         """Say whether a found frame is to be a keyframe, while it is still well known."""
         weak = 1 < found.information.weakest < WEAKENING and found.agreement.overlap < WEAKENED_PART
         a = found.agreement
-        return weak or a.overlap < SAME_PART or not sure(a, self._own) or found.registration.pose[2, 2] < STEEPEST
+        return weak or a.overlap < SAME_PART or not is_certain(a, self._own) or found.registration.pose[2, 2] < STEEPEST
 
-    def _covariance(self, view: View, found: Found) -> Array:
+    def _covariance(self, view: View, found: Match) -> Array:
         """Return the (6, 6) covariance of the motion, about the middle of the contact of a view."""
         known, pose = found.known, found.registration.pose
         told = found.information.covariance / SCALE[:, None] / SCALE

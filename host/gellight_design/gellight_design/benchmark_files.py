@@ -1,13 +1,11 @@
 """The benchmark objects as files: height maps to compute with, solids to print and press."""
 
 import io
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.point_cloud import solid_stl
-from gellight_design.output import write_all
 from sim_reference.deformation import grid
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters, object_height
 
@@ -18,8 +16,8 @@ FOOT_MM = 5.0
 """of solid below the lowest point of the relief"""
 
 
-def write_benchmark(folder: Path, relief_mm: float, size: int) -> list[Path]:
-    """Write every object as NAME.npy, (size, size) float32 mm, and NAME.stl; raises InputError if that fails."""
+def benchmark_files(relief_mm: float = 1.0, size: int = 512) -> dict[str, bytes | str]:
+    """Return every object by file name: NAME.npy, (size, size) float32 mm, and NAME.stl."""
     files: dict[str, bytes | str] = {}
     for name in BENCHMARK_NAMES:
         height, spacing = benchmark_height(name, relief_mm, size)
@@ -28,7 +26,7 @@ def write_benchmark(folder: Path, relief_mm: float, size: int) -> list[Path]:
         files[f"{name}.npy"] = content.getvalue()
         limited = np.maximum(height, -2 * relief_mm)
         files[f"{name}.stl"] = solid_stl(limited, spacing, limited.min() - FOOT_MM)
-    return write_all(folder, files)
+    return files
 
 
 def benchmark_height(name: str, relief_mm: float, size: int) -> tuple[Array, float]:

@@ -22,7 +22,7 @@ from gellight.lab.report.pictures import mesh_picture, write_png
 from gellight.tracking.information import Agreement, agreement, information
 from gellight.tracking.registration import SCALE, Keyframe, guesses, register, spins
 from gellight.tracking.rigid import inverse
-from gellight.tracking.tracker import COARSE_POINTS, TRIED_STEPS, right, score
+from gellight.tracking.tracker import COARSE_POINTS, TRIED_STEPS, agrees, score
 from gellight.tracking.view import View
 from gellight_scan.body import Mesh, fused
 from gellight_scan.pairs import Joint
@@ -51,12 +51,12 @@ FEW, SOLVED_EVERY = 40, 10
 
 def found_again(a: Agreement) -> bool:
     """Say whether a touch that nothing led to is another one's place; one that was followed may be less like it."""
-    return right(a) and a.unlike <= MOST_UNLIKE
+    return agrees(a) and a.unlike <= MOST_UNLIKE
 
 
 def alike(a: Agreement) -> bool:
     """Say whether two views agree so well that nothing else needs to tell that they show one place."""
-    return right(a) and a.overlap >= 0.7 and a.unlike <= 0.05 and a.curvature >= 0.8
+    return agrees(a) and a.overlap >= 0.7 and a.unlike <= 0.05 and a.curvature >= 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,7 +180,7 @@ class BodyScan(KeptPresses):
                     yield joint
 
     def _joined(
-        self, one: int, number: int, view: View, start: Array, believed: Callable[[Agreement], bool] = right
+        self, one: int, number: int, view: View, start: Array, believed: Callable[[Agreement], bool] = agrees
     ) -> Joint | None:
         """Return what two touches have in common; None where it is not to be believed, or leaves a direction open."""
         key = self._key(one)

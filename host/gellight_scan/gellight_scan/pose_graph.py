@@ -17,7 +17,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import spsolve
 from scipy.special import chdtri
 
-from gellight.tracking.rigid import inverse, moved_twists, pose_of, twist_of, upheld
+from gellight.tracking.rigid import inverse, moved_twists, orthonormal, pose_of, twist_of
 from gellight_scan.pairs import Joint
 
 Array = NDArray[np.float64]
@@ -121,7 +121,7 @@ def _least_squares(joints: Sequence[Joint], weights: Array, poses: Mapping[int, 
         pull = jacobian.T @ (roots * errors(joints, moved)).ravel()
         step = -np.asarray(spsolve((jacobian.T @ jacobian).tocsc(), pull)).reshape(-1, 6)
         for number, one in zip(free, step, strict=True):
-            moved[number] = upheld(moved[number] @ pose_of(one))
+            moved[number] = orthonormal(moved[number] @ pose_of(one))
         if np.abs(step).max() < SETTLED:
             break
     return moved

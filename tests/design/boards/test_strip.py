@@ -164,7 +164,7 @@ def test_the_verb_refuses_and_leaves_no_folder(
     if content:
         (tmp_path / "mine.toml").write_text(content)
         options = ["--geometry", str(tmp_path / "mine.toml")]
-    done = gellight("optimize", "boards", "--out", tmp_path / "boards", *options)
+    done = gellight("optimize", "make", "boards", "--out", tmp_path / "boards", *options)
     assert done.returncode == 2
     assert reason in " ".join(done.stderr.split())
     assert not (tmp_path / "boards").exists()

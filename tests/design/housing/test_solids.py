@@ -214,14 +214,14 @@ def test_the_plug_has_its_play(sensor: tuple[SensorGeometry, str, dict[str, Any]
 
 
 def test_the_verb_writes_every_part_and_nothing_of_one_that_cannot_be(tmp_path: Path) -> None:
-    done = gellight("optimize", "housing", "--out", tmp_path / "housing")
+    done = gellight("optimize", "make", "housing", "--out", tmp_path / "housing")
     assert done.returncode == 0, done.stderr
     names = {"gel", "ring", "camera", "lid", "plug", "mould"}
     wanted = {f"{name}.{kind}" for name in names for kind in ("stl", "step")} | {"sensor.step"}
     assert {path.name for path in (tmp_path / "housing").iterdir()} == wanted
     assert (tmp_path / "housing/sensor.step").read_bytes().startswith(b"ISO-10303-21;")
     (tmp_path / "mine.toml").write_text("[geometry]\nmounting_height_mm = 30.0\n")
-    done = gellight("optimize", "housing", "--out", tmp_path / "none", "--geometry", tmp_path / "mine.toml")
+    done = gellight("optimize", "make", "housing", "--out", tmp_path / "none", "--geometry", tmp_path / "mine.toml")
     assert done.returncode == 2
     assert "too low for a joint" in " ".join(done.stderr.split())
     assert not (tmp_path / "none").exists()

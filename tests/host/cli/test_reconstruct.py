@@ -248,7 +248,7 @@ def test_an_option_that_would_change_nothing_is_refused(tmp_path: Path, bundle: 
     result = invoke(
         "reconstruct", press(tmp_path / "a.png"), "--calibration", bundle, "--out", tmp_path / "out", *option
     )
-    assert f"{option[0]} changes nothing with a bundle of one light" in refused(result)
+    assert f"{option[0]} has no effect with a bundle of one light" in refused(result)
     assert not (tmp_path / "out").exists()
 
 

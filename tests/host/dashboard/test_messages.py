@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gellight.dashboard import messages
-from gellight.dashboard.messages import MadeOnce, without_nan
+from gellight.dashboard.messages import IdentityCache, without_nan
 from gellight.dashboard.view import DEPTH_UNIT_MM, ReferenceViews, view_shape
 from gellight.frames.frames import Contact, GroundTruth, TactileFrame
 from gellight.reconstruction.contact import measure_patches
@@ -20,7 +20,7 @@ PIXEL = (PIXEL_MM, PIXEL_MM)
 
 
 def encode(frame: TactileFrame, *, pixel_size_mm: tuple[float, float]) -> bytes:
-    return messages.encode(frame, pixel_size_mm=pixel_size_mm, references=ReferenceViews(), once=MadeOnce())
+    return messages.encode(frame, pixel_size_mm=pixel_size_mm, references=ReferenceViews(), once=IdentityCache())
 
 
 FRAME = bump(1.2, 3.0, -2.0)

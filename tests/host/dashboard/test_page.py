@@ -194,22 +194,6 @@ def test_the_ring_shows_each_led_as_it_is_lit(opened: Open, source: FormulaSourc
     assert float(third.get_attribute("cy") or "nan") < -40, "anticlockwise: LED 3 is at the top"
 
 
-def test_detail_falls_when_pictures_take_long_rises_when_there_is_time_and_does_not_swing(opened: Open) -> None:
-    """After two falls it waits for 160 easy pictures; a fall that follows doubles the wait. It can be fixed."""
-    levels = opened().evaluate("""async () => {
-        const { Detail } = await import("./detail.js");
-        const feed = (detail, ms, count) => { for (let i = 0; i < count; i++) detail.note(ms); return detail.level; };
-        const slow = new Detail(0), quick = new Detail(0), fixed = new Detail(0), asleep = new Detail(0);
-        fixed.choose(0);
-        const falls = [feed(slow, 300, 7), feed(slow, 300, 7), feed(slow, 300, 50), feed(quick, 30, 200),
-                       feed(fixed, 300, 50), feed(asleep, 60000, 50)];
-        const detail = new Detail(0), middling = new Detail(1, 1);
-        return [falls, [feed(detail, 300, 14), feed(detail, 10, 161), feed(detail, 10, 1), feed(detail, 300, 7),
-                        feed(detail, 10, 321), feed(detail, 10, 1), feed(middling, 10, 500)]];
-    }""")
-    assert levels == [[1, 2, 2, 0, 0, 0], [2, 2, 1, 2, 2, 1, 1]]
-
-
 def test_without_webgl_the_surface_is_a_relief(opened: Open, source: FormulaSource) -> None:
     page = opened()
     draw(page, source, 1.0)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.dashboard.messages import MadeOnce, encode
+from gellight.dashboard.messages import IdentityCache, encode
 from gellight.dashboard.view import DEPTH_UNIT_MM, ReferenceViews
 from gellight.frames.frames import GroundTruth, TactileFrame
 from tests.helpers.browsing import Open
@@ -53,7 +53,7 @@ def seen(opened: Open) -> Seen:
     )
 
     def decoded(frame: TactileFrame) -> tuple[bytes, dict[str, Any]]:
-        message = encode(frame, pixel_size_mm=(PIXEL_MM, PIXEL_MM), references=references, once=MadeOnce())
+        message = encode(frame, pixel_size_mm=(PIXEL_MM, PIXEL_MM), references=references, once=IdentityCache())
         view = page.evaluate(DECODE, base64.b64encode(message).decode())
         for name in ("depth", "truth", "slopes", "contact", "difference"):
             if view[name]:

@@ -98,13 +98,6 @@ def test_the_surface_in_2d_says_why(opened: Open, source: FormulaSource) -> None
     page = opened()
     draw(page, source, 1.0)
     expect(page.get_by_test_id("level")).to_have_text("2D relief: this browser offers no WebGL 2")
-    slow = page.evaluate("""async () => {
-        const { Detail } = await import("./detail.js");
-        const detail = new Detail(0);
-        for (let i = 0; i < 14; i++) detail.note(300);
-        return detail.caption;
-    }""")
-    assert slow == "2D relief: in 3D a picture took 300 ms"
 
 
 def lightness_a_b(rgb: NDArray[np.float64]) -> NDArray[np.float64]:

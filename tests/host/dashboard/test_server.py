@@ -7,6 +7,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from unittest.mock import Mock
 from urllib.parse import urlsplit
 
@@ -14,10 +15,9 @@ import aiohttp
 import pytest
 
 from gellight.base.errors import CameraError, ServerError
-from gellight.dashboard.application import Dashboard
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import FormulaSource, bump
-from tests.helpers.page_client import FRAME_S, SILENCE_S, Page, bearer, get, pages
+from tests.helpers.page_client import FRAME_S, SILENCE_S, Page, bearer, get, pages, post
 
 UPGRADE = (
     "GET /ws HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
@@ -72,7 +72,8 @@ def test_a_slow_page_does_not_slow_another(open_page: Callable[[], Page], source
 def test_credits_are_bounded(page: Page, source: FormulaSource) -> None:
     for _ in range(5):
         page.credit(8)
-    page.answer(type="release")  # all credits have been seen
+    page.send("0")
+    page.text("error")  # all credits have been seen
     for i in range(8):
         source.put(bump(1.0, i * 0.1, 0))
         page.frame()
@@ -186,7 +187,7 @@ def test_a_page_that_reads_nothing_does_not_hold_up_the_end(source: FormulaSourc
         await loop.sock_sendall(deaf, UPGRADE.format(host=host, bearer=bearer()["Authorization"]).encode())
         await loop.sock_recv(deaf, 100)
         for _ in range(12):
-            await loop.sock_sendall(deaf, masked(b'{"type": "credit", "count": 8}'))
+            await loop.sock_sendall(deaf, masked(b'{"count": 8}'))
             source.put(bump(1.0, 0, 0))
             await asyncio.sleep(0.05)
         stopping = threading.Thread(target=server.stop)
@@ -225,11 +226,15 @@ def test_a_thousand_pages_at_once_leave_the_others_their_frames(
     asyncio.run(crowd())
 
 
-def test_a_page_that_commands_faster_than_is_done_is_told_to_wait(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
-    go_on = threading.Event()
-    monkeypatch.setattr(Dashboard, "_move_stage", lambda *_: go_on.wait(20))
-    for _ in range(40):
-        page.send(type="release")
-    answer = page.text("error", "done")
-    go_on.set()
-    assert answer["message"] == "16 commands are being carried out: wait for them"
+def test_who_commands_faster_than_is_done_is_told_to_wait(server: DashboardServer, source: FormulaSource) -> None:
+    assert source.stage is not None
+    source.stage.may_prepare.clear()
+    press = {"type": "press", "object": "BALL", "depth_mm": 0.5, "x_mm": 0.0, "y_mm": 0.0}
+    with ThreadPoolExecutor(20) as crowd:
+        answers = [crowd.submit(post, server.base, press) for _ in range(20)]
+        refused = [next(as_completed(answers)).result()]
+        source.stage.may_prepare.set()
+    refused += [answer.result() for answer in answers]
+    told = {"message": "16 commands are being carried out: wait for them"}
+    assert refused[0] == (429, told)
+    assert refused.count((429, told)) == 5, "four of twenty, the first of them twice"

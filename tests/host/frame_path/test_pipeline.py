@@ -9,7 +9,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.dashboard.messages import MadeOnce
+from gellight.dashboard.messages import IdentityCache
 from gellight.dashboard.messages import encode as page_message
 from gellight.dashboard.view import ReferenceViews
 from gellight.frame_path.pipeline import Reconstructor
@@ -194,7 +194,7 @@ def test_under_any_other_light_nothing_is_said_of_the_depth(
     assert not felt.contact.mask.any()
     assert felt.contact.centroid_mm is None
     assert np.abs(felt.difference).max() <= 0.5
-    page_message(felt, pixel_size_mm=bundle.pixel_size_mm, references=ReferenceViews(), once=MadeOnce())
+    page_message(felt, pixel_size_mm=bundle.pixel_size_mm, references=ReferenceViews(), once=IdentityCache())
 
 
 def test_a_picture_of_another_size_is_refused_under_every_light(bundle: Bundle, path: SequencePath) -> None:

@@ -11,7 +11,7 @@ from gellight.reconstruction.native import build, library, network
 from gellight.reconstruction.native.build import library_file
 from gellight.reconstruction.native.cosine import CosineRows, radices_of
 from gellight.reconstruction.native.library import Library, fitting
-from gellight.reconstruction.native.work import LentArrays
+from gellight.reconstruction.native.work import ArrayPool
 from gellight.reconstruction.network_session import NetworkSession
 from tests.helpers.linear_sensor import linear_bundle
 
@@ -40,7 +40,7 @@ def test_lengths_without_small_factors_are_left_to_scipy() -> None:
 
 
 def test_memory_is_used_again_only_when_nobody_has_it() -> None:
-    arrays = LentArrays((5, 7))
+    arrays = ArrayPool((5, 7))
     first = arrays.take()
     first[:] = 1
     part = first[2:, ::2].T
@@ -54,7 +54,7 @@ def test_memory_is_used_again_only_when_nobody_has_it() -> None:
 
 
 def test_few_are_kept() -> None:
-    arrays = LentArrays((3,), np.bool_)
+    arrays = ArrayPool((3,), np.bool_)
     held = [arrays.take() for _ in range(10)]
     assert len({array.ctypes.data for array in held}) == 10
     del held

@@ -29,7 +29,8 @@ def record(tmp_path: Path, bundle: Bundle) -> Callable[..., Path]:
                 unix_s = 1e9 + frame.time_s
                 writer.add(frame, CaptureStamp(zeroed=bundle, unix_s=unix_s))
                 felt = full_frame()
-                writer.add_felt(replace(felt, camera_frame=frame, provenance=replace(felt.provenance, unix_s=unix_s)))
+                provenance = replace(felt.provenance, unix_s=unix_s)
+                writer.add_tactile(replace(felt, camera_frame=frame, provenance=provenance))
         return tmp_path / name
 
     return write

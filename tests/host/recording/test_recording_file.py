@@ -64,7 +64,7 @@ def test_maps_come_back(tmp_path: Path, bundle: Bundle) -> None:
     path, felt, frame = tmp_path / "maps.mcap", replace(full_frame(), measures=HeavyFrames()), plain(1)
     with RecordingWriter(path, "finger", maps=list(MapOnRequest)) as writer:
         writer.add(frame, CaptureStamp(zeroed=bundle, unix_s=1e9))
-        writer.add_felt(felt)
+        writer.add_tactile(felt)
     for name, values in felt.maps_on_request().items():
         ((info, image),) = Recording(path).maps(name)
         assert (info.force_n, info.force_error_n) == (1.25, 0.1)

@@ -11,7 +11,7 @@ import gellight
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle
-from gellight.cli.running.felt import felt_frames
+from gellight.cli.running.tactile import tactile_frames
 from gellight.daemon.assembly import open_session
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
@@ -77,7 +77,7 @@ def test_live_is_replay_is_export(kind: str, tmp_path: Path, synthetic: Bundle) 
             frame = daemon.next_frame(sequence, 30)
             sequence = frame.camera_frame.sequence
             live[sequence] = frame
-    exported = {one.camera_frame.sequence: one for one in felt_frames(Recording(path), None)}
+    exported = {one.camera_frame.sequence: one for one in tactile_frames(Recording(path), None)}
     with gellight.connect(f"replay://{path}?speed=0", every=True) as replay:
         replayed = {one.camera_frame.sequence: one for one in replay}
     assert list(exported) == list(replayed)

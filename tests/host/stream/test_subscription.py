@@ -18,7 +18,7 @@ from gellight.frames.measures import MapOnRequest
 from gellight.stream import publisher as publisher_module
 from gellight.stream.network import key, publishing_session
 from gellight.stream.publisher import Publisher
-from gellight.stream.running import RunningDaemon, meant, running
+from gellight.stream.running import RunningDaemon, default_daemon, running
 from gellight.stream.sensor import Sensor
 from gellight.stream.subscription import subscribe
 from tests.helpers import children
@@ -170,7 +170,7 @@ def test_auto_is_the_last_of_this_terminal_where_that_is_told(
         RunningDaemon(name=name, endpoint="", sensor="", memory="", process=one, since_unix_s=one, session=terminal)
         for name, terminal, one in there
     ]  # fmt: skip
-    found = meant(daemons)
+    found = default_daemon(daemons)
     assert (found and found.name) == chosen
 
 

@@ -8,8 +8,8 @@ from scipy.stats import chi2
 from gellight.frames.pose import ObjectPose
 from gellight.tracking.information import agreement, information
 from gellight.tracking.registration import SCALE, Keyframe, hold, register
-from gellight.tracking.rigid import carried, inverse, moved_twists, pose_of, rotation_of, turn_of, twist_of, upheld
-from gellight.tracking.tracker import right
+from gellight.tracking.rigid import carried, inverse, moved_twists, orthonormal, pose_of, rotation_of, turn_of, twist_of
+from gellight.tracking.tracker import agrees
 from tests.helpers.moving import Height, ball, bar, moved, noisy, other, relief, seen
 
 MOTIONS = [moved(0.3, -0.2, (0, 0, 0)), moved(0.1, 0.1, (2, -3, 5)), moved(0, 0, (-1, 2, -6), z=0.1)]
@@ -37,7 +37,7 @@ def test_thousands_of_products_stay_rigid() -> None:
     pose, step = np.eye(4), pose_of(np.array([0.01, 0, 0, 0.02, 0.03, 0.01]))
     step[:3, :3] *= 1 + 1e-6
     for _ in range(20_000):
-        pose = upheld(pose @ step)
+        pose = orthonormal(pose @ step)
     np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-5)
 
 
@@ -64,7 +64,7 @@ def test_the_motion_of_a_relief_is_found(motion: np.ndarray) -> None:
     off = twist_of(inverse(motion) @ found.pose, key.centre_mm)
     assert np.linalg.norm(off[:3]) < 0.002
     assert np.degrees(np.linalg.norm(off[3:])) < 0.05
-    assert right(agreement(key, view, found))
+    assert agrees(agreement(key, view, found))
     assert information(key, view, found).told.shape[1] == 6
 
 
@@ -107,7 +107,7 @@ def test_nine_of_ten_errors_lie_within_the_ellipsoid_that_is_stated_for_them() -
 def test_another_object_does_not_agree() -> None:
     key, view = Keyframe(seen(relief)), seen(other)
     found = register(key, view, np.eye(4))
-    assert found is None or not right(agreement(key, view, found))
+    assert found is None or not agrees(agreement(key, view, found))
 
 
 def test_a_motion_beyond_the_view_is_none() -> None:

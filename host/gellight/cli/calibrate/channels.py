@@ -23,7 +23,7 @@ from gellight.sensor.lighting.sequence_choice import chosen_groups
 
 
 @dataclass(frozen=True)
-class Given:
+class ChannelInput:
     """Recorded pictures, or a sensor that shows the lights."""
 
     ball_radius_mm: Annotated[float, typer.Option(help="radius of the balls, mm")]
@@ -81,7 +81,7 @@ class FewBalls(SizedTraining):
 
 
 @with_options
-def command(given: Given, new: NewBundle, how: FewBalls, as_json: AsJson = False) -> None:
+def command(given: ChannelInput, new: NewBundle, how: FewBalls, as_json: AsJson = False) -> None:
     """Train GelNet on balls under three or more lights, a channel for each.
 
     From recorded pictures, of any lights and of one channel and 16 bit too, as `directions` takes them; `reconstruct

@@ -10,10 +10,10 @@ from typing import Any
 from gellight.base.errors import InputError
 from gellight.base.writing import whole, write_file
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.cli.running.felt import felt_frames
-from gellight.cli.running.reconstruct import maps_file
+from gellight.cli.running.tactile import tactile_frames
 from gellight.cli.showing import show
 from gellight.frames.frames import TactileFrame
+from gellight.frames.maps_file import maps_file
 from gellight.frames.point_cloud import ply
 from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.lab.report.video import VideoFile
@@ -42,7 +42,7 @@ def export(
     """Write every n-th frame of a recording into the folder `out`, and show how many; scale_um: of the colours."""
     recording = Recording(file)
     bundle = load_bundle(calibration) if calibration else None
-    felt, used = felt_frames(recording, bundle), bundle or recording.bundle
+    felt, used = tactile_frames(recording, bundle), bundle or recording.bundle
     frames = islice(map(ObjectFollower(on=track).follow, felt), 0, None, every)
     known: dict[str, Any] = {"pixel_size_mm": used.pixel_size_mm, "calibration": used.identity, "source": file.name}
     with _emptied(out):

@@ -1,11 +1,9 @@
 """Pictures of the gel to depth, normals and contact."""
 
-import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import typer
@@ -22,6 +20,7 @@ from gellight.cli.showing import show
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import TactileFrame
 from gellight.frames.image_files import ImageCamera, image_files
+from gellight.frames.maps_file import maps_file
 from gellight.frames.picture import prepared
 from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.photometric.directions import LightDirections
@@ -88,7 +87,7 @@ def _refuse_useless(method: Method, source: str, *names: str) -> None:
     """Refuse options that change nothing for this source of the light: the asker would believe that they did."""
     useless = [f"--{name.replace('_', '-')}" for name in names if getattr(method, name)]
     if useless:
-        raise InputError(f"{' and '.join(useless)} changes nothing with {source}: leave it away")
+        raise InputError(f"{' and '.join(useless)} has no effect with {source}: remove it")
 
 
 def _of_channels(method: Method, bundle: Bundle, paths: Sequence[Path]) -> TactileFrame:
@@ -173,25 +172,6 @@ def _written(frame: TactileFrame, image: Path, out: Path, scale_um: float, findi
         force_error_n=frame.force.error_n if frame.force else None,
         findings=against,
     )
-
-
-def maps_file(frame: TactileFrame, findings: Sequence[str] = ()) -> bytes:
-    """Return the content of an .npz file with the maps of a frame and what is known against it."""
-    content = io.BytesIO()
-    maps: dict[str, NDArray[Any]] = {
-        "gradient_map": frame.gradient_map,
-        "normal_map": frame.normal_map,
-        "depth_mm": frame.depth_mm,
-        "contact": frame.contact.mask,
-        "findings": np.array(findings, np.str_),
-    }
-    maps |= frame.maps_on_request()
-    if bounds := frame.error_bounds:
-        maps |= {"normal_error_deg": bounds.normal_deg, "shape_error_mm": bounds.shape_mm}
-    if frame.force:
-        maps |= {"force_n": np.array(frame.force.normal_n), "force_error_n": np.array(frame.force.error_n)}
-    np.savez(content, **maps)  # type: ignore[arg-type]
-    return content.getvalue()
 
 
 def _table(rows: Sequence[Row]) -> str:

@@ -1,4 +1,4 @@
-// The WebSocket to the server: commands out, frames and status in, and a new attempt whenever it is lost.
+// The WebSocket to the server: credits out, frames and status in, and a new attempt whenever it is lost.
 
 const FIRST_RETRY_MS = 300;
 const LAST_RETRY_MS = 3000;
@@ -10,7 +10,7 @@ export class Connection {
   #retryTimer = null;
   #listeners;
 
-  /** `listeners`: frame(ArrayBuffer), status(object), answer(object), open(), lost(). */
+  /** `listeners`: frame(ArrayBuffer), status(object), open(), lost(). */
   constructor(listeners) {
     this.#listeners = listeners;
     this.#open();
@@ -40,7 +40,6 @@ export class Connection {
     }
     const message = JSON.parse(data);
     if (message.type === "status") this.#listeners.status(message);
-    else this.#listeners.answer(message);
   }
 
   #retry() {
@@ -59,13 +58,6 @@ export class Connection {
 
   /** Tell the server that `count` more frames can be drawn. */
   grant(count) {
-    this.send({ type: "credit", count });
-  }
-
-  /** Send a command; false where there is no connection. */
-  send(command) {
-    if (this.#socket?.readyState !== WebSocket.OPEN) return false;
-    this.#socket.send(JSON.stringify(command));
-    return true;
+    if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify({ count }));
   }
 }

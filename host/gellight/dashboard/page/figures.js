@@ -1,8 +1,7 @@
 // The numbers of the page.
 
-import { node, row } from "./elements.js";
+import { element, node, row, write } from "./dom.js";
 
-const element = (id) => document.getElementById(id);
 /** `value` with `digits` digits, without a minus before zero; a dash where it is not known. */
 export function fixed(value, digits) {
   if (typeof value !== "number") return "–";
@@ -10,16 +9,19 @@ export function fixed(value, digits) {
   return Number(text) === 0 ? text.replace("-", "") : text;
 }
 
-/** Write `text`, if it is another one: the page is laid out anew after every change. */
-export function write(id, text) {
-  if (element(id).textContent !== text) element(id).textContent = text;
-}
-
 /** Show what one frame says of the contact. */
 export function showContact({ indentation_mm: indentation, area_mm2: area, centroid_mm: centroid }) {
   write("indentation", fixed(indentation, 3));
   write("area", fixed(area, 1));
   write("centroid", centroid ? centroid.map((mm) => fixed(mm, 2)).join(", ") : "–");
+}
+
+/** Show the contacts of a frame; the sensor numbers them, and each keeps its number while it lasts. */
+export function showContacts(contacts) {
+  const cells = ({ number, depth_mm: depth, area_mm2: area, volume_mm3: volume, slope_rad: slope }) => [
+    String(number), fixed(depth, 3), fixed(area, 2), fixed(volume, 2), fixed(slope === null ? null : (slope * 180) / Math.PI, 1),
+  ];
+  fill("contacts", contacts, () => contacts.map((contact) => row(...cells(contact).map((text) => node("td", text)))));
 }
 
 const FORCE_FLAGS = { beyond_view: "and more beyond the view", heavier: "heavier than calibrated" };
@@ -94,9 +96,8 @@ function fill(id, said, children) {
 function showStages(stages) {
   const longest = Math.max(1, ...Object.values(stages));
   fill("stages", stages, () => Object.entries(stages).map(([name, ms]) => {
-    const line = document.createElement("div");
-    const meter = Object.assign(document.createElement("meter"), { min: 0, max: longest, value: ms });
-    line.append(node("dt", name), meter, node("dd", fixed(ms, 1)));
+    const line = node("div", "");
+    line.append(node("dt", name), node("meter", "", "", { min: 0, max: longest, value: ms }), node("dd", fixed(ms, 1)));
     return line;
   }));
 }

@@ -4,9 +4,8 @@ import { Banners } from "./banners.js";
 import { Choices } from "./choices.js";
 import { offerSensors } from "./chooser.js";
 import { Connection } from "./connection.js";
-import { Contacts } from "./contacts.js";
-import { Detail, LEVELS, RELIEF } from "./detail.js";
-import { showContact, showForce, showStatus, write } from "./figures.js";
+import { element, write } from "./dom.js";
+import { showContact, showContacts, showForce, showStatus } from "./figures.js";
 import { History } from "./history.js";
 import { Link } from "./link.js";
 import { Measure } from "./measure.js";
@@ -18,7 +17,7 @@ import { Recent } from "./recent.js";
 import { Relief } from "./relief.js";
 import { Ring } from "./ring.js";
 import { ScanPanel } from "./scan.js";
-import { saveNpz, savePly, savePng } from "./saving.js";
+import { fetchFile, savePng } from "./saving.js";
 import { arrowsOf, showShear } from "./shear.js";
 import { judge, tellBanners } from "./state.js";
 import { listenToKeys, offerFullScreen } from "./toolbar.js";
@@ -28,9 +27,9 @@ import { WatchNotice } from "./watch.js";
 
 const FPS_WINDOW_MS = 2000;
 const TICK_MS = 200;
+const LEVELS = ["320 × 240 mesh", "160 × 120 mesh", "2D relief"]; // how finely the surface is drawn
+const RELIEF = LEVELS.length - 1;
 const UNDECODED_MS = 1000; // a frame that cannot be shown is followed by the next one after this time
-
-const element = (id) => document.getElementById(id);
 
 /** What the page knows, for scripts and tests. */
 const stats = {
@@ -43,7 +42,6 @@ const planes = new Planes();
 const decoder = new Decoder((view) => planes.complete(view));
 const truth = new Truth();
 const ring = new Ring(element("ring"));
-const contacts = new Contacts(element("contacts"));
 const recent = new Recent();
 const link = new Link();
 const banners = new Banners(element("banners"));
@@ -52,7 +50,7 @@ const choices = new Choices();
 const measure = new Measure(mark);
 const relief = new Relief(element("surface"));
 let surface = null; // drawn in 3D; its library is most of the page's bytes, so the first frame does not wait for it
-let detail = new Detail(RELIEF, RELIEF);
+let level = RELIEF; // of `LEVELS`
 const history = new History(element("history"), { choose: (timeS) => revisit(recent.nearest(timeS)), step: (count) => revisit(recent.step(shown?.header.time_s, count)) });
 
 let moving = null; // the axes of the tracked object and its way
@@ -63,7 +61,7 @@ let paused = false;
 let swallowed = 0; // credits to give back at the end of a pause
 let turned = false; // the surface has to be drawn again without a new frame
 let asked = false; // the browser will call `turn`
-let drewAt = null; // when the last picture was begun, for the level of detail
+let noSurface = ""; // why there is no 3D
 let drawnTimes = [];
 let tickedAt = 0;
 
@@ -77,10 +75,9 @@ const connection = new Connection({
   },
   frame: receive,
   status: takeStatus,
-  answer: (answer) => press.answer(answer),
 });
-const press = new PressPanel((command) => connection.send(command));
-const tracking = new Tracking(element("track"), (command) => connection.send(command));
+const press = new PressPanel();
+const tracking = new Tracking(element("track"));
 const scan = new ScanPanel(press);
 const tool = () => (measuring() ? measure : press);
 const pictures = new Pictures([...planes.canvases, element("truth")], {
@@ -97,7 +94,7 @@ async function openSurface() {
   try {
     surface = new Surface(element("surface"), planes.imageCanvas, again);
   } catch (error) {
-    detail.why = error.message;
+    noSurface = `: ${error.message}`;
     console.info(`the surface is drawn in 2D: ${error.message}`);
     element("detail").disabled = true;
     stats.surface = "2D";
@@ -105,7 +102,6 @@ async function openSurface() {
   }
   surface.canvas.addEventListener("pointermove", (event) => event.buttons || measure.pointAt(surface.placeAt(event)));
   surface.canvas.addEventListener("pointerleave", () => measure.pointAt(null));
-  detail = new Detail(surface.software ? 1 : 0);
   choices.apply();
   surface.update(shown, planes.normalPixels);
   drawSurface();
@@ -152,20 +148,14 @@ function giveCredit() {
   else connection.grant(1);
 }
 
-function turn(now) {
+function turn() {
   asked = false;
-  if (drewAt !== null && detail.note(now - drewAt)) turned = true;
-  drewAt = null;
   if (waiting && !paused) {
     const view = waiting;
     waiting = null;
     draw(view);
     if (performance.now() - tickedAt > TICK_MS) tick(); // together with the pictures, so that the page is composed once
     giveCredit();
-    if (detail.due()) {
-      drewAt = now;
-      ask(); // tells how long the picture took
-    }
   } else if (turned && shown) {
     drawSurface();
   }
@@ -191,15 +181,15 @@ function draw(view) {
 }
 
 function drawSurface() {
-  const flat = detail.level === RELIEF;
+  const flat = level === RELIEF;
   relief.canvas.hidden = !flat;
   if (surface) surface.canvas.hidden = flat;
   if (flat) relief.draw(shown, planes.depthPixels, Number(element("exaggeration").value));
   else {
     surface.drawLine(measure.places);
-    surface.draw(detail.level);
+    surface.draw(level);
   }
-  stats.level = LEVELS[detail.level].name;
+  stats.level = LEVELS[level];
 }
 
 /** Draw what lies over the pictures and the surface, after it has changed. */
@@ -243,7 +233,7 @@ function tick() {
   drawnTimes = drawnTimes.filter((time) => now - time < FPS_WINDOW_MS);
   stats.drawn_fps = drawnTimes.length / (FPS_WINDOW_MS / 1000);
   write("drawn-fps", stats.drawn_fps.toFixed(1));
-  write("level", detail.caption);
+  write("level", level === RELIEF ? `${LEVELS[RELIEF]}${noSurface}` : `${LEVELS[level]}, grid 5 mm`);
   write("link-behind", (link.behindS(now / 1000) * 1000).toFixed(0));
   stats.kept = recent.count;
   write("kept", `${recent.count} frames, ${(recent.bytes / 1e6).toFixed(0)} MB`);
@@ -252,7 +242,7 @@ function tick() {
     showForce(shown.header.force);
     showShear(shown.header.shear, shown.header.force);
     truth.write(shown.header.truth);
-    contacts.show(stats.contacts);
+    showContacts(stats.contacts);
   }
   judgeState(now / 1000);
 }
@@ -282,6 +272,7 @@ function pause(wanted) {
   element("pause").setAttribute("aria-pressed", paused);
   element("pause").textContent = paused ? "Resume" : "Pause";
   document.body.classList.toggle("paused", paused);
+  for (const id of ["save-npz", "save-ply"]) element(id).disabled = paused; // they are of the newest frame
   if (paused) return;
   ask();
   history.cursorS = null;
@@ -308,7 +299,7 @@ function chooseMeasure(wanted) {
 
 function savePictures() {
   drawSurface();
-  const solid = detail.level === RELIEF ? relief.canvas : surface.canvas;
+  const solid = level === RELIEF ? relief.canvas : surface.canvas;
   const named = [["Surface", solid], ["Depth", element("depth")], ["True depth", element("truth")], ["Camera", element("image")], ["Difference", element("difference")], ["Normals", element("normal")]];
   savePng(shown, named.filter(([title]) => title !== "True depth" || shown.truth), { sensor: element("sensor").textContent, bundle: element("bundle").textContent });
 }
@@ -336,15 +327,14 @@ choices.select(element("map"), redraw((name) => {
 choices.select(element("gain"), redraw((gain) => planes.setGain(Number(gain))));
 choices.select(element("exaggeration"), redraw((times) => { if (surface) surface.exaggeration = Number(times); }));
 choices.select(element("surface-colour"), redraw((mode) => { if (surface) surface.colouring = Number(mode); }));
-choices.select(element("detail"), redraw((level) => { if (surface) detail.choose(level === "auto" ? null : Number(level)); }));
+choices.select(element("detail"), redraw((chosen) => { if (surface) level = chosen === "auto" ? Number(surface.software) : Number(chosen); }));
 choices.select(element("span"), (seconds) => { history.spanS = Number(seconds); });
 choices.details(element("diagnostics"));
 
 onClick("pause", () => pause(!paused));
 onClick("measure", () => chooseMeasure(!measuring()));
 onClick("save-png", () => shown && savePictures());
-onClick("save-npz", () => shown && saveNpz(shown, planes.imagePixels));
-onClick("save-ply", () => shown && savePly(shown));
+for (const kind of ["npz", "ply"]) onClick(`save-${kind}`, async () => write("readout", await fetchFile(`frame/${kind}`)));
 onClick("reset-view", () => {
   choices.reset();
   surface?.orbit.reset();

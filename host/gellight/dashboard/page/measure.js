@@ -1,10 +1,10 @@
 // Measuring: what is under the pointer, and the section along a line drawn over a picture.
 
+import { element, write } from "./dom.js";
 import { depthAt, sectionOf, slopeDegAt } from "./field.js";
-import { fixed, write } from "./figures.js";
+import { fixed } from "./figures.js";
 import { plot, roundUp } from "./plot.js";
 
-const element = (id) => document.getElementById(id);
 const SHORTEST_MM = 0.3; // a shorter line is a click
 const LEAST_SCALE_MM = 0.05;
 const LINE_POINTS = 100;

@@ -1,8 +1,8 @@
 // The flat pictures as a place to point at: pointer and arrow keys in mm on the gel, and the marks drawn over them.
 
+import { node, shape } from "./dom.js";
 import { sizeMm } from "./field.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 const STEP_MM = 0.5;
 const SMALL_STEP_MM = 0.1;
 const DIRECTIONS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -34,7 +34,7 @@ export class Pictures {
     this.#canvases = canvases;
     this.#listeners = listeners;
     this.#marks = canvases.map((canvas) => {
-      const layer = Object.assign(document.createElement("div"), { className: "marks" });
+      const layer = node("div", "", "marks");
       canvas.after(layer);
       return layer;
     });
@@ -61,9 +61,7 @@ export class Pictures {
     if (marked === this.#marked) return;
     this.#marked = marked;
     for (const layer of this.#marks) {
-      const svg = document.createElementNS(SVG, "svg");
-      svg.setAttribute("viewBox", `${-width / 2} ${-height / 2} ${width} ${height}`);
-      svg.setAttribute("preserveAspectRatio", "none");
+      const svg = shape("svg", { viewBox: `${-width / 2} ${-height / 2} ${width} ${height}`, preserveAspectRatio: "none" });
       if (line) svg.append(...strokes(`M${line[0]}L${line[1]}`), ...line.flatMap((end) => strokes(cross(end, 0.4))));
       if (moving) {
         svg.append(...strokes(`M${moving.path.join("L")}`));
@@ -77,7 +75,7 @@ export class Pictures {
   }
 
   #label(text, [x, y]) {
-    const label = Object.assign(document.createElement("span"), { textContent: text });
+    const label = node("span", text);
     label.style.left = `${(x / this.#viewMm[0] + 0.5) * 100}%`;
     label.style.top = `${(y / this.#viewMm[1] + 0.5) * 100}%`;
     return label;
@@ -120,12 +118,7 @@ export class Pictures {
 }
 
 function strokes(path, also = "") {
-  return ["under", `over ${also}`].map((className) => {
-    const made = document.createElementNS(SVG, "path");
-    made.setAttribute("class", className);
-    made.setAttribute("d", path);
-    return made;
-  });
+  return ["under", `over ${also}`].map((kind) => shape("path", { class: kind, d: path }));
 }
 
 /** An arrow with a head of so many mm; none where it would be shorter than it is wide. */

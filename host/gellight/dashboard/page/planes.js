@@ -1,8 +1,8 @@
 // The four flat pictures: camera image, difference, normals, depth.
 
 import { DEPTH_SCALES_UM, MAPS, chooseMap, depthColour, depthTable, differenceTable } from "./colour.js";
+import { element, node } from "./dom.js";
 
-const element = (id) => document.getElementById(id);
 const OUTLINE = 0xffffffff;
 const OPAQUE = 0xff000000;
 
@@ -60,11 +60,6 @@ export class Planes {
 
   get imageCanvas() {
     return this.#image.canvas;
-  }
-
-  /** The camera image as ImageData. */
-  get imagePixels() {
-    return this.#image.context.getImageData(0, 0, this.#image.canvas.width, this.#image.canvas.height);
   }
 
   get normalPixels() {
@@ -146,8 +141,7 @@ function drawBar(scaleUm) {
     context.fillStyle = `rgb(${depthColour(column / 255)})`;
     context.fillRect(column, 0, 1, 1);
   }
-  const labels = [0, 0.5, 1].map((part) => Object.assign(document.createElement("li"), { textContent: `${scaleUm * part} µm` }));
-  element("ticks").replaceChildren(...labels);
+  element("ticks").replaceChildren(...[0, 0.5, 1].map((part) => node("li", `${scaleUm * part} µm`)));
 }
 
 /** Fill the chooser of the colours. */

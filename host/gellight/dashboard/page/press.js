@@ -1,12 +1,11 @@
 // Pressing objects into the simulated gel: the pointer says where, the slider and the wheel say how deep.
 
-import { write } from "./figures.js";
+import { command } from "./command.js";
+import { button, element, write } from "./dom.js";
 
-const element = (id) => document.getElementById(id);
 const DEPTH_STEP_MM = 0.05;
 
 export class PressPanel {
-  #send;
   #object = "";
   #place = [0, 0];
   #active = false; // an object of ours is in the gel
@@ -15,9 +14,7 @@ export class PressPanel {
   #slider = element("press-depth");
   #advice = element("press-hint").textContent;
 
-  /** `send(command)` sends to the server. */
-  constructor(send) {
-    this.#send = send;
+  constructor() {
     this.#slider.addEventListener("input", () => this.#setDepth(this.depthMm));
     element("press-here").addEventListener("click", () => this.#press(this.#place));
     element("release").addEventListener("click", () => this.release());
@@ -72,13 +69,11 @@ export class PressPanel {
     if (!element("press-hint").classList.contains("wrong")) element("press-hint").textContent = reason || this.#advice;
   }
 
-  /** Take in the server's answer to a command; send what has waited for it. */
-  answer({ type, message }) {
-    this.#busy = false;
+  /** Say why what was asked for could not be done; "" where it was. */
+  #say(refusal) {
     const hint = element("press-hint");
-    hint.textContent = type === "error" ? message : this.#advice;
-    hint.classList.toggle("wrong", type === "error");
-    this.#flush();
+    hint.textContent = refusal || this.#advice;
+    hint.classList.toggle("wrong", refusal !== "");
   }
 
   /** Send what waits: a press that is being computed answers late, and a newer command takes its place. */
@@ -97,14 +92,7 @@ export class PressPanel {
   #fill({ objects, max_depth_mm: deepest }) {
     this.#slider.max = deepest;
     this.#setDepth(this.depthMm);
-    const buttons = objects.map((name) => {
-      const button = Object.assign(document.createElement("button"), { textContent: name });
-      button.dataset.testid = `object-${name}`;
-      button.setAttribute("role", "radio");
-      button.addEventListener("click", () => this.#choose(name));
-      return button;
-    });
-    element("objects").replaceChildren(...buttons);
+    element("objects").replaceChildren(...objects.map((name) => button(name, () => this.#choose(name), "", { role: "radio", testid: `object-${name}` })));
     this.#choose(objects[0]);
   }
 
@@ -168,15 +156,18 @@ export class PressPanel {
   }
 
   /** Lift the object off the gel, without waiting for a press that is being computed. */
-  release() {
+  async release() {
     this.#active = false;
     this.#next = null;
-    this.#send({ type: "release" });
+    this.#say(await command({ type: "release" }));
   }
 
-  #flush() {
+  async #flush() {
     if (this.#busy || !this.#next) return;
-    this.#busy = this.#send(this.#next);
+    this.#busy = true;
+    const press = this.#next;
     this.#next = null;
+    this.#say(await command(press));
+    this.#goOn();
   }
 }

@@ -1,5 +1,6 @@
 // The surface where 3D is too slow or missing: depth colours shaded by the slopes, as on a map.
 
+import { node } from "./dom.js";
 import { rgb } from "./planes.js";
 
 export class Relief {
@@ -8,8 +9,7 @@ export class Relief {
   #words = null;
 
   constructor(box) {
-    this.canvas = document.createElement("canvas");
-    this.canvas.className = "relief";
+    this.canvas = node("canvas", "", "relief");
     box.append(this.canvas);
     this.#context = this.canvas.getContext("2d");
   }

@@ -1,50 +1,17 @@
-// What is shown, as files: the pictures as a PNG, the data as an .npz, the surface as a PLY.
+// What is shown, as files: the pictures as a PNG; what the server has at full size.
 
-import { sizeMm } from "./field.js";
+import { node } from "./dom.js";
 import { fixed } from "./figures.js";
-import { NO_DEPTH, depthMm } from "./packed.js";
-import { npz } from "./npz.js";
-import { ply } from "./ply.js";
 
 const CELL = { width: 480, height: 360, head: 30 };
 const MARGIN = 16;
-
-/** Offer the NumPy arrays of `view` for download; `image` is its camera image as ImageData. */
-export function saveNpz(view, image) {
-  offer(npz(arraysOf(view, image)), view, "npz");
-}
-
-export function savePly(view) {
-  offer(ply(view), view, "ply");
-}
-
-function arraysOf(view, image) {
-  const { width, height, header } = view;
-  const [widthMm, heightMm] = sizeMm(header);
-  const axis = (count, size) => Float32Array.from({ length: count }, (_, i) => ((i + 0.5) / count - 0.5) * size);
-  const number = (value) => ({ data: Float64Array.of(value), shape: [] });
-  const map = (codes) => ({ data: Float32Array.from(codes, (code) => (code === NO_DEPTH ? NaN : depthMm(code))), shape: [height, width] });
-  return {
-    depth_mm: map(view.depth),
-    ...(view.truth ? { true_depth_mm: map(view.truth) } : {}),
-    gradient_map: { data: view.slopes, shape: [height, width, 2] },
-    contact: { data: Uint8Array.from({ length: width * height }, (_, i) => (view.contact[i >> 3] >> (7 - (i & 7))) & 1), shape: [height, width], kind: "|b1" },
-    image: { data: Uint8Array.from(image.data.filter((_, i) => i % 4 !== 3)), shape: [height, width, 3] },
-    x_mm: { data: axis(width, widthMm), shape: [width] },
-    y_mm: { data: axis(height, heightMm), shape: [height] },
-    sequence: { data: Int32Array.of(header.sequence), shape: [] },
-    time_s: number(header.time_s),
-    indentation_mm: number(header.contact.indentation_mm ?? NaN),
-    area_mm2: number(header.contact.area_mm2 ?? NaN),
-  };
-}
 
 /** Offer a PNG of `pictures` [[title, canvas], ...] with the figures of `view`; `sensor` and `bundle` are their names. */
 export function savePng(view, pictures, { sensor, bundle }) {
   const columns = 3;
   const rows = Math.ceil(pictures.length / columns);
   const step = { x: CELL.width + MARGIN, y: CELL.height + CELL.head + MARGIN };
-  const canvas = Object.assign(document.createElement("canvas"), { width: MARGIN + columns * step.x, height: 64 + rows * step.y });
+  const canvas = node("canvas", "", "", { width: MARGIN + columns * step.x, height: 64 + rows * step.y });
   const pen = canvas.getContext("2d");
   const style = getComputedStyle(document.body);
   pen.fillStyle = style.getPropertyValue("--well");
@@ -60,7 +27,7 @@ export function savePng(view, pictures, { sensor, bundle }) {
     pen.fillText(title, x, y + 20);
     contain(pen, picture, x, y + CELL.head);
   });
-  canvas.toBlob((blob) => offer(blob, view, "png"), "image/png");
+  canvas.toBlob((blob) => download(blob, `gellight-${view.header.sequence}.png`), "image/png");
 }
 
 /** Draw `picture` into a cell, whole and undistorted. */
@@ -70,12 +37,21 @@ function contain(pen, picture, x, y) {
   pen.drawImage(picture, x + (CELL.width - width) / 2, y + (CELL.height - height) / 2, width, height);
 }
 
-function offer(blob, { header }, ending) {
-  download(blob, `gellight-${header.sequence}.${ending}`);
+/** Save what the server has at `address`; return "" or why there is none, which a link alone would not say. */
+export async function fetchFile(address) {
+  try {
+    const answer = await fetch(address);
+    if (!answer.ok) return (await answer.json()).message;
+    const name = answer.headers.get("Content-Disposition").match(/"(.*)"/)[1];
+    download(await answer.blob(), name);
+    return "";
+  } catch {
+    return "the sensor's program does not answer";
+  }
 }
 
-export function download(blob, name) {
-  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob), download: name });
+function download(blob, name) {
+  const link = node("a", "", "", { href: URL.createObjectURL(blob), download: name });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }

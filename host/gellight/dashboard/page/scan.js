@@ -1,10 +1,9 @@
 // A scan by hand: what to do next, the map as far as it is, and where no press has been.
 
-import { write } from "./figures.js";
-import { download } from "./saving.js";
+import { command } from "./command.js";
+import { button, element, shape, write } from "./dom.js";
+import { fetchFile } from "./saving.js";
 
-const element = (id) => document.getElementById(id);
-const SVG = "http://www.w3.org/2000/svg";
 const STEPS = { press: "Press over half of a press that was", hold: "Hold it still", lift: "Lift it", join: "Finding its place: press beside meanwhile" };
 const AROUND_MM = 1;
 const PART = "PCONVEX"; // of a simulated sensor: larger than half of the view, and the same nowhere else
@@ -24,8 +23,8 @@ export class ScanPanel {
     this.#press = press;
     this.#button.addEventListener("click", () => this.#open(element("scan-panel").hidden));
     element("scan-begin").addEventListener("submit", (event) => this.#begin(event));
-    element("scan-undo").addEventListener("click", () => this.#ask({ type: "undo" }));
-    element("scan-end").addEventListener("click", () => this.#ask({ type: "end" }));
+    element("scan-undo").addEventListener("click", () => this.#ask({ type: "scan-undo" }));
+    element("scan-end").addEventListener("click", () => this.#ask({ type: "scan-end" }));
     for (const link of element("scan-files").querySelectorAll("a")) link.addEventListener("click", (event) => this.#save(event, link));
   }
 
@@ -68,31 +67,17 @@ export class ScanPanel {
   #begin(event) {
     event.preventDefault();
     this.#press.offer(PART);
-    this.#ask({ type: "begin", name: element("scan-name").value });
+    this.#ask({ type: "scan", name: element("scan-name").value });
   }
 
-  #ask(command) {
-    return this.#fetch("scan", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(command) });
+  async #ask(call) {
+    this.#refusal = await command(call);
+    if (this.#refusal) this.#say(this.#refusal, true);
   }
 
-  /** Save the map as the file of a link; a link alone would not say why there is no such file. */
   async #save(event, link) {
     event.preventDefault();
-    const answer = await this.#fetch(link.href);
-    if (answer) download(await answer.blob(), link.href.split("/").pop());
-  }
-
-  /** Return the answer; where it is a refusal, say it and return nothing. */
-  async #fetch(address, how) {
-    this.#refusal = "";
-    try {
-      const answer = await fetch(address, how);
-      if (answer.ok) return answer;
-      this.#refusal = (await answer.json()).message;
-    } catch {
-      this.#refusal = "the server does not answer";
-    }
-    this.#say(this.#refusal, true);
+    this.#say(await fetchFile(link.href), true);
   }
 
   /** Lift our own press once it was still. */
@@ -122,13 +107,7 @@ export class ScanPanel {
       element("scan-sides").textContent = presses && named.length ? `not scanned yet: ${named.map(([side]) => side).join(", ")}` : "";
       return;
     }
-    const buttons = named.map(([side, shift]) => {
-      const button = Object.assign(document.createElement("button"), { textContent: `Press ${side}` });
-      button.dataset.testid = `scan-${side}`;
-      button.addEventListener("click", () => this.#pressBeside(shift, outlines));
-      return button;
-    });
-    element("scan-sides").replaceChildren(...buttons);
+    element("scan-sides").replaceChildren(...named.map(([side, shift]) => button(`Press ${side}`, () => this.#pressBeside(shift, outlines), "", { testid: `scan-${side}` })));
   }
 
   /** Press where the sensor would be moved by `shift` over the part: there the part is moved the other way. */
@@ -152,24 +131,16 @@ export class ScanPanel {
     const [right, bottom] = [0, 1].map((axis) => Math.max(...corners.map((corner) => corner[axis])) + AROUND_MM);
     box.setAttribute("viewBox", `${left} ${top} ${right - left} ${bottom - top}`);
     box.replaceChildren(
-      make("image", { href: `scan/map?${version}`, x: 0, y: 0, width, height, preserveAspectRatio: "none" }),
-      ...open.map((outline) => make("polygon", { points: outline.join(" "), class: "open" })),
-      ...Object.values(outlines).map((outline) => make("polygon", { points: outline.join(" "), class: "pressed" })),
+      shape("image", { href: `scan/map?${version}`, x: 0, y: 0, width, height, preserveAspectRatio: "none" }),
+      ...open.map((outline) => shape("polygon", { points: outline.join(" "), class: "open" })),
+      ...Object.values(outlines).map((outline) => shape("polygon", { points: outline.join(" "), class: "pressed" })),
       ...Object.entries(outlines).map(([number, outline]) => label(number, outline, (right - left) / 22)),
     );
   }
 }
 
-function make(name, attributes) {
-  const node = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
-  return node;
-}
-
 function label(text, [[left, top], , [right, bottom]], size) {
-  const node = make("text", { x: (left + right) / 2, y: (top + bottom) / 2, "font-size": size });
-  node.textContent = text;
-  return node;
+  return shape("text", { x: (left + right) / 2, y: (top + bottom) / 2, "font-size": size }, text);
 }
 
 function distance([x, y], [otherX, otherY]) {

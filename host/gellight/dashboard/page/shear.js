@@ -1,8 +1,8 @@
 // The force along the gel: its figures, the friction cone, and the arrows over the pictures.
 
-import { fixed, write } from "./figures.js";
+import { element, write } from "./dom.js";
+import { fixed } from "./figures.js";
 
-const element = (id) => document.getElementById(id);
 const TIMES = 5; // how much longer an arrow is than the gel has moved
 const MM_PER_NEWTON = 5;
 

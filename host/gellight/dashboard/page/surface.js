@@ -1,12 +1,13 @@
 // The gel surface in 3D, seen from the camera's side: depth moves the vertices of a plane, in the graphics card.
 
 import * as THREE from "./vendor/three-0.185/three.module.min.js";
-import { LEVELS } from "./detail.js";
 import { depthColour } from "./colour.js";
 import { depthAt } from "./field.js";
 import { DEPTH_OFFSET_MM, DEPTH_UNIT_MM, NO_DEPTH } from "./packed.js";
 import { Orbit } from "./orbit.js";
 
+/** How finely the surface is drawn; the last level is no mesh, but a picture: see relief.js. */
+const MESHES = [[320, 240], [160, 120]];
 const PICK_STEPS = 300;
 const LIFT_MM = 0.05; // of the line over the surface, so that it is seen
 
@@ -129,7 +130,7 @@ export class Surface {
     return null;
   }
 
-  /** Render at a level of `LEVELS`. */
+  /** Render at a level of `MESHES`. */
   draw(level) {
     if (!this.#size.width) return;
     if (level !== this.#level) this.#remesh(level);
@@ -154,7 +155,7 @@ export class Surface {
 
   #remesh(level) {
     const { widthMm, heightMm } = this.#size;
-    const { columns, rows } = LEVELS[level];
+    const [columns, rows] = MESHES[level];
     this.#mesh?.geometry.dispose();
     this.#mesh?.removeFromParent();
     this.#mesh = new THREE.Mesh(new THREE.PlaneGeometry(widthMm, heightMm, columns - 1, rows - 1), this.#material);

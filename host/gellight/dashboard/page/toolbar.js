@@ -1,5 +1,7 @@
 // The keys of the page: every element with a `data-key` is clicked by it, and the help lists them.
 
+import { element, node } from "./dom.js";
+
 const MORE_KEYS = [
   ["arrows", "on a picture: move the cursor; with Shift by 0.1 mm"],
   ["Enter", "on a picture: press there, or begin and end the line to measure"],
@@ -24,11 +26,10 @@ export function listenToKeys(escape) {
 
 function fillHelp(keyed) {
   const own = [...keyed].map(([key, node]) => [key === " " ? "Space" : key.toUpperCase(), node.title ? `${node.textContent.trim()}: ${node.title}` : node.textContent.trim()]);
-  document.getElementById("keys").replaceChildren(...[...own, ...MORE_KEYS].map(([key, text]) => {
-    const line = document.createElement("div");
-    const term = document.createElement("dt");
-    term.append(Object.assign(document.createElement("kbd"), { textContent: key }));
-    line.append(term, Object.assign(document.createElement("dd"), { textContent: text }));
+  element("keys").replaceChildren(...[...own, ...MORE_KEYS].map(([key, text]) => {
+    const [line, term] = [node("div", ""), node("dt", "")];
+    term.append(node("kbd", key));
+    line.append(term, node("dd", text));
     return line;
   }));
 }

@@ -1,6 +1,7 @@
 // The object that is tracked: its axes over the pictures, and the way that it has come.
 
-import { write } from "./figures.js";
+import { command } from "./command.js";
+import { write } from "./dom.js";
 
 const MOST_PLACES = 400;
 const AXIS_MM = 2;
@@ -10,10 +11,10 @@ export class Tracking {
   #places = [];
   #number = 0;
 
-  /** `send(command)` sends to the server; `button` switches tracking. */
-  constructor(button, send) {
+  /** `button` switches tracking; in a simulated gel something moves by itself meanwhile. */
+  constructor(button) {
     this.#button = button;
-    button.addEventListener("click", () => send({ type: "track", on: !this.on }));
+    button.addEventListener("click", () => command({ type: "track", on: !this.on, hand: true }));
   }
 
   get on() {

@@ -1,8 +1,7 @@
 // The true depth map beside the measured one, where a simulated sensor knows it.
 
-import { fixed, write } from "./figures.js";
-
-const element = (id) => document.getElementById(id);
+import { element, write } from "./dom.js";
+import { fixed } from "./figures.js";
 
 export class Truth {
   #pen = element("truth").getContext("2d");

@@ -1,6 +1,7 @@
 // What the watch has found: shown above the pictures, hidden while the sensor is as it was calibrated.
 
-const element = (id) => document.getElementById(id);
+import { command } from "./command.js";
+import { element, node } from "./dom.js";
 
 export class WatchNotice {
   #hidden = ""; // the findings that the visitor has hidden
@@ -25,13 +26,10 @@ export class WatchNotice {
     this.#shown = kinds;
     if (texts === this.#texts) return;
     this.#texts = texts;
-    element("findings").replaceChildren(...findings.map(({ severity, text }) => {
-      return Object.assign(document.createElement("li"), { textContent: text, className: severity });
-    }));
+    element("findings").replaceChildren(...findings.map(({ severity, text }) => node("li", text, severity)));
   }
 
   async #setZero() {
-    const answer = await fetch("calibration", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ type: "zero" }) });
-    element("watch-answer").textContent = answer.ok ? "the zero is set" : (await answer.json()).message;
+    element("watch-answer").textContent = (await command({ type: "zero" })) || "the zero is set";
   }
 }

@@ -2,15 +2,14 @@
 
 import { drawCurve, drawPlaces, drawSlopes } from "./charts.js";
 import { CirclePicture } from "./circle.js";
-import { node, row } from "./elements.js";
+import { command as ask } from "./command.js";
+import { button, element, node, row } from "./dom.js";
 import { figureRows } from "./wizard_figures.js";
 import { ACTION_NAMES, PICTURE_NAMES, STEP_NAMES, advice, instruction, pictureNote, presetNote } from "./wizard_texts.js";
 
 const POLL_MS = 300;
 const MOST_VIEW_BYTES = 10000; // as the server takes
 const ENDS = ["finished", "aborted", "failed"];
-
-const element = (id) => document.getElementById(id);
 
 /** What the page knows, for scripts and tests. */
 const stats = { state: null, picture: null, shown: 0, losses: [] };
@@ -36,9 +35,8 @@ async function poll() {
   setTimeout(poll, POLL_MS);
 }
 
-async function command(body) {
-  const answer = await fetch("calibration", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
-  showRefusal(answer.ok ? "" : (await answer.json()).message);
+async function command(call) {
+  showRefusal(await ask(call));
 }
 
 function showError(text) {
@@ -125,7 +123,7 @@ function showRequest(state, running) {
   if (filled) return;
   filled = true;
   const { defaults, presets } = state;
-  element("kind").append(...presets.map(({ name, title }) => Object.assign(node("option", title), { value: name })));
+  element("kind").append(...presets.map(({ name, title }) => new Option(title, name)));
   element("ball").value = defaults.ball_radius_mm;
   element("cylinder").value = defaults.cylinder_diameter_mm;
   element("pins").value = defaults.pin_pitch_mm ?? "";
@@ -142,7 +140,7 @@ function offerUnits({ units, interrupted }) {
   if (key === offeredUnits) return;
   offeredUnits = key;
   const { value } = element("like");
-  const option = (text, identity) => Object.assign(node("option", text), { value: identity, selected: identity === value });
+  const option = (text, identity) => new Option(text, identity, false, identity === value);
   const known = units.map(({ name, sensor, created, identity }) => option(`${name || sensor}, ${new Date(created).toLocaleDateString()}`, identity));
   element("like").replaceChildren(option(interrupted ? "as it was begun" : "none", ""), ...known);
   element("like-row").hidden = !known.length;
@@ -189,7 +187,7 @@ async function begin() {
   if (!element("request").reportValidity()) return;
   stats.losses = [];
   try {
-    await command({ type: "begin", request: await request() });
+    await command({ type: "calibrate", request: await request() });
   } catch (error) {
     showRefusal(error.message);
   }
@@ -197,9 +195,7 @@ async function begin() {
 
 /** After a calibration the live view is what everybody wants to see. */
 function liveLink() {
-  const link = Object.assign(node("a", "Live view", "button first"), { href: "./" });
-  link.dataset.testid = "action-live";
-  return link;
+  return node("a", "Live view", "button first", { href: "./", testid: "action-live" });
 }
 
 let offered = "";
@@ -215,10 +211,8 @@ function showActions(routine, running, state) {
   const label = { ...ACTION_NAMES, next, begin: state.interrupted ? "Go on" : routine ? "Calibrate again" : "Start the calibration" };
   element("actions").replaceChildren(...actions.map((name, place) => {
     if (name === "live") return liveLink();
-    const button = node("button", label[name] ?? name, `${name} ${place === 0 && name !== "abort" ? "first" : ""}`);
-    button.dataset.testid = `action-${name}`;
-    button.addEventListener("click", () => (name === "begin" ? begin() : command({ type: "act", action: name })));
-    return button;
+    const act = () => (name === "begin" ? begin() : command({ type: "act", action: name }));
+    return button(label[name] ?? name, act, `${name} ${place === 0 && name !== "abort" ? "first" : ""}`, { testid: `action-${name}` });
   }));
 }
 
@@ -232,7 +226,7 @@ function showCoverage(coverage) {
   if (coverage.slopes) drawSlopes(element("slopes"), coverage.slopes, coverage.steepness_deg);
   element("steepest").textContent = coverage.steepest_deg ? `up to ${coverage.steepest_deg}°` : "";
   if (points.length < 2) return;
-  drawCurve(element("held-out"), points);
+  drawCurve(element("held-out"), points, "presses");
   const shape = coverage.held_out_um == null ? "" : `, ${coverage.held_out_um.toFixed(0)} µm`;
   element("held-out-now").textContent = `${points.at(-1)[1].toFixed(2)}°${shape}`;
 }
@@ -250,7 +244,7 @@ function showLoss(routine) {
   const points = known ? known.map((loss, epoch) => [epoch + 1, loss]) : Object.entries(stats.losses).map(([epoch, loss]) => [Number(epoch), loss]);
   element("loss-panel").hidden = points.length < 2;
   if (points.length < 2) return;
-  drawCurve(element("loss"), points, { log: true });
+  drawCurve(element("loss"), points, "epoch");
   element("loss-now").textContent = points.at(-1)[1].toPrecision(3);
 }
 
@@ -283,31 +277,18 @@ function showBundles(state, running) {
 function bundleRow(bundle, running) {
   const made = bundle.created ? new Date(bundle.created).toLocaleString() : bundle.problem;
   const last = node("td", "");
-  if (bundle.report && !bundle.problem) last.append(reportLink(bundle.identity));
+  const { identity } = bundle;
+  if (bundle.report && !bundle.problem) last.append(node("a", "Report", "report", { href: `calibration/report/${identity}`, target: "_blank", testid: `report-${identity}` }));
   if (bundle.in_service) last.append(node("span", "in service", "passed"));
-  else if (!bundle.problem) last.append(restoreButton(bundle.identity, running));
+  else if (!bundle.problem) last.append(button("Restore", () => command({ type: "restore", identity }), "", { disabled: running, testid: `restore-${identity}` }));
   return row(node("td", bundle.identity, "mono"), node("td", made, bundle.problem ? "problem" : "dim"), last);
-}
-
-function reportLink(identity) {
-  const link = Object.assign(node("a", "Report", "report"), { href: `calibration/report/${identity}`, target: "_blank" });
-  link.dataset.testid = `report-${identity}`;
-  return link;
-}
-
-function restoreButton(identity, running) {
-  const button = node("button", "Restore");
-  button.disabled = running;
-  button.dataset.testid = `restore-${identity}`;
-  button.addEventListener("click", () => command({ type: "restore", identity }));
-  return button;
 }
 
 function offerPictures(routine) {
   const names = ["live", ...(routine?.pictures ?? []).filter((name) => name !== "live" && name !== "coverage")];
   const choice = element("which");
   if (choice.childElementCount === names.length + 1) return;
-  const option = (name, text) => Object.assign(node("option", text), { value: name, selected: name === chosen });
+  const option = (name, text) => new Option(text, name, false, name === chosen);
   choice.replaceChildren(option("auto", "what matters"), ...names.map((name) => option(name, PICTURE_NAMES[name] ?? name)));
 }
 

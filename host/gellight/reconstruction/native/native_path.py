@@ -37,7 +37,7 @@ from gellight.reconstruction.native.cosine import CosineRows
 from gellight.reconstruction.native.library import Library, NativePathError
 from gellight.reconstruction.native.native_shadows import NativeShadows
 from gellight.reconstruction.native.network import fastest
-from gellight.reconstruction.native.work import LentArrays, WorkMemory
+from gellight.reconstruction.native.work import ArrayPool, WorkMemory
 from gellight.reconstruction.perspective import Perspective
 from gellight.reconstruction.rest_plane import RestPlane, tilt
 from gellight.reconstruction.smoothing import FilterTaps
@@ -84,8 +84,8 @@ class NativePath:
         self._m.coarse_rows[:, 3:] = self._network.coarse_position
         self._m.cell_rows[:, 3:] = cells.middle
         shape = bundle.image_shape
-        self._differences, self._gradients, self._depths = map(LentArrays, ((*shape, 3), (*shape, 2), shape))
-        self._masks = LentArrays(shape, np.bool_)
+        self._differences, self._gradients, self._depths = map(ArrayPool, ((*shape, 3), (*shape, 2), shape))
+        self._masks = ArrayPool(shape, np.bool_)
         self._reference = np.ascontiguousarray(bundle.reference, np.float32)
         self._limits = np.array(self._network.limits_grey, np.float32)
         self._doubt_limits = np.array([NEAREST_GREY, LIMIT_BEND, LIMIT_MISFIT], np.float32)

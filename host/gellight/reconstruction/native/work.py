@@ -71,7 +71,7 @@ MOST_FREE = 3
 """of each kind; a reader that kept many frames gives their memory back to the system"""
 
 
-class LentArrays:
+class ArrayPool:
     """The arrays of one kind. Whoever has one, or a view of it, owns it: nothing is written into it any more."""
 
     def __init__(self, shape: tuple[int, ...], kind: type[np.generic] = np.float32) -> None:

@@ -30,7 +30,7 @@ POWER_LINE_VALUES = {0: 0, 50: 1, 60: 2}
 
 
 @dataclass(frozen=True)
-class Knob:
+class ControlSpec:
     """A control by the name that users know: its number, what switches its automatic off, and its unit."""
 
     number: int
@@ -41,9 +41,9 @@ class Knob:
 
 
 KNOBS = {
-    "exposure_us": Knob(EXPOSURE, EXPOSURE_AUTO, EXPOSURE_MANUAL, 100.0),
-    "gain": Knob(GAIN, GAIN_AUTO, 0, 1.0),
-    "white_balance_k": Knob(WHITE_BALANCE, WHITE_BALANCE_AUTO, 0, 1.0),
+    "exposure_us": ControlSpec(EXPOSURE, EXPOSURE_AUTO, EXPOSURE_MANUAL, 100.0),
+    "gain": ControlSpec(GAIN, GAIN_AUTO, 0, 1.0),
+    "white_balance_k": ControlSpec(WHITE_BALANCE, WHITE_BALANCE_AUTO, 0, 1.0),
 }
 FIXED = ((DYNAMIC_RATE, 0, "the dynamic frame rate"), (FOCUS_AUTO, 0, "the automatic focus"))
 """what is off in every sensor: number, value, name for messages"""
@@ -171,7 +171,7 @@ class V4l2Controls:
             self._ask(v.G_CTRL, control)
         return int(control.value)
 
-    def _manual(self, name: str, knob: Knob) -> None:
+    def _manual(self, name: str, knob: ControlSpec) -> None:
         if self.has(knob.automatic):
             self._put(knob.automatic, knob.manual, f"automatic {name}")
 
@@ -198,7 +198,7 @@ class V4l2Controls:
                 "settings can be fixed"
             ) from error
 
-    def _knob(self, name: str) -> Knob:
+    def _knob(self, name: str) -> ControlSpec:
         if name not in KNOBS or not self.has(KNOBS[name].number):
             there = ", ".join(self.names()) or "none"
             raise CameraError(f"{self._path} has no control {name} (it has: {there}): leave it out")

@@ -1,4 +1,4 @@
-"""All files of both boards, as `gellight optimize boards` writes them, and the tables that an assembly house needs.
+"""All files of both boards, as `gellight optimize make boards` writes them, and the tables for an assembly house.
 
 The strip follows the sensor. The carrier of a controller does not: its KiCad project lies in `carriers/` with what
 KiCad plots of it, and `python -m tests.helpers.kicad` makes those archives anew after a change.

@@ -4,10 +4,11 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
+from gellight.cli.lazy import lazy_group
 from gellight.cli.options import AsJson, GeometryFile, check_out, with_options
 from gellight.cli.showing import show
 from gellight.cli.sweeping import Workers, many
@@ -19,15 +20,15 @@ if TYPE_CHECKING:
     from gellight_design.sweep import Study as ToRun
 
 ResultT = TypeVar("ResultT")
-app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
+GONE = {kind: f"is `gellight optimize make {kind}` now" for kind in ("boards", "housing", "benchmark")}
+app = typer.Typer(cls=lazy_group({}, GONE), help="Find the best illumination and make its parts.", no_args_is_help=True)
 
 OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results and figures here.")]
-Package = Annotated[str, typer.Option("--package", help=f"Package of the LEDs: {', '.join(LAMPS)}.")]
 Size = Annotated[int, typer.Option("--size", min=32, max=2048, help="Pixels a side of the evaluated square.")]
 
 
 @dataclass(frozen=True)
-class Answering:
+class OutputOptions:
     """Where the answer of a study goes."""
 
     out: OutFolder = None
@@ -43,7 +44,7 @@ class Answering:
 
 
 @dataclass(frozen=True)
-class Study(Answering):
+class Study(OutputOptions):
     """The options that all studies share."""
 
     geometry: GeometryFile = None
@@ -99,7 +100,7 @@ def coarse(study: Study) -> None:
 @app.command()
 @with_options
 def fine(
-    answering: Answering,
+    answering: OutputOptions,
     geometry: GeometryFile = None,
     diameter: Annotated[float, typer.Option("--diameter-mm", min=1, help="Of the disc that is judged.")] = 35.0,
     gamma: Annotated[float, typer.Option("--gamma", min=1, max=3, help="Of the camera's picture; 1: linear.")] = 1.0,
@@ -143,7 +144,7 @@ def design(
 @app.command()
 @with_options
 def ball(
-    answering: Answering,
+    answering: OutputOptions,
     geometry: GeometryFile = None,
     press: Annotated[float, typer.Option("--press", help="How deep the ball is pressed, mm.")] = 2.0,
     radius: Annotated[
@@ -160,50 +161,39 @@ def ball(
 
 
 @app.command()
-def boards(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the boards here.")],
+def make(
+    kind: Annotated[
+        Literal["boards", "housing", "benchmark"],
+        typer.Argument(help="Circuit boards to order; a housing and its mould; the ten objects."),
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the files here.")],
     geometry: GeometryFile = None,
     board: Annotated[str, typer.Option("--board", help=f"Controller on the carrier: {', '.join(CARRIERS)}.")] = "pico",
-    package: Package = "5050",
-) -> None:
-    """Circuit boards to order: the flexible strip, and a carrier for the controller."""
-    from gellight.lab.simulator.geometry_file import read_geometry
-    from gellight_design import output
-    from gellight_design.boards.files import board_files
-
-    check_out(out / "any", overwrite=True)
-    for path in output.write_all(out, board_files(read_geometry(geometry), board, package)):
-        typer.echo(path)
-
-
-@app.command()
-def housing(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the housing here.")],
-    geometry: GeometryFile = None,
-    package: Package = "5050",
+    package: Annotated[str, typer.Option("--package", help=f"Package of the LEDs: {', '.join(LAMPS)}.")] = "5050",
     lens: Annotated[
-        float, typer.Option("--lens-mm", min=3, max=100, help="From the lens's entrance pupil to behind the board.")
+        float,
+        typer.Option(
+            "--lens-mm", min=3, max=100, help="Of the housing: from the lens's entrance pupil to behind the board."
+        ),
     ] = 15.0,
 ) -> None:
-    """Housing and mould to print, as STL and STEP."""
+    """Make parts: boards to order, a housing to print (STL, STEP), the objects as height maps and solids to print."""
     from gellight.lab.simulator.geometry_file import read_geometry
     from gellight_design import output
-    from gellight_design.housing.parts import housing_files
 
     check_out(out / "any", overwrite=True)
-    for path in output.write_all(out, housing_files(read_geometry(geometry), package, lens)):
-        typer.echo(path)
+    sensor = read_geometry(geometry)
+    if kind == "boards":
+        from gellight_design.boards.files import board_files
 
+        files = board_files(sensor, board, package)
+    elif kind == "housing":
+        from gellight_design.housing.parts import housing_files
 
-@app.command()
-def benchmark(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the objects here.")],
-    relief: Annotated[float, typer.Option("--relief", min=0.05, max=10, help="Relief of the objects, mm.")] = 1.0,
-    size: Annotated[int, typer.Option("--size", min=32, max=1024, help="Points a side of the height maps.")] = 512,
-) -> None:
-    """Write the ten objects as height maps (.npy, mm) and as solids to print (.stl)."""
-    from gellight_design.benchmark_files import write_benchmark
+        files = housing_files(sensor, package, lens)
+    else:
+        from gellight_design.benchmark_files import benchmark_files
 
-    check_out(out / "any", overwrite=True)
-    for path in write_benchmark(out, relief, size):
+        files = benchmark_files()
+    for path in output.write_all(out, files):
         typer.echo(path)

@@ -6,7 +6,7 @@ from pathlib import Path
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.cli.running.felt import felt_frames
+from gellight.cli.running.tactile import tactile_frames
 from gellight.cli.showing import show
 from gellight.frames.frames import TactileFrame
 from gellight.recording.recording_file import Recording
@@ -55,7 +55,7 @@ def _map_of(path: Path, wanted: OfRecording) -> HeightMap:
 
 def _chosen(recording: Recording, bundle: Bundle | None, number: int | None) -> TactileFrame:
     """Return the wanted frame, else the deepest."""
-    wanted = (one for one in felt_frames(recording, bundle) if number in (None, one.camera_frame.sequence))
+    wanted = (one for one in tactile_frames(recording, bundle) if number in (None, one.camera_frame.sequence))
     deepest = max(wanted, key=lambda one: one.contact.indentation_mm, default=None)
     if deepest is None:
         raise InputError(f"{recording.path} holds no frame {number}: `gellight export` names them all")

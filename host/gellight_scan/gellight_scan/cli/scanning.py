@@ -15,7 +15,7 @@ from gellight.base.settings import Settings
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.ending import Ending, until_interrupted
 from gellight.cli.one_sensor import WAIT_S, opened
-from gellight.cli.running.felt import felt_frames
+from gellight.cli.running.tactile import tactile_frames
 from gellight.cli.showing import show
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream
@@ -80,7 +80,7 @@ def _end(scan: Scan | BodyScan, as_json: bool) -> None:
 
 
 def _add_recorded(scan: Scan | BodyScan, found: Recording, calibration: str | None, most: int) -> None:
-    frames = felt_frames(found, load_bundle(calibration) if calibration else None)
+    frames = tactile_frames(found, load_bundle(calibration) if calibration else None)
     view = None
     for view in _taken(scan, frames, most):
         if scan.has(view.contact if isinstance(view, Touch) else view):

@@ -62,4 +62,4 @@ class OfRecording:
         given = {"--frame": self.frame, "--error-mm": self.error, "--calibration": self.calibration}
         useless = [name for name, value in given.items() if value is not None]
         if useless:
-            raise InputError(f"{' and '.join(useless)} is of a recording, and this is a map: leave it away")
+            raise InputError(f"{' and '.join(useless)} is of a recording, and this is a map: remove it")

@@ -17,7 +17,7 @@ from gellight.recording.replay_camera import ReplayCamera, ReplayUrl
 from gellight.watch.possible import gel_thickness_mm
 
 
-def felt_frames(recording: Recording, bundle: Bundle | None) -> Iterator[TactileFrame]:
+def tactile_frames(recording: Recording, bundle: Bundle | None) -> Iterator[TactileFrame]:
     """Yield the tactile frames of a recording, by `bundle` or by the one that was in use at each frame.
 
     They are those of a replay, with the times of the recording.

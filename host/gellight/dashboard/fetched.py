@@ -1,0 +1,164 @@
+"""What the page fetches beside its frames: the newest frame as a file, the calibration, the scan.
+
+GET  /frame/KIND                   the newest frame at full size: npz, ply
+GET  /reference/NAME               a reference image, WebP; see reference_views.py
+GET  /calibration                  what the wizard shows, JSON (see `CalibrationState`)
+GET  /calibration/report/IDENTITY  the report of a stored bundle
+GET  /calibration/picture/NAME     a picture as JPEG: live, press, uniformity, coverage, verify
+GET  /scan/map                     the map as PNG, without margins
+GET  /scan/file/NAME               the map as a file: map.png, map.npz, map.ply, map.stl, map.x3p
+"""
+
+import asyncio
+import logging
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Protocol, TypeVar
+
+from aiohttp import web
+
+from gellight.base.errors import GellightError
+from gellight.daemon.calibration_service import CalibrationService
+from gellight.daemon.calls import Scanning
+from gellight.daemon.session import SensorSession
+from gellight.dashboard.messages import without_nan
+from gellight.dashboard.view import ReferenceViews, jpeg
+from gellight.frames.maps_file import maps_file
+from gellight.frames.point_cloud import ply
+
+logger = logging.getLogger(__name__)
+T = TypeVar("T")
+FOR_EVER = "public, max-age=31536000, immutable"
+"""for what never changes under its name"""
+REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox allow-popups"
+"""a report holds its style and pictures, and no script; a bundle may come from anywhere"""
+NO_CALIBRATION = "this dashboard has no calibration: start it with `gellight run` or `gellight demo`"
+NO_SCAN = "this dashboard cannot scan: start it with `gellight run` or `gellight demo`"
+FRAME_S = 2.0
+
+
+class ScanController(Scanning, Protocol):
+    """What scans; what an entry point `gellight.panels` names "scan"."""
+
+    def state(self) -> dict[str, object] | None:
+        """Return all that the page shows, None before the first scan."""
+
+    def picture(self) -> bytes:
+        """Return the map as a PNG without margins."""
+
+    def file(self, name: str) -> bytes:
+        """Return the map as a file of this name."""
+
+
+class Fetched:
+    """The routes."""
+
+    def __init__(
+        self,
+        source: SensorSession,
+        references: ReferenceViews,
+        calibration: CalibrationService | None,
+        scan: ScanController | None,
+    ) -> None:
+        """Answer about these; where there is no calibration or no scan, the answer says so."""
+        self._source, self._references, self._calibration, self._scan = source, references, calibration, scan
+        self._worker = ThreadPoolExecutor(2, thread_name_prefix="dashboard-fetched")
+
+    def add_routes(self, app: web.Application) -> None:
+        """Add the routes to an application."""
+        app.router.add_get("/frame/{kind:npz|ply}", self._frame)
+        app.router.add_get("/reference/{name}", self._reference)
+        app.router.add_get("/calibration", self._state)
+        app.router.add_get("/calibration/picture/{name}", self._picture)
+        app.router.add_get("/calibration/report/{identity:[0-9a-f]{16}}", self._report)
+        app.router.add_get("/scan/map", self._map)
+        app.router.add_get(r"/scan/file/{name:map\.[a-z0-9]{3}}", self._map_file)
+        app.on_cleanup.append(self._stop)
+
+    async def _stop(self, app: web.Application) -> None:
+        self._worker.shutdown(wait=True, cancel_futures=True)
+
+    async def _answer(
+        self, about: T | None, make: Callable[[T], web.Response], missing: str = "", status: int = 404
+    ) -> web.Response:
+        """Let a thread make the answer; what cannot be had is answered with the reason and `status`."""
+        if about is None:
+            return refused(missing, 404)
+        return await answered(self._worker, lambda: make(about), status)
+
+    async def _frame(self, request: web.Request) -> web.Response:
+        kind = request.match_info["kind"]
+        return await self._answer(self._source, lambda source: _frame_file(source, kind), status=503)
+
+    async def _reference(self, request: web.Request) -> web.Response:
+        name, headers = request.match_info["name"], {"Cache-Control": FOR_EVER}
+        return await self._answer(
+            self._references,
+            lambda known: web.Response(body=known.picture(name), content_type="image/webp", headers=headers),
+        )
+
+    async def _state(self, request: web.Request) -> web.Response:
+        return await self._answer(
+            self._calibration,
+            lambda calibration: web.json_response(without_nan(calibration.state().model_dump(mode="json"))),
+            NO_CALIBRATION,
+            500,
+        )
+
+    async def _picture(self, request: web.Request) -> web.Response:
+        name = request.match_info["name"]
+        return await self._answer(
+            self._calibration,
+            lambda calibration: web.Response(body=jpeg(calibration.picture(name)), content_type="image/jpeg"),
+            NO_CALIBRATION,
+        )
+
+    async def _report(self, request: web.Request) -> web.Response:
+        identity, headers = request.match_info["identity"], {"Content-Security-Policy": REPORT_POLICY}
+        return await self._answer(
+            self._calibration,
+            lambda calibration: web.Response(
+                body=calibration.report(identity), content_type="text/html", charset="utf-8", headers=headers
+            ),
+            NO_CALIBRATION,
+        )
+
+    async def _map(self, request: web.Request) -> web.Response:
+        return await self._answer(
+            self._scan, lambda scan: web.Response(body=scan.picture(), content_type="image/png"), NO_SCAN
+        )
+
+    async def _map_file(self, request: web.Request) -> web.Response:
+        name = request.match_info["name"]
+        return await self._answer(self._scan, lambda scan: _file(scan.file(name), name), NO_SCAN)
+
+
+async def answered(worker: ThreadPoolExecutor, make: Callable[[], web.Response], status: int) -> web.Response:
+    """Let a thread make an answer; what is refused is answered with the reason and `status`."""
+    try:
+        return await asyncio.get_running_loop().run_in_executor(worker, make)
+    except (GellightError, TimeoutError, ValueError) as error:
+        return refused(str(error), status)
+    except Exception:
+        logger.exception("an answer failed")
+        return refused("internal error; see the log of the sensor's program", 500)
+
+
+def refused(message: str, status: int) -> web.Response:
+    """Return the answer that says why not."""
+    return web.json_response({"message": message}, status=status)
+
+
+def _file(content: bytes, name: str) -> web.Response:
+    return web.Response(body=content, headers={"Content-Disposition": f'attachment; filename="{name}"'})
+
+
+def _frame_file(source: SensorSession, kind: str) -> web.Response:
+    """Return the newest frame as a file; TimeoutError where there is none."""
+    frame = source.wait_frame(-1, FRAME_S)
+    if kind == "npz":
+        content = maps_file(frame, frame.provenance.findings if frame.provenance else ())
+    else:
+        height_mm = frame.provenance.camera_height_mm if frame.provenance else 0.0
+        content = ply(frame.depth_mm, source.pixel_size_mm, frame.camera_frame.image, height_mm)
+    return _file(content, f"gellight-{frame.camera_frame.sequence}.{kind}")
