@@ -43,7 +43,7 @@ class PressTable:
 
     rows: Floats
     """(N, C + 4) change of each channel, x, y in px, d(depth)/dx, d(depth)/dy; the channels are dR, dG, dB in grey
-    levels, or those of `series.channel_network`"""
+    levels, or those of `series.single_light_path`"""
     image: NDArray[np.int32]
     """(N,) number of the image each row comes from, see `images_of`"""
     image_size: tuple[int, int]
