@@ -133,7 +133,7 @@ class Calibrating:
             place = CYLINDER_PLACES_MM[self._count % len(CYLINDER_PLACES_MM)]
             self._gel.press("CYLINDER", CYLINDER_DEPTH_MM, *place)
         else:
-            press_ball(self._gel, 0, self._count)
+            press_ball(self._gel, self._count)
 
     def _judge_circle(self, shown: dict[str, Any] | None) -> None:
         """Judge a press that was taken, while it is still in the gel."""
@@ -185,10 +185,10 @@ class Working:
             self.calibrating = False
 
 
-def press_ball(gel: PressedGel, seed: int, number: int) -> Press:
+def press_ball(gel: PressedGel, number: int) -> Press:
     """Press the ball at the next place of a sequence that fills the view evenly."""
     gel.lift()
-    u, v, w = spread(seed, number)
+    u, v, w = spread(0, number)
     (x, y), (low, high) = FARTHEST_MM, DEPTHS_MM
     return gel.press("BALL", round(low + (high - low) * w, 1), x * (2 * u - 1), y * (2 * v - 1))
 
