@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -68,10 +69,10 @@ def draws(images: RealSet, presses: int | None, random: np.random.Generator) -> 
         )
 
 
-def counted(images: RealSet, presses: int | None = None, seed: int = 0) -> Counted:
-    """Move the labels of a set, and count which are named."""
+def counted(images: RealSet, presses: int | None = None, most: int | None = None) -> Counted:
+    """Move the labels of a set, and count which are named; most: draws, None for all."""
     found = Counted()
-    for labelled, wrong in draws(images, presses, np.random.default_rng(seed)):
+    for labelled, wrong in islice(draws(images, presses, np.random.default_rng(0)), most):
         named = {id(one.press) for one in wrong_labels.wrong_labels(labelled, images.reference, images.ball)}
         for position, press in enumerate(labelled):
             is_named = id(press) in named
@@ -105,6 +106,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sets", nargs="*", metavar="SET", help=f"of {', '.join(SETS)}; all where none is named")
     parser.add_argument("--presses", type=int, nargs="+", default=[0], help="so many of a set; 0: all")
+    parser.add_argument("--draws", type=int, metavar="N", help="so many at most; else until every label was moved")
     given = parser.parse_args()
     for name in given.sets or SETS:
         images = SETS[name](Path(tempfile.mkdtemp(prefix="gellight-real-")))
@@ -112,7 +114,10 @@ def main() -> None:
             for what in ("find_circle", "difference_of"):
                 stack.enter_context(patch.object(wrong_labels, what, _remembered(getattr(wrong_labels, what))))
             for number in given.presses:
-                print(f"{name}, {number or len(images.presses)} presses: {counted(images, number)}", flush=True)
+                print(
+                    f"{name}, {number or len(images.presses)} presses: {counted(images, number, given.draws)}",
+                    flush=True,
+                )
 
 
 if __name__ == "__main__":
