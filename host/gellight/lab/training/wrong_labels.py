@@ -98,7 +98,7 @@ def contradicted_lines(metrics: Mapping[str, Any]) -> list[str]:
     """Return for people which labels are contradicted, by what `sorted_out` told."""
     return [
         f"{'WRONG LABEL' if one['kept'] else 'LEFT OUT'}: {one['image']}: {one['why']}: correct its label"
-        + ("" if one["kept"] else ", or learn from it all the same (--keep)")
+        + ("" if one["kept"] else ", or learn from it all the same (`fit --keep`)")
         for one in metrics.get(CONTRADICTED, [])
     ]
 
