@@ -33,7 +33,7 @@ CONTRADICTED = "contradicted_labels"
 """in the metrics"""
 BESIDE, SEEN_BESIDE = 0.2, 0.15
 """of the contact radius: the others put the centre farther from that of the label, and so does its picture. Right
-labels of real sensors are off by up to 0.20 by the others, those moved by 0.3 radii by 0.25 and more"""
+labels of real sensors are off by up to 0.20 by the others, those moved by 0.3 radii by 0.26 and more"""
 FLAT = 0.4
 """of the ball's curvature: less than that is no ball"""
 MANY = 10
