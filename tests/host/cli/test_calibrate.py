@@ -1,16 +1,19 @@
 """`gellight calibrate fit`: from labelled presses to a bundle."""
 
+import csv
 import json
 import re
 import signal
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from gellight.base.errors import InputError, TrainingError
-from gellight.bundle.bundle import load_bundle
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.calibrate import training
 from gellight.cli.calibrate.detect import Pressed
 from gellight.cli.calibrate.told_ball import told_ball
@@ -21,7 +24,7 @@ from gellight.frames.image_files import ImageCamera
 from gellight.frames.picture import prepared
 from gellight.lab.training import child
 from gellight.lab.training.label_file import read_presses
-from gellight.lab.training.presses import Ball
+from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.training import read_reference
 from gellight.reconstruction.integration import angle_deg
 from tests.helpers.command_line import refused
@@ -162,6 +165,30 @@ def test_a_bundle_that_is_no_good_is_told_and_ends_with_1(
     result = run("fit", *sources(pressed), "--out", tmp_path / "out")
     assert result.exit_code == verdict
     assert ("NOT GOOD" in result.stdout) == bool(verdict)
+
+
+@pytest.mark.parametrize(("keep", "learnt", "word"), [((), 9, "LEFT OUT: 04.png"), (("--keep",), 10, "WRONG LABEL")])
+def test_a_label_beside_its_ball_is_told_and_left_out_unless_it_is_kept(
+    keep: tuple[str, ...], learnt: int, word: str, pressed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = list(csv.DictReader((pressed / "presses.csv").read_text().splitlines()))
+    rows[4]["center_x_px"] = str(float(rows[4]["center_x_px"]) + 0.6 * float(rows[4]["contact_radius_px"]))
+    labels = [",".join(rows[0]), *(",".join(row.values()) for row in rows)]
+    (pressed / "one_moved.csv").write_text("\n".join(labels))
+    given: list[int] = []
+
+    def learning(presses: Sequence[Press], *_: object, extra_metrics: Mapping[str, object], **__: object) -> Bundle:
+        given.append(len(presses))
+        return Mock(metrics=extra_metrics)
+
+    monkeypatch.setattr(training, "fit_judged", learning)
+    monkeypatch.setattr(training, "which_ball", lambda *_: {})
+    monkeypatch.setattr(training, "_fit_lines", lambda written: training.contradicted_lines(written.metrics))
+    options = ["--presses", pressed / "one_moved.csv", "--reference", pressed / "untouched", *BALL]
+    result = run("fit", *options, "--out", tmp_path / "out", *keep)
+    assert result.exit_code == 0, result.output
+    assert given == [learnt]
+    assert word in result.stdout
 
 
 def test_an_existing_bundle_is_kept_unless_told_otherwise(bundle: Path, pressed: Path) -> None:

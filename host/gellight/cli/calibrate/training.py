@@ -28,6 +28,7 @@ from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.synthetic import PIXEL_SIZE_MM, make_synthetic
 from gellight.lab.training.training import Learning, Reference, like_words, read_reference
 from gellight.lab.training.validation import AngleFigures, PressFigures
+from gellight.lab.training.wrong_labels import contradicted_lines, sorted_out
 from gellight.photometric.lights_file import has_lights
 
 LARGEST_ERROR_DEG = 14.0
@@ -91,15 +92,21 @@ def fit(
     largest_normal_error_deg: Annotated[
         float, typer.Option(min=0, help="exit with 1 where the mean error of the normals is beyond, degrees")
     ] = LARGEST_ERROR_DEG,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="learn also from presses whose label the others and its picture contradict")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Train on presses of a ball, and write a calibration bundle.
 
-    The exit status is 1 where presses that were kept apart say that the bundle is no good; it is written all the same.
+    Presses whose circle is contradicted, by the other presses and its picture, are named and left out. The exit status
+    is 1 where presses that were kept apart say that the bundle is no good; it is written all the same.
     """
-    given = recorded.read()
+    labelled, untouched, ball = recorded.read()
+    presses, contradicted = sorted_out(labelled, untouched, ball, keep=keep)
+    given = presses, untouched, ball
     learning = recorded.learning(given[1], how)
-    extra = which_ball(*given, previous)
+    extra = {**contradicted, **which_ball(*given, previous)}
     crossed = _cross_validated(given, folds, learning) if folds else None
     if given[1].view:
         extra[SMALLER] = given[1].view.model_dump()
@@ -225,6 +232,7 @@ def _fit_lines(written: Bundle) -> list[str]:
     metrics = written.metrics
     trained, judged = metrics["training"], metrics.get("held_out")
     return [
+        *contradicted_lines(metrics),
         f"trained on {trained['images']} images by {trained['trainer']} in {trained['cpu_seconds']:.1f} CPU seconds",
         f"normal error of networks that did not see the press that judges: {judged['normal_error_deg']['mean']:.2f} deg"
         if judged

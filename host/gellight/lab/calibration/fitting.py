@@ -15,6 +15,7 @@ from gellight.lab.training.child import RefusedTableError
 from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.presses import Press
 from gellight.lab.training.training import Learning, Reference, rehearse
+from gellight.lab.training.wrong_labels import contradicted_lines, sorted_out
 from gellight.photometric.light_model import LightModel
 
 logger = logging.getLogger(__name__)
@@ -56,15 +57,20 @@ def _draft(run: CalibrationRun, presses: Sequence[Press], lights: LightModel | N
     def report(epoch: int, epochs: int, loss: float) -> None:
         run.display.update(progress=Progress(done=epoch, wanted=epochs, unit="epochs", loss=loss))
 
-    taken = run.folder.figures(UntouchedGel)
+    taken, ball = run.folder.figures(UntouchedGel), ball_of(run)
+    reference = Reference(image=run.folder.reference(), frames=taken.frames, noise_grey=taken.noise_grey)
+    presses, contradicted = sorted_out(presses, reference, ball, check=run.check_stopped)
+    for line in contradicted_lines(contradicted):
+        logger.warning("%s", line)
     return fit_judged(
         presses,
-        Reference(image=run.folder.reference(), frames=taken.frames, noise_grey=taken.noise_grey),
-        ball_of(run),
+        reference,
+        ball,
         run.folder.draft,
         sensor=run.options.sensor,
         how=Learning(options=run.options.training, like=run.options.like, lights=lights),
         extra_files=run.camera.bundle_files,
+        extra_metrics=contradicted,
         overwrite=True,
         progress=report,
         check=run.check_stopped,

@@ -33,6 +33,7 @@ from gellight.lab.report.html import box, section, table
 from gellight.lab.report.pictures import depth_picture, difference_picture, normal_picture
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 from gellight.lab.training.training import like_words
+from gellight.lab.training.wrong_labels import contradicted_lines
 from gellight.reconstruction.integration import normals
 
 _SHAPE = "depth, mean taken off, µm"
@@ -283,11 +284,13 @@ def _training(found: Fit) -> str:
         if judged
         else ""
     )
-    begun = "".join(f" {escape(words.capitalize())}." for words in like_words(found.model_dump()))
+    metrics = found.model_dump()
+    begun = "".join(f" {escape(words.capitalize())}." for words in like_words(metrics))
+    left_out = "".join(f"<p>{escape(line)}</p>" for line in contradicted_lines(metrics))
     return section(
         "Network",
         f"<p>Trained on {training.images} presses by {escape(training.trainer)} in {training.cpu_seconds:.1f} CPU "
-        f"seconds.{error}{begun}</p>",
+        f"seconds.{error}{begun}</p>{left_out}",
         box("figures", line_chart([curve], Axes(title="Training", x="epoch", y="loss"))),
     )
 

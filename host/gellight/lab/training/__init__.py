@@ -9,6 +9,7 @@ child.py             a module of gelnet run in a child process
 training.py          GelNet trained on the table, and written as a bundle; whether it can be trained here
 polynomial.py        polynomials of several variables, and their fit
 validation.py        errors of a bundle on labelled presses
+wrong_labels.py      labels that the other presses and their picture contradict
 votes.py             which labels of the same presses are better
 folds.py             networks that never saw some of the presses
 judged_fit.py        a calibration that tells its errors by them

@@ -95,6 +95,7 @@ def test_a_like_unit_that_is_none_is_dropped_and_eight_own_presses_are_enough(
     monkeypatch.setattr(fitting, "fit_judged", learn)
     for name in ("rehearse", "measure_lights", "ball_of"):
         monkeypatch.setattr(fitting, name, Mock())
+    monkeypatch.setattr(fitting, "sorted_out", lambda learnt_from, *_, **__: (learnt_from, {}))
     run = Mock(options=Mock(least_presses=2))
     run.folder.presses.return_value = [Mock()] * presses
     with nullcontext() if enough else pytest.raises(TrainingError, match=r"go on, and press at least 1 more times$"):

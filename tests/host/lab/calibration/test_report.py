@@ -8,8 +8,8 @@ import pytest
 
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.lab.calibration.choices import Limits
-from gellight.lab.calibration.records import CheckErrors, Verification
-from gellight.lab.calibration.report import Example, depth_tiles, section_profile
+from gellight.lab.calibration.records import CheckErrors, Fit, Verification
+from gellight.lab.calibration.report import Example, _training, depth_tiles, section_profile
 from gellight.lab.calibration.verifying import verdict_on
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle
 
@@ -95,3 +95,11 @@ def test_the_section_shows_the_ball_as_measured_and_says_by_how_much_it_is_raise
     felt, unraised, raised = highest(svg)
     assert raised == pytest.approx(felt, abs=0.2)
     assert (unraised - felt > 50) is (raised_mm > 0)
+
+
+def test_a_press_that_was_left_out_is_named_with_the_reason() -> None:
+    training = {"images": 9, "cpu_seconds": 1.0, "trainer": "numpy"}
+    wrong = {"contradicted_labels": [{"image": "04.png", "why": "the ball lies 7 px <beside>", "kept": False}]}
+    page = _training(Fit.model_validate({"training": training, "losses": [1.0, 0.5], **wrong}))
+    assert "LEFT OUT: 04.png: the ball lies 7 px &lt;beside&gt;" in page
+    assert "LEFT OUT" not in _training(Fit.model_validate({"training": training, "losses": [1.0, 0.5]}))
