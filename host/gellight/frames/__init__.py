@@ -13,6 +13,7 @@ dot_following.py   which dot is which from frame to frame
 shear.py           what is known of the gel along its surface; the same as figures that travel
 picture.py         what a bundle does to each picture, and the camera that does it
 pixel_grid.py      where pixels lie on the gel; means over blocks of them
+over_gel.py        maps of the picture, laid over the gel
 point_cloud.py     a depth map as points in space
 video_files.py     the pictures of a video file
 """
