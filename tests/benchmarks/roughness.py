@@ -31,7 +31,7 @@ from gellight_scan.roughness import (
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.deformation import grid
-from sim_reference.geometry import SensorGeometry, pixel_grid
+from sim_reference.geometry import AS_BUILT, pixel_grid
 from sim_reference.imaging import ring_irradiance
 from sim_reference.surface import Surface, sample
 
@@ -71,7 +71,7 @@ class Bench:
 
     def __init__(self, seed: int = 0) -> None:
         """Feel a flat plate first: what is found on it is the error of the heights."""
-        self.geometry = SensorGeometry()
+        self.geometry = AS_BUILT
         self._scene = Scene(self.geometry, CameraResponse(noise_grey=NOISE_GREY))
         self._reconstructor = Reconstructor(load_bundle("synthetic"))
         self._random = np.random.default_rng(seed)

@@ -18,7 +18,7 @@ from gellight.reconstruction.integration import angle_deg, normals
 from gellight.watch.cells import spread
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 from sim_reference.camera import CameraResponse
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from tests.helpers.watched_sensor import NOISE_GREY, WatchedSensor, dusty, torn
 
 Item = TypeVar("Item")
@@ -29,7 +29,7 @@ SHAPE = (480, 640)
 def main() -> None:
     """Print the tables."""
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 20
-    scene = Scene(SensorGeometry(), CameraResponse(noise_grey=NOISE_GREY))
+    scene = Scene(AS_BUILT, CameraResponse(noise_grey=NOISE_GREY))
     cost(scene)
     counts(scene, runs)
     estimates(scene)

@@ -25,9 +25,9 @@ def points(depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> Points:
 
 
 def straight_above(height_mm: float) -> LedLight:
-    """One LED that shines straight down, which is all the light of each channel."""
+    """One LED that shines straight down through no window, which is all the light of each channel."""
     led = np.array([[0, 0, height_mm, 0, 0, 1]], np.float32)
-    return replace(LedLight.of(MODEL, BLOCKS), leds=led, shares=np.ones((1, 3, *BLOCKS), np.float32))
+    return replace(LedLight.of(MODEL, BLOCKS), leds=led, shares=np.ones((1, 3, *BLOCKS), np.float32), window_mm=0)
 
 
 @pytest.mark.parametrize("depth_mm", [-0.5, 0.0, 0.7, 2.0])

@@ -8,7 +8,7 @@ import tomli_w
 from gellight.base.errors import ConfigError
 from gellight.base.settings import GeometrySettings, read_settings
 from gellight.lab.simulator.simulated_camera import built
-from sim_reference.geometry import ACRYLIC_MM, SensorGeometry
+from sim_reference.geometry import ACRYLIC_MM, AS_BUILT, SensorGeometry
 from sim_reference.refraction import window_of
 
 STRIP_WIDTH_MM = 6.5
@@ -21,7 +21,7 @@ def read_geometry(path: Path | None) -> SensorGeometry:
     Raises ConfigError for a file that cannot be read, an unknown key, no geometry, or a sensor that cannot be built.
     """
     if path is None:
-        return SensorGeometry()
+        return AS_BUILT
     overrides = read_settings(path).geometry.overrides()
     if not overrides:
         raise ConfigError(
@@ -72,6 +72,6 @@ def design_file(geometry: SensorGeometry) -> bytes:
     for name, value in vars(geometry).items():
         if name.endswith("_rad"):
             name, value = f"{name.removesuffix('_rad')}_deg", degrees(value)
-        if name in GeometrySettings.model_fields:  # perspective and window are none
+        if name in GeometrySettings.model_fields:
             section[name] = round(value, 6) if isinstance(value, float) else value
     return f"# gellight ring set {ring_colours(geometry)}\n\n{tomli_w.dumps({'geometry': section})}".encode()
