@@ -69,7 +69,7 @@ class Study(Answering):
 
         if self.out is not None:
             output.check_writable(self.out)
-        sensor = read_geometry(self.geometry)
+        sensor = read_geometry(self.geometry, as_built=False)
         if self.gel == "fem":
             check_memory(self.resolution, sensor, self.workers or available_cores())
         setup = study_setup(sensor, self.press, self.relief, self.size, self.noise)
@@ -108,7 +108,7 @@ def fine(
     from gellight.lab.simulator.geometry_file import read_geometry
     from gellight_design import output
 
-    result = output.fine_study(read_geometry(geometry), diameter, gamma)
+    result = output.fine_study(read_geometry(geometry, as_built=False), diameter, gamma)
     answering.answer(
         "fine", output.fine_json(result), output.fine_text(result), {"fine.svg": output.fine_chart(result)}
     )
@@ -154,7 +154,7 @@ def ball(
     from gellight.lab.simulator.geometry_file import read_geometry
     from gellight_design import output
 
-    result = output.ball_study(read_geometry(geometry), press, radius)
+    result = output.ball_study(read_geometry(geometry, as_built=False), press, radius)
     charts = {"ball.svg": output.ball_chart(result)}
     answering.answer("ball", output.ball_json(result), output.ball_text(result.choice), charts)
 
@@ -172,7 +172,7 @@ def boards(
     from gellight_design.boards.files import board_files
 
     check_out(out / "any", overwrite=True)
-    for path in output.write_all(out, board_files(read_geometry(geometry), board, package)):
+    for path in output.write_all(out, board_files(read_geometry(geometry, as_built=False), board, package)):
         typer.echo(path)
 
 
@@ -191,7 +191,7 @@ def housing(
     from gellight_design.housing.parts import housing_files
 
     check_out(out / "any", overwrite=True)
-    for path in output.write_all(out, housing_files(read_geometry(geometry), package, lens)):
+    for path in output.write_all(out, housing_files(read_geometry(geometry, as_built=False), package, lens)):
         typer.echo(path)
 
 
