@@ -131,6 +131,10 @@ class SensorGeometry:
         return log(0.5) / log(cos(self.beam_angle_rad / 2))
 
 
+AS_BUILT = SensorGeometry(perspective=True, window=True)
+"""the paper's sensor as a camera sees it; `SensorGeometry()` is the model in which the paper computes it"""
+
+
 def pixel_grid(geometry: SensorGeometry) -> tuple[Array, Array]:
     """x (1, W) and y (H, 1) in mm of the pixel centres, from the image centre."""
     height, width = geometry.image_shape

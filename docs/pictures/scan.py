@@ -14,6 +14,7 @@ import numpy as np
 
 import gellight
 from gellight.frames.frames import CameraFrame
+from gellight.frames.over_gel import over_gel
 from gellight.lab.report.pictures import Picture
 from gellight.lab.simulator.scene import Scene, under_light
 from gellight_scan.contact_view import ContactView
@@ -22,7 +23,7 @@ from gellight_scan.scan import Scan, map_picture
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.deformation import NO_OBJECT, grid
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from sim_reference.imaging import led_irradiance
 from sim_reference.surface import sample
 
@@ -31,7 +32,7 @@ TEXT, RAISED_MM, ROUGH_MM = "GelLight", 0.2, 0.015
 PATCH_MM, GRID, DEEP_MM = 20.0, 512, 0.5
 PLACES = [(x, y) for y in (-6.0, 6.0) for x in (-28.0, -14.0, 0.0, 14.0, 28.0)]
 WIDTH_PX = 1100
-GEOMETRY = SensorGeometry()
+GEOMETRY = AS_BUILT
 
 
 def plate() -> np.ndarray:
@@ -76,7 +77,13 @@ def scanned(folder: Path) -> Fused:
         place = pressed(heights, x + random.uniform(-1, 1), y + random.uniform(-1, 1), random.normal() * 0.03)
         image = photograph(scene, place, random)
         frame = reconstructor.reconstruct(CameraFrame(image=image, time_s=0.0, sequence=number))
-        print(scan.add(ContactView(frame.depth_mm, bundle.pixel_size_mm, bundle.identity)).in_words())
+        print(
+            scan.add(
+                ContactView(
+                    over_gel(frame.depth_mm, bundle.manifest.camera_height_mm), bundle.pixel_size_mm, bundle.identity
+                )
+            ).in_words()
+        )
     assert scan.fused is not None
     return scan.fused
 

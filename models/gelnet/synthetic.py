@@ -29,7 +29,7 @@ from gelnet.training import Trainer, normal_error_deg, print_progress, record_of
 from sim_reference import gel
 from sim_reference.camera import WHITE, CameraResponse, digitise, exposure_for, linear_grey
 from sim_reference.deformation import GelModel
-from sim_reference.geometry import SensorGeometry, pixel_grid
+from sim_reference.geometry import AS_BUILT, SensorGeometry, pixel_grid
 from sim_reference.imaging import direct_light, ring_irradiance, ring_light
 from sim_reference.objects import ObjectParameters
 from sim_reference.surface import Surface, press_object, sample, untouched
@@ -192,7 +192,7 @@ def geometry_hash(geometry: SensorGeometry, response: CameraResponse) -> str:
 
 def make(options: Options, trainer: Trainer, *, width: int, seed: int, out: Path) -> dict[str, Any]:
     """Press, train, measure on validation presses and write the files; returns the provenance."""
-    sensor = simulated_sensor(SensorGeometry(), seed=seed)
+    sensor = simulated_sensor(AS_BUILT, seed=seed)
     training, validation = (
         table_of_presses(sensor, options, count=count, noise_grey=noise, seed=SEEDS[name] + 1000 * seed)
         for name, count, noise in (

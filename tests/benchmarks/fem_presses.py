@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from sim_reference.deformation import NO_OBJECT, grid
 from sim_reference.fem.gel import FemGel, coated
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from sim_reference.objects import ObjectParameters, object_height
 from tests.helpers.places import CHECKOUT
 
 Array = NDArray[np.float64]
 RECORD = CHECKOUT / "tests/data/fem/presses.npz"
 SIZE, SPACING_MM, UNIT_MM = 320, 0.125, 1e-4
-MODEL, GEOMETRY = FemGel(resolution_mm=0.3, dense_radius_mm=7.0), SensorGeometry()
+MODEL, GEOMETRY = FemGel(resolution_mm=0.3, dense_radius_mm=7.0), AS_BUILT
 AT = grid(SIZE, SPACING_MM)
 X, Y = np.meshgrid(AT, AT)
 INSIDE = np.hypot(X, Y)[::2, ::2] < MODEL.dense_radius_mm

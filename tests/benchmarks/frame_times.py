@@ -24,10 +24,10 @@ from gellight.photometric.lights_file import FILE_NAME as LIGHTS
 from gellight.reconstruction.lens.undistortion import has_lens
 from tests.helpers.analytic_surfaces import Surface, smooth_cap
 
-_GREY_PER_SLOPE = np.array([[90.0, 0.0], [-45.0, 78.0], [-45.0, -78.0]])
+_GREY_PER_SLOPE = np.array([[54.0, 0.0], [-27.0, 46.8], [-27.0, -46.8]])
 _BALL_SHARE = 0.21
 _STEEP_PX = 53
-"""makes waves of 37 px, steep enough that one pixel in eight goes through the network by itself"""
+"""makes waves of 37 px, steep enough that one pixel in 28 goes through the network by itself"""
 
 
 def halved(bundle: Bundle) -> Bundle:

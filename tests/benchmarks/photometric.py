@@ -24,7 +24,7 @@ from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
 from gellight.series.reconstructor import PhotometricReconstructor
 from sim_reference.camera import CameraResponse, digitise
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from sim_reference.objects import OBJECT_NAMES
 from sim_reference.surface import Surface
 
@@ -83,7 +83,7 @@ class Bench:
 
     def __init__(self, bundle: Bundle, noise_grey: float, seed: int) -> None:
         """Prepare all ways; raises as `compare_ways`."""
-        self.geometry = SensorGeometry()
+        self.geometry = AS_BUILT
         if bundle.image_shape != self.geometry.image_shape:
             raise InputError(f"{bundle.source} is not of the simulated sensor: give 'synthetic'")
         self._model = read_lights(bundle)

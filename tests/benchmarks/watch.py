@@ -11,7 +11,7 @@ from gellight.bundle.bundle import load_bundle
 from gellight.lab.simulator.scene import Scene
 from gellight.watch.monitor import SensorWatch
 from sim_reference.camera import CameraResponse
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from tests.helpers.watched_sensor import NOISE_GREY, WatchedSensor, dusty, torn
 
 SHAPE = (480, 640)
@@ -20,7 +20,7 @@ SHAPE = (480, 640)
 def main() -> None:
     """Print the table."""
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 20
-    counts(Scene(SensorGeometry(), CameraResponse(noise_grey=NOISE_GREY)), runs)
+    counts(Scene(AS_BUILT, CameraResponse(noise_grey=NOISE_GREY)), runs)
 
 
 def counts(scene: Scene, runs: int) -> None:

@@ -59,7 +59,8 @@ def test_the_design_is_the_sensor_that_is_simulated(tmp_path: Path) -> None:
         image_height_px=48,
     )
     (tmp_path / "gellight.toml").write_bytes(design_file(wanted))
-    read = read_geometry(tmp_path / "gellight.toml")
+    assert read_geometry(tmp_path / "gellight.toml").perspective, "a design says nothing of how it is seen"
+    read = read_geometry(tmp_path / "gellight.toml", as_built=False)
     assert read.incident_angle_rad == pytest.approx(wanted.incident_angle_rad)
     assert replace(read, incident_angle_rad=0.5, beam_angle_rad=2.0) == replace(
         wanted, incident_angle_rad=0.5, beam_angle_rad=2.0

@@ -6,7 +6,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.lab.simulator.scene import Press, Scene
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.deformation import Deformation
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from tests.helpers.places import CHECKOUT
 
 _KEPT = np.load(CHECKOUT / "tests/data/fem/presses.npz")
@@ -26,6 +26,6 @@ def force_n(name: str) -> float:
 def picture(name: str, *, seed: int = 0) -> CameraFrame:
     """The press a little beside the middle of the simulated sensor's view, with noise."""
     deformed = Deformation(depth_mm(name).astype(float), np.maximum(depth_mm(name), 0), SPACING_MM)
-    scene = Scene(SensorGeometry(), CameraResponse(noise_grey=1.0), model=lambda *_: deformed)
+    scene = Scene(AS_BUILT, CameraResponse(noise_grey=1.0), model=lambda *_: deformed)
     image = digitise(scene.show(Press("BALL", 0.5, 1.0, -2.0))[0], 1.0, np.random.default_rng(seed))
     return CameraFrame(image=image, time_s=0.0, sequence=0, source=name)

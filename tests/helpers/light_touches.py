@@ -8,7 +8,7 @@ from gellight.lab.simulator.scene import Scene
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.deformation import NO_OBJECT, grid
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from sim_reference.imaging import ring_irradiance
 from sim_reference.surface import Surface, sample
 
@@ -34,7 +34,7 @@ class LightTouches:
 
     def __init__(self) -> None:
         """Expose it."""
-        self.scene = Scene(SensorGeometry(), CameraResponse(noise_grey=NOISE_GREY))
+        self.scene = Scene(AS_BUILT, CameraResponse(noise_grey=NOISE_GREY))
         self.untouched, _ = self.scene.show(None)
 
     def press(self, height_mm: Array, depth_um: float, place_mm: tuple[float, float]) -> Surface:

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from gellight.lab.simulator.scene import Scene
 from gellight.lab.training.synthetic import NOISE_GREY, TEST_SEED, ball_presses
 from sim_reference.camera import CameraResponse, linear_grey
-from sim_reference.geometry import SensorGeometry
-from sim_reference.imaging import ring_irradiance
+from sim_reference.geometry import AS_BUILT, WHOLE, Box
+from sim_reference.imaging import around, ring_irradiance
 from sim_reference.surface import Surface
 
 Array = NDArray[np.float64]
@@ -15,14 +15,18 @@ Array = NDArray[np.float64]
 
 def bound_on_balls_deg(presses: int, depth_mm: float) -> float:
     """Return the mean of `pixel_bound_deg` in contact, over the presses of `evaluate_simulated`."""
-    scene = Scene(SensorGeometry(), CameraResponse(noise_grey=NOISE_GREY))
+    scene = Scene(AS_BUILT, CameraResponse(noise_grey=NOISE_GREY))
     balls = ball_presses(scene.geometry, presses, np.random.default_rng(TEST_SEED), depth_mm)
     surfaces = (scene.show(ball)[1] for ball in balls)
-    return float(np.mean([pixel_bound_deg(scene, surface)[surface.contact].mean() for surface in surfaces]))
+    means = []
+    for surface in surfaces:
+        box = around(surface.contact, 0)
+        means.append(pixel_bound_deg(scene, surface, box)[surface.contact[box]].mean())
+    return float(np.mean(means))
 
 
-def pixel_bound_deg(scene: Scene, surface: Surface) -> Array:
-    """Return the (H, W) mean normal error, deg, of an efficient estimator that sees the colour of one pixel alone.
+def pixel_bound_deg(scene: Scene, surface: Surface, box: Box = WHOLE) -> Array:
+    """Return the (h, w) mean normal error, deg, of an efficient estimator that sees the colour of one pixel of `box`.
 
     Efficient means: unbiased, with the least covariance that any unbiased estimator can have, by Cramér and Rao. With
     the Jacobian J (3, 2) of the grey levels with respect to the slopes, and grey levels of independent Gaussian noise
@@ -34,11 +38,11 @@ def pixel_bound_deg(scene: Scene, surface: Surface) -> Array:
     The bound is on the covariance, not on the mean angle, and it holds for unbiased estimators of one pixel. Smoothing
     uses neighbours and has a bias, so its error may be below this figure.
     """
-    jacobian = _jacobian(scene, surface)
+    jacobian = _jacobian(scene, surface, box)
     variance = scene.response.noise_grey**2 + 1 / 12
     information = np.einsum("hwci,hwcj->hwij", jacobian, jacobian) / variance
     information += 1e-12 * np.eye(2)
-    g = surface.gradient_map
+    g = surface.gradient_map[box]
     squared = 1 + (g**2).sum(axis=2)[..., None, None]
     metric = (squared * np.eye(2) - g[..., :, None] * g[..., None, :]) / squared**2
     product = metric @ np.linalg.inv(information)
@@ -55,11 +59,11 @@ def _mean_length(large: Array, small: Array) -> Array:
     return np.asarray(np.sqrt(np.pi / 2) * lengths / len(angles))
 
 
-def _jacobian(scene: Scene, surface: Surface, step: float = 1e-4) -> Array:
-    """(H, W, 3, 2) change of the grey levels with each slope, by central differences at unchanged depth."""
+def _jacobian(scene: Scene, surface: Surface, box: Box, step: float = 1e-4) -> Array:
+    """(h, w, 3, 2) change of the grey levels with each slope, by central differences at unchanged depth."""
 
     def grey(change: Array) -> Array:
         tilted = Surface(surface.depth_mm, surface.gradient_map + change, surface.contact)
-        return linear_grey(ring_irradiance(tilted, scene.geometry, scene.light), scene.response)
+        return linear_grey(ring_irradiance(tilted, scene.geometry, scene.light, box), scene.response)
 
     return np.stack([(grey(change) - grey(-change)) / (2 * step) for change in step * np.eye(2)], axis=3)

@@ -19,13 +19,14 @@ from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, CaptureStamp
 from gellight.frames.image_files import read_image
+from gellight.frames.over_gel import over_gel
 from gellight.lab.simulator.scene import Scene, under_light
 from gellight.recording.recording_file import RecordingWriter
 from gellight_scan.contact_view import ContactView
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, digitise, linear_grey
 from sim_reference.deformation import NO_OBJECT, grid
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from sim_reference.imaging import led_irradiance
 from sim_reference.surface import Surface, sample
 
@@ -35,7 +36,7 @@ SPACING_MM = 0.1
 GRID = 512
 PATCH_MM = 19.0
 """radius of what meets the gel at once: all of the view but its corners"""
-GEOMETRY = SensorGeometry()
+GEOMETRY = AS_BUILT
 PIXEL_MM = (GEOMETRY.pixel_size_mm, GEOMETRY.pixel_size_mm)
 
 
@@ -115,7 +116,8 @@ def felt(surface: Surface, seed: int) -> ContactView:
     """Return the press as it is reconstructed from its picture."""
     image = picture(surface, seed)
     frame = _reconstructor().reconstruct(CameraFrame(image=image, time_s=0.0, sequence=seed))
-    return ContactView(frame.depth_mm, PIXEL_MM, "synthetic")
+    height_mm = load_bundle("synthetic").manifest.camera_height_mm
+    return ContactView(over_gel(frame.depth_mm, height_mm), PIXEL_MM, "synthetic")
 
 
 def scanned(plate: Plate, poses: list[np.ndarray], deep_mm: float) -> Iterator[ContactView]:

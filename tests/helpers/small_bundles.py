@@ -31,7 +31,7 @@ from gelnet.recipes import RECIPES
 from gelnet.table import Table
 from gelnet.training import train
 from sim_reference.camera import CameraResponse
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 
 WHOLE_SHAPE = (480, 640)
 BLOCK = 4
@@ -150,14 +150,15 @@ def with_directions(bundle: Bundle) -> Bundle:
         vectors.append(np.linalg.lstsq(places[:, middle].T, (rows / rows[2])[:, middle].T, rcond=None)[0].T)
         untouched.append(rows[2].reshape(SHAPE))
     lights = LightDirections(vectors=np.stack(vectors), untouched=np.stack(untouched).astype(np.float32),
-                             noise_grey=bundle.manifest.noise_grey, pixel_size_mm=PIXEL_MM, groups=groups)  # fmt: skip
+                             noise_grey=bundle.manifest.noise_grey, pixel_size_mm=PIXEL_MM, groups=groups,
+                             camera_height_mm=bundle.manifest.camera_height_mm)  # fmt: skip
     files = {bundle.manifest.network.replace(".", "__"): trained_on_balls(lights)}
     return with_files(bundle, "directions", directions__npz=lights.content(), **files)
 
 
 def trained_on_balls(lights: LightDirections, presses: int = 15) -> bytes:
     """Return GelNet trained on balls somewhere near the middle, under the lights; 3 s of processor time."""
-    sensor = SensorGeometry(image_width_px=SHAPE[1], image_height_px=SHAPE[0], pixel_size_mm=PIXEL_MM)
+    sensor = replace(AS_BUILT, image_width_px=SHAPE[1], image_height_px=SHAPE[0], pixel_size_mm=PIXEL_MM)
     scene, random = Scene(sensor, CameraResponse()), np.random.default_rng(0)
     parts = [ball_rows(scene, lights, random) for _ in range(presses)]
     image = np.repeat(np.arange(presses, dtype=np.int32), list(map(len, parts)))

@@ -20,7 +20,7 @@ from gelnet.synthetic import Options, geometry_hash, main, simulated_sensor, tab
 from sim_reference import gel
 from sim_reference.camera import CameraResponse, linear_grey
 from sim_reference.deformation import Deformation
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT, SensorGeometry
 from sim_reference.imaging import ring_irradiance
 from sim_reference.surface import Surface
 from tests.helpers.pixel_bound import bound_on_balls_deg, pixel_bound_deg
@@ -144,7 +144,7 @@ def test_a_wrong_option_is_refused_and_nothing_is_written(tmp_path: Path, monkey
 def test_the_shipped_bundle_was_made_for_this_simulator() -> None:
     bundle = load_bundle("synthetic")
     provenance = json.loads(bundle.files["provenance.json"])
-    now = Scene(SensorGeometry(), CameraResponse())
+    now = Scene(AS_BUILT, CameraResponse())
     remedy = "the simulated sensor has changed: gellight calibrate synthetic --overwrite --out models/gelnet/synthetic"
     assert provenance["sensor_sha256"] == geometry_hash(now.geometry, now.response), remedy
     assert np.abs(bundle.reference - now.show(None)[0]).mean() < 0.1, remedy

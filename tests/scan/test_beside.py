@@ -14,7 +14,7 @@ from gellight.frames.frames import TactileFrame
 from gellight.lab.simulator.stage import Stage
 from gellight_scan.beside import SHORT, ScanBeside
 from gellight_scan.scan import MAP, PICTURE, Scan
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from tests.helpers.hill_frames import frame
 from tests.helpers.waiting import eventually
 
@@ -75,7 +75,7 @@ def test_a_hand_is_led_and_the_folder_is_that_of_the_verb(tmp_path: Path) -> Non
 
 
 def test_what_a_simulated_hand_pressed_before_the_scan_is_no_press_of_it(tmp_path: Path) -> None:
-    sensor = Frames(Stage(SensorGeometry()))
+    sensor = Frames(Stage(AS_BUILT))
     sensor.put(0.9, 0.9, 0.9, 0.9)
     with ScanBeside(sensor, root=tmp_path) as scan:
         scan.begin("part")

@@ -2,13 +2,14 @@
 
 import threading
 from collections import OrderedDict
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.lab.simulator.scene import Press, Scene
 from sim_reference.camera import CameraResponse
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 
 SHAPE = (120, 160)
 PIXEL_MM = 0.0588 * 4
@@ -22,7 +23,7 @@ class PressedGel:
     def __init__(self) -> None:
         """Begin with nothing in it."""
         height, width = SHAPE
-        geometry = SensorGeometry(image_width_px=width, image_height_px=height, pixel_size_mm=PIXEL_MM)
+        geometry = replace(AS_BUILT, image_width_px=width, image_height_px=height, pixel_size_mm=PIXEL_MM)
         self._scene = Scene(geometry, CameraResponse())
         self.deepest_mm = 0.4 * geometry.gel_thickness_mm
         self.pressed: Press | None = None

@@ -30,7 +30,8 @@ DOORS = {
     "cv2": (
         "bundle/contents.py", "lab/optics/lens/pins.py", "dashboard/view.py",
         "frames/dots.py", "frames/dot_places.py",
-        "frames/image_files.py", "frames/jpeg.py", "frames/pixel_grid.py", "frames/video_files.py", "frames/view.py",
+        "frames/image_files.py", "frames/jpeg.py", "frames/over_gel.py", "frames/pixel_grid.py",
+        "frames/video_files.py", "frames/view.py",
         "reconstruction/confidence.py", "reconstruction/force.py",
         "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
         "reconstruction/cast_shadows.py", "reconstruction/smoothing.py", "tracking/registration.py", "tracking/view.py",

@@ -13,6 +13,7 @@ shear.py           what is known of the gel along its surface; the same as figur
 picture.py         what a bundle does to each picture, and the camera that does it
 pixel_grid.py      where pixels lie on the gel; means over blocks of them
 maps_file.py       the maps of a frame as one .npz file
+over_gel.py        maps of the picture, laid over the gel
 point_cloud.py     a depth map as points in space; normals
 video_files.py     the pictures of a video file
 """

@@ -35,7 +35,7 @@ class Force:
 
     @cached_property
     def pressure_mpa(self) -> NDArray[np.float32]:
-        """(H, W) pressure on the gel, MPa (N / mm2), constant over cells of a tenth of the gel's thickness.
+        """(H, W) pressure over the gel at rest, MPa (N / mm2), constant over cells of a tenth of the gel's thickness.
 
         Its integral is the force.
         """

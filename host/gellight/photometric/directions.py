@@ -50,6 +50,8 @@ class LightDirections:
     """(G, n, 3) colours of a ring of n LEDs, shown in turn; none where the pictures come from elsewhere.
 
     A light is then what one colour of the camera sees of one group: see `lights_of`"""
+    camera_height_mm: float = 0.0
+    """above the gel at rest, as it seems from within the gel; 0 where nobody told"""
 
     @property
     def image_shape(self) -> tuple[int, int]:
@@ -105,14 +107,16 @@ class LightDirections:
             stored = arrays_of(content)
             given = {name: stored[name] for name in ("vectors", "untouched", "noise_grey", "pixel_size_mm")}
             groups = stored["groups"] if "groups" in stored else _recorded()
+            height = stored["camera_height_mm"] if "camera_height_mm" in stored else np.zeros(())
         except (*UNZIPPING, KeyError) as error:
             raise InputError(f"{source} holds no lights ({first_line(error)}): {_REMEDY}") from error
         vectors, untouched = given["vectors"], given["untouched"]
-        numbers = all(array.dtype.kind in "fiu" and np.isfinite(array).all() for array in (*given.values(), groups))
+        every = (*given.values(), groups, height)
+        numbers = all(array.dtype.kind in "fiu" and np.isfinite(array).all() for array in every)
         sized = untouched.ndim == 3 and untouched.size and len(untouched) >= LEAST_LIGHTS
         right = numbers and sized and vectors.shape == (len(untouched), 3, 3)
         right = right and all(given[name].ndim == 0 and given[name] > 0 for name in ("noise_grey", "pixel_size_mm"))
-        right = right and groups.ndim == 3 and groups.shape[2] == 3
+        right = right and groups.ndim == 3 and groups.shape[2] == 3 and height.ndim == 0 and bool(height >= 0)
         if not right or (len(groups) and len(lights_of(groups)) != len(untouched)):
             raise InputError(f"{source} holds no lights of one sensor: {_REMEDY}")
         return cls(
@@ -121,6 +125,7 @@ class LightDirections:
             groups=groups.astype(np.uint8),
             noise_grey=float(given["noise_grey"]),
             pixel_size_mm=float(given["pixel_size_mm"]),
+            camera_height_mm=float(height),
         )
 
 

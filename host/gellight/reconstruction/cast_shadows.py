@@ -35,10 +35,10 @@ from gellight.frames.pixel_grid import between_blocks
 from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import has_lights, read_lights
 from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX, GradientNetwork, block_middles, cell_means
-from gellight.reconstruction.integration import far_from_touch, integrate
+from gellight.reconstruction.integration import far_from_touch
 from gellight.reconstruction.led_light import LedLight
 from gellight.reconstruction.lens.undistortion import has_lens
-from gellight.reconstruction.perspective import Perspective
+from gellight.reconstruction.perspective import Perspective, depth_seen
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -114,9 +114,7 @@ class CastShadows:
     def depth_mm(self, slopes: Floats, touched: Bools) -> Floats:
         """Integrate the (h, w, 2) slopes of cells."""
         at_rest = far_from_touch(touched, COARSE_PX // CELL_PX)
-        seen = self.perspective.seen(slopes) if self.perspective else slopes
-        depth = np.asarray(integrate(seen, self.cell_mm, at_rest=at_rest, bulge=self._bulge), np.float32)
-        depth = self.perspective.depth_mm(depth) if self.perspective else depth
+        depth = depth_seen(slopes, self.cell_mm, self.perspective, at_rest=at_rest, bulge=self._bulge)
         return np.clip(depth, *self.on_cells.most_mm)
 
     def lost(self, depth_mm: Floats, slopes: Floats) -> Floats:

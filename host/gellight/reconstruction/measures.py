@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force
+from gellight.frames.over_gel import over_gel
 from gellight.frames.shear import DotsSeen, Floats, Shear
 from gellight.reconstruction.confidence import Learnt, confidence_of
 from gellight.reconstruction.error_bounds import read_errors
@@ -71,7 +72,10 @@ class BundleMeasures:
 
     def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
         """Return the force that makes a (H, W) depth map; None where the bundle has no `force.json`."""
-        return self._scale.force(depth_mm, self._bundle.pixel_size_mm) if self._scale else None
+        if self._scale is None:
+            return None
+        over = over_gel(depth_mm, self._bundle.manifest.camera_height_mm)
+        return self._scale.force(over, self._bundle.pixel_size_mm)
 
     def shear(self, depth_mm: NDArray[np.float32], dots: DotsSeen, force: Force | None) -> Shear:
         """Return how the dots say that the gel is moved and pulled along itself."""

@@ -9,16 +9,19 @@ ln Z over the picture (Queau, Durou, Aujol: Normal integration: a survey, J. Mat
 So the same integrator runs on the slopes q. The other way g = q / (1 - p . q / H).
 """
 
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.pixel_grid import gel_points_mm
+from gellight.reconstruction.integration import integrate
+from gellight.reconstruction.smoothing import Smoother
 
 Array = NDArray[np.floating]
 Floats = NDArray[np.float32]
+Size = tuple[float, float]
 
 
 class Perspective:
@@ -33,9 +36,13 @@ class Perspective:
     @classmethod
     def of_bundle(cls, bundle: Bundle, block_px: int = 1) -> Self | None:
         """Return that of a bundle, over squares of `block_px`; None where nobody told the height: for parallel rays."""
-        height_mm, (x_mm, y_mm) = bundle.manifest.camera_height_mm, bundle.pixel_size_mm
-        (height, width), size = (side // block_px for side in bundle.image_shape), (x_mm * block_px, y_mm * block_px)
-        points = gel_points_mm((height, width), size)
+        (x_mm, y_mm), (height, width) = bundle.pixel_size_mm, (side // block_px for side in bundle.image_shape)
+        return cls.over((height, width), (x_mm * block_px, y_mm * block_px), bundle.manifest.camera_height_mm)
+
+    @classmethod
+    def over(cls, shape: tuple[int, int], pixel_size_mm: tuple[float, float], height_mm: float) -> Self | None:
+        """Return that of (H, W) pixels; None for a height of 0, which nobody told."""
+        points = gel_points_mm(shape, pixel_size_mm)
         return cls(points[0, :, 0], points[:, 0, 1], height_mm) if height_mm else None
 
     def seen(self, slopes: Floats) -> Floats:
@@ -70,3 +77,18 @@ class Perspective:
 
     def _along(self, slopes: Floats) -> Floats:
         return np.asarray(slopes[..., :1] * self.x[:, None] + slopes[..., 1:] * self.y[:, None, None], np.float32)
+
+
+def depth_seen(slopes: Floats, size_mm: Size, seen: Perspective | None, **how: Any) -> Floats:
+    """Return the depth (H, W), mm, of slopes (H, W, 2) of the gel; seen: None along parallel rays. how: `integrate`."""
+    depth = integrate(seen.seen(slopes) if seen else slopes, size_mm, **how).astype(np.float32, copy=False)
+    return seen.depth_mm(depth) if seen else depth
+
+
+def surface_seen(
+    smoother: Smoother, depth_mm: Floats, size_mm: Size, measured: Floats, noise: Floats, seen: Perspective | None
+) -> Floats:
+    """Return the slopes of the gel (H, W, 2): `Smoother.of_surface`, of what is seen along parallel rays where None."""
+    over = (depth_mm, measured) if seen is None else (seen.logarithmic(depth_mm), seen.seen(measured))
+    slopes = smoother.of_surface(over[0], size_mm, over[1], noise)
+    return slopes if seen is None else seen.slopes(slopes)

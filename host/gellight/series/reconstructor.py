@@ -38,9 +38,9 @@ from gellight.photometric.solver import (
     slopes,
     solve_robustly,
 )
-from gellight.reconstruction.integration import far_from_touch, integrate
+from gellight.reconstruction.integration import far_from_touch
 from gellight.reconstruction.measures import BundleMeasures
-from gellight.reconstruction.perspective import Perspective
+from gellight.reconstruction.perspective import Perspective, depth_seen, surface_seen
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother
 from gellight.reconstruction.stages import Stages, tactile_frame
 from gellight.series.summary import as_picture, exposure_report
@@ -163,17 +163,12 @@ class PhotometricReconstructor:
 
     def _of_surface(self, depth: Floats, gradient_map: Floats, noise: Floats) -> Floats:
         """Return the slopes of the surface: see `Smoother.of_surface`."""
-        seen, size = self._perspective, self._pixel_size_mm
-        if seen is None:
-            return self._smoother.of_surface(depth, size, gradient_map, noise)
-        return seen.slopes(self._smoother.of_surface(seen.logarithmic(depth), size, seen.seen(gradient_map), noise))
+        return surface_seen(self._smoother, depth, self._pixel_size_mm, gradient_map, noise, self._perspective)
 
     def _depth(self, gradient_map: Floats, scaled: Floats, signals: Signals) -> Floats:
         """Integrate, and set the height by the gel at rest or by the light."""
         rest = far_from_touch(self._touched(gradient_map, scaled, signals))
-        seen = self._perspective.seen(gradient_map) if self._perspective else gradient_map
-        depth = integrate(seen, self._pixel_size_mm, at_rest=rest).astype(np.float32, copy=False)
-        depth = self._perspective.depth_mm(depth) if self._perspective else depth
+        depth = depth_seen(gradient_map, self._pixel_size_mm, self._perspective, at_rest=rest)
         return depth + np.float32(self._level_mm(depth, signals))
 
     def _level_mm(self, depth: Floats, signals: Signals) -> float:

@@ -10,9 +10,9 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries, TactileFrame
 from gellight.frames.status import PathStatus
 from gellight.photometric.directions import FILE_NAME, LightDirections, levels_of, lights_of
-from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.network_session import NetworkSession
+from gellight.reconstruction.perspective import Perspective, depth_seen, surface_seen
 from gellight.reconstruction.smoothing import NARROWEST_PX, Smoother
 from gellight.reconstruction.stages import Stages, tactile_frame
 from gellight.series.summary import as_picture, as_rgb, exposure_report
@@ -92,6 +92,7 @@ class SingleLightPath:
             )
         self._slopes = slopes_by(bundle, self._lights, mode)
         self._smoother = Smoother(smoothing_px)
+        self._perspective = Perspective.of_bundle(bundle)
         self._measures = BundleMeasures(bundle, from_network=mode == "network")
         self._last: ExposureReport | None = None
 
@@ -119,10 +120,11 @@ class SingleLightPath:
         gradient_map, noise = self._smoother.prefilter(np.ascontiguousarray(self._slopes(levels), np.float32))
         stages.end("slopes")
         size = self.bundle.pixel_size_mm
-        depth_mm = integrate(gradient_map, size).astype(np.float32, copy=False)
-        gradient_map = self._smoother.of_surface(depth_mm, size, gradient_map, noise)
+        depth_mm = depth_seen(gradient_map, size, self._perspective)
+        gradient_map = surface_seen(self._smoother, depth_mm, size, gradient_map, noise, self._perspective)
         stages.end("depth")
         lit = (levels > 0).sum(axis=0, dtype=np.uint8)
         self._last = report = exposure_report(series, lit, noise_grey=self.bundle.manifest.noise_grey)
         stages.end("still")
-        return tactile_frame(frame, difference, gradient_map, depth_mm, size, stages, report, measures=self._measures)
+        maps = difference, gradient_map, depth_mm
+        return tactile_frame(frame, *maps, size, stages, report, measures=self._measures, perspective=self._perspective)

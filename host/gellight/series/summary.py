@@ -15,8 +15,8 @@ from gellight.frames.pixel_grid import spread_blocks
 from gellight.photometric import static_scene
 from gellight.photometric.directions import LightDirections
 from gellight.photometric.solver import LEAST_LIGHTS
-from gellight.reconstruction.integration import integrate
 from gellight.reconstruction.measures import LightMeasures
+from gellight.reconstruction.perspective import Perspective, depth_seen
 from gellight.reconstruction.stages import Stages, tactile_frame
 
 
@@ -78,13 +78,15 @@ def frame_of_lights(
     gradient_map = slopes(levels) if slopes else lights.gradient_map(levels)[0]
     stages.end("slopes")
     size = (lights.pixel_size_mm, lights.pixel_size_mm)
-    depth_mm = np.asarray(integrate(gradient_map, size), np.float32)
+    seen = Perspective.over(lights.image_shape, size, lights.camera_height_mm)
+    depth_mm = depth_seen(np.asarray(gradient_map, np.float32), size, seen)
     stages.end("depth")
     image, untouched = as_rgb(levels), as_rgb(lights.untouched)
     shown = np.clip(np.rint(image), 0, 255).astype(np.uint8)
     frame = CameraFrame(image=shown, time_s=0.0, sequence=0, source=str(paths[0]))
     known = measures or LightMeasures(untouched)
-    return tactile_frame(frame, image - untouched, gradient_map, depth_mm, size, stages, measures=known)
+    maps = image - untouched, gradient_map, depth_mm
+    return tactile_frame(frame, *maps, size, stages, measures=known, perspective=seen)
 
 
 def as_rgb(levels: NDArray[np.float32]) -> NDArray[np.float32]:

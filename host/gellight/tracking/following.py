@@ -49,6 +49,7 @@ class ObjectFollower:
             if made_with != self._seen or not 0 <= taken_s - self._seen_s <= GAP_S:
                 tracker.forget()
             self._seen, self._seen_s = made_with, taken_s
-            thickness_mm = provenance.gel_thickness_mm
-            view = View.of(frame.depth_mm, frame.gradient_map, provenance.pixel_size_mm, thickness_mm=thickness_mm)
+            thickness_mm, height_mm = provenance.gel_thickness_mm, provenance.camera_height_mm
+            maps = frame.depth_mm, frame.gradient_map, provenance.pixel_size_mm
+            view = View.of(*maps, thickness_mm=thickness_mm, camera_height_mm=height_mm)
             return replace(frame, pose=tracker.follow(view, frame.camera_frame.sequence))

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
+from gellight.frames.over_gel import over_gel
 from gellight.frames.pixel_grid import bounding_box
 
 Floats = NDArray[np.float32]
@@ -57,10 +58,15 @@ class View:
         pixel_size_mm: tuple[float, float],
         *,
         thickness_mm: float | None = None,
+        camera_height_mm: float = 0.0,
     ) -> "View":
-        """Reduce a (H, W) depth map and its (H, W, 2) slopes, and find the contact."""
+        """Reduce a (H, W) depth map and its (H, W, 2) slopes, lay them over the gel, and find the contact.
+
+        camera_height_mm: as `over_gel` has it.
+        """
         factor = max(1, round(depth_mm.shape[1] / WORKING_PX))
         planes = reduced(np.dstack([depth_mm, gradient_map]).astype(np.float32, copy=False), factor)
+        planes = over_gel(planes, camera_height_mm)
         pixel = pixel_size_mm[0] * factor, pixel_size_mm[1] * factor
         pressure = pressure_of(np.ascontiguousarray(planes[..., 0]), pixel, thickness_mm or THICKNESS_MM)
         middle = [((size - 1) / 2 - (factor - 1) / 2) / factor for size in depth_mm.shape[::-1]]

@@ -21,8 +21,9 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.pixel_grid import spread_blocks
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
-from gellight.reconstruction.integration import far_from_touch, integrate
+from gellight.reconstruction.integration import far_from_touch
 from gellight.reconstruction.light_drift import difference_of
+from gellight.reconstruction.perspective import Perspective, depth_seen
 from gellight.watch.cells import Cells, spread
 
 Array = NDArray[np.float64]
@@ -71,6 +72,7 @@ class ErrorEstimate:
             source=bundle.source,
         )
         self._shadows = CastShadows.of_bundle(bundle, self._network)
+        self._perspective = Perspective.of_bundle(bundle)
         self._places = np.zeros(bundle.image_shape, np.bool_)
         self._places[_EVERY_PX // 2 :: _EVERY_PX, _EVERY_PX // 2 :: _EVERY_PX] = True
         self._derivative = np.stack([self._slopes_per_grey(channel) for channel in range(3)], axis=2)
@@ -97,9 +99,10 @@ class ErrorEstimate:
         slopes, touched = self._network.gradient_map(difference), self._network.touched_cells(difference)
         if self._shadows and (by_depth := self._shadows.change(difference, slopes, touched)) is not None:
             slopes += by_depth
-        depth_mm = integrate(
+        depth_mm = depth_seen(
             slopes,
             self._bundle.pixel_size_mm,
+            self._perspective,
             at_rest=far_from_touch(spread_blocks(touched, CELL_PX, self._bundle.image_shape)),
             bulge=self._bundle.manifest.bulge,
         )

@@ -11,6 +11,7 @@ from gellight.base.errors import InputError, first_line
 from gellight.base.writing import write_file
 from gellight.bundle.contents import UNZIPPING, arrays_of, read_file
 from gellight.frames.frames import TactileFrame
+from gellight.frames.over_gel import over_gel
 from gellight_scan.contact_view import reached_by
 
 FIELDS = ("height_mm", "error_mm", "pixel_mm")
@@ -85,13 +86,16 @@ def map_of_press(frame: TactileFrame, pixel_size_mm: tuple[float, float], error_
     if abs(pixel_size_mm[1] / pixel - 1) > SAME_PIXEL:
         raise InputError(f"pixels of {pixel_size_mm[0]} x {pixel_size_mm[1]} mm are not square: no map is made of them")
     thickness_mm = frame.provenance.gel_thickness_mm if frame.provenance else None
-    reached = reached_by(frame.depth_mm, pixel_size_mm, thickness_mm)
+    height_mm = frame.provenance.camera_height_mm if frame.provenance else 0.0
+    depth = over_gel(frame.depth_mm, height_mm)
+    reached = reached_by(depth, pixel_size_mm, thickness_mm)
     if not reached.any():
         raise InputError("nothing touches the gel in this frame: choose one of a press")
-    error = _errors(frame) if error_mm is None else np.full(frame.depth_mm.shape, error_mm, np.float32)
+    error = np.full(depth.shape, error_mm, np.float32) if error_mm is not None else _errors(frame)
+    error = over_gel(np.dstack([frame.depth_mm, error]), height_mm)[..., 1]
     known = reached & np.isfinite(error)
     nothing = np.float32(np.nan)
-    return HeightMap(np.where(known, frame.depth_mm, nothing), np.where(known, error, nothing), pixel)
+    return HeightMap(np.where(known, depth, nothing), np.where(known, error, nothing), pixel)
 
 
 def _errors(frame: TactileFrame) -> NDArray[np.float32]:

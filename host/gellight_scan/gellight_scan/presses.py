@@ -11,6 +11,7 @@ import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.frames.frames import TactileFrame
+from gellight.frames.over_gel import over_gel
 from gellight_scan.contact_view import ContactView, Floats
 
 LEAST_MM = 0.08
@@ -67,6 +68,7 @@ class PressWatcher:
         if deep_mm >= 0.98 * self._best_mm:
             depth = np.asarray(np.mean(self._still, axis=0, dtype=np.float64), np.float32)
             made = frame.provenance
+            depth = over_gel(depth, made.camera_height_mm)
             self._best = ContactView(depth, made.pixel_size_mm, made.calibration, made.gel_thickness_mm)
             self._best_mm = max(deep_mm, self._best_mm)
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.frames import TactileFrame
+from gellight.frames.over_gel import over_gel
 from gellight.reconstruction.integration import surface_gradient
 from gellight.tracking.following import ObjectFollower
 from gellight.tracking.rigid import carried, inverse
@@ -65,7 +66,8 @@ def touches_in(frames: Iterator[TactileFrame]) -> Iterator[Touch]:
         factor = max(1, round(frame.depth_mm.shape[1] / WORKING_PX))
         made = frame.provenance
         pixel = made.pixel_size_mm[0] * factor, made.pixel_size_mm[1] * factor
-        contact = ContactView(reduced(frame.depth_mm, factor), pixel, made.calibration, made.gel_thickness_mm)
+        depth = over_gel(reduced(frame.depth_mm, factor), made.camera_height_mm)
+        contact = ContactView(depth, pixel, made.calibration, made.gel_thickness_mm)
         touch, view = Touch(contact, pose.number, frame.camera_frame.sequence, pose.motion), view_of(contact)
         if last is not None and last_view is not None and last.number == touch.number:
             rolled = touch.motion @ inverse(last.motion)

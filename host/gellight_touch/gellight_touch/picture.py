@@ -1,14 +1,15 @@
 """The picture of a gel surface, in milliseconds: what `simulator.scene` computes, from tables of the light.
 
-A surface is a cubic spline over the layer's grid: at fixed pixels that is a product with two fixed matrices. Equation 3
-of the paper, summed over the LEDs of a channel, is linear in the slopes; over the depth each coefficient is a parabola
-through three depths. What a LED cannot reach is taken off: gel that is turned away from it, pixel by pixel where the
-slope is that steep, and cast shadows, found on 160 x 120 cells by the sweep of the frame path.
+A surface is a cubic spline over the layer's grid: at the pixels' places on the gel at rest that is a product with two
+fixed matrices, and what a pinhole sees of it lies linearly between them. Equation 3 of the paper, summed over the LEDs
+of a channel, is linear in the slopes; over the depth each coefficient is a parabola through three depths. What a LED
+cannot reach is taken off: gel that is turned away from it, pixel by pixel where the slope is that steep, and cast
+shadows, found on 160 x 120 cells by the sweep of the frame path.
 """
 
 from dataclasses import replace
-from math import isclose
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
@@ -18,13 +19,18 @@ from gellight.lab.simulator.scene import BRIGHTEST_GREY
 from gellight_touch.layer import Floats
 from gellight_touch.shade import Shade
 from sim_reference.camera import CameraResponse, exposure_for, linear_grey
-from sim_reference.geometry import SensorGeometry, led_axes, led_positions, pixel_grid
-from sim_reference.imaging import ring_light
+from sim_reference.geometry import SensorGeometry, led_positions, pixel_grid
+from sim_reference.imaging import arriving_light, ring_light
+from sim_reference.refraction import medium_of
+from sim_reference.surface import LEAST_RISING
+from sim_reference.view import falloff, places, tangents
 
 TRACE = 1e-12
 """below which the weight of a point changes no depth"""
 DEPTHS_MM = (0.0, 1.0, 2.0)
 """where the light is computed; between and beyond it is a parabola"""
+STEPS = 2
+"""of Newton's method between the pixels, after one at the pixel's own place"""
 
 
 class Tables:
@@ -33,8 +39,10 @@ class Tables:
     def __init__(self, geometry: SensorGeometry) -> None:
         """Compute them for all LEDs of each channel."""
         self._geometry, self._light = geometry, ring_light(geometry)
-        self._leds, self._axes = led_positions(geometry), led_axes(geometry)
-        self._x, self._y = pixel_grid(geometry)
+        self._leds, self._medium = led_positions(geometry), medium_of(geometry)
+        self._x, self._y = np.broadcast_arrays(*pixel_grid(geometry))
+        self._passing = falloff(geometry) if geometry.perspective else np.ones(geometry.image_shape)
+        """(H, W) share of its light that the view leaves each pixel"""
         sampled = np.stack([self._coefficients(depth) for depth in DEPTHS_MM])
         through = np.linalg.inv(np.vander(DEPTHS_MM, increasing=True))
         self._powers = np.einsum("kd,d...->k...", through, sampled).astype(np.float32)
@@ -55,21 +63,21 @@ class Tables:
     def _coefficients(self, depth_mm: float) -> NDArray[np.float64]:
         """(3, 3, H, W): the terms of the light at one depth, for each channel."""
         total = np.zeros((3, 3, *self._geometry.image_shape))
+        depth = np.full(self._geometry.image_shape, depth_mm)
+        at = places(depth, self._geometry)
         for led in range(len(self._leds)):
-            to_x, to_y, to_z, strength = self._led(led, self._x, self._y, depth_mm)
-            terms = np.stack(np.broadcast_arrays(strength * to_z, -strength * to_x, -strength * to_y))
+            to_x, to_y, to_z, strength = self._led(led, *at, depth)
+            strength = strength * self._passing
+            terms = np.stack([strength * to_z, -strength * to_x, -strength * to_y])
             total += terms[:, None] * self._light[led][:, None, None]
         return total
 
-    def _led(self, led: int, x: Floats, y: Floats, z: Floats | float) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return the way to a LED, and its light on a surface that faces it, over that way's length."""
-        position, axis, m = self._leds[led], self._axes[led], self._geometry.emission_exponent
-        to_x, to_y, to_z = position[0] - x, position[1] - y, position[2] - z
-        squared = to_x**2 + to_y**2 + to_z**2
-        leaving = np.maximum(-(to_x * axis[0] + to_y * axis[1] + to_z * axis[2]), 0)
-        if isclose(m, 1):
-            return to_x, to_y, to_z, position[2] ** 2 * leaving / squared**2
-        return to_x, to_y, to_z, position[2] ** 2 * (leaving / np.sqrt(squared)) ** m / squared**1.5
+    def _led(self, led: int, x: Floats, y: Floats, depth_mm: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return the way to where a LED seems to stand, and its light on a surface that faces it, over that length."""
+        led_x, led_y, led_z = self._leds[led].tolist()
+        to_x, to_y = led_x - x, led_y - y
+        strength, to_z = arriving_light(self._geometry, led, to_x, to_y, depth_mm, self._medium)
+        return to_x, to_y, to_z, led_z**2 * strength
 
     def _least_turned(self) -> float:
         """Return the slope below which no pixel is turned away from any LED, down to the deepest press."""
@@ -78,11 +86,11 @@ class Tables:
 
     def _take_off(self, light: Floats, at: NDArray[np.int64], depth: Floats, across: Floats, down: Floats) -> None:
         """Take off what LEDs behind the surface would give: negative light."""
-        x = np.broadcast_to(self._x, self._geometry.image_shape).ravel()[at]
-        y = np.broadcast_to(self._y, self._geometry.image_shape).ravel()[at]
+        shape = self._geometry.image_shape
+        x, y = (np.broadcast_to(axis, shape).ravel()[at] for axis in places(depth.reshape(shape), self._geometry))
         for led in range(len(self._leds)):
             to_x, to_y, to_z, strength = self._led(led, x, y, depth[at])
-            behind = np.minimum(to_z - across[at] * to_x - down[at] * to_y, 0) * strength
+            behind = np.minimum(to_z - across[at] * to_x - down[at] * to_y, 0) * strength * self._passing.ravel()[at]
             for channel in np.flatnonzero(self._light[led]):
                 light[channel, at] -= behind * self._light[led, channel]
 
@@ -96,12 +104,44 @@ def _without_traces(weights: NDArray[np.float64]) -> Floats:
     return np.where(np.abs(weights) < TRACE, 0, weights).astype(np.float32)
 
 
+class View:
+    """The pixels of a pinhole: where on the gel at rest their rays meet gel that is pressed in."""
+
+    def __init__(self, geometry: SensorGeometry) -> None:
+        """Keep, in pixels, how far each ray goes over the gel for a mm that it goes down."""
+        height, width = geometry.image_shape
+        self._tangents = np.moveaxis(tangents(geometry), 2, 0).astype(np.float32)
+        self._px = np.float32(1 / geometry.pixel_size_mm)
+        self._column, self._row = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+
+    def seen(self, depth_mm: Floats, across: Floats, down: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return depth and slopes that the pixels see, for those at their places on the gel at rest, (H, W) each.
+
+        Of f(d) = depth(p - d T) - d for a ray with the tangents T the derivative is -(slopes . T) - 1.
+        """
+        at_rest, (t_x, t_y) = cv2.merge([depth_mm, across, down]), self._tangents
+        least = np.float32(LEAST_RISING)
+        met = depth_mm / np.maximum(1 + across * t_x + down * t_y, least)
+        for _ in range(STEPS):
+            depth, on_x, on_y = cv2.split(self._met(at_rest, met))
+            met += (depth - met) / np.maximum(1 + on_x * t_x + on_y * t_y, least)
+        depth, on_x, on_y = cv2.split(self._met(at_rest, met))
+        return depth, on_x, on_y
+
+    def _met(self, at_rest: Floats, depth_mm: Floats) -> Floats:
+        """Return what is (H, W, 3) at the places that rays reach `depth_mm` below the gel at rest."""
+        down = depth_mm * self._px
+        x, y = self._column - down * self._tangents[0], self._row - down * self._tangents[1]
+        return np.asarray(cv2.remap(at_rest, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+
 class Splines:
     """Surfaces that are given on the layer's grid, at the pixels."""
 
     def __init__(self, geometry: SensorGeometry, grid_mm: NDArray[np.float64]) -> None:
         """Prepare for depth maps on a square grid with coordinates `grid_mm` (n,); beyond it the gel is flat."""
         x, y = pixel_grid(geometry)
+        self._view = View(geometry) if geometry.perspective else None
         spline = make_interp_spline(grid_mm, np.eye(len(grid_mm)), k=3, bc_type="natural")
         self._across, self._d_across, self._down, self._d_down = (
             _without_traces(spline(at, order) * (np.abs(at) <= grid_mm[-1])[:, None])
@@ -112,7 +152,8 @@ class Splines:
     def surface(self, depth_mm: Floats) -> tuple[Floats, Floats, Floats]:
         """Return depth (mm) and slopes in x and y on the pixels, (H, W) each, of a depth map (n, n) on the grid."""
         rows, d_rows = self._down @ depth_mm, self._d_down @ depth_mm
-        return rows @ self._across.T, rows @ self._d_across.T, d_rows @ self._across.T
+        at_rest = rows @ self._across.T, rows @ self._d_across.T, d_rows @ self._across.T
+        return self._view.seen(*at_rest) if self._view else at_rest
 
 
 class Pictures(Splines):

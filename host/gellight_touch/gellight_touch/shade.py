@@ -14,6 +14,7 @@ from gellight_touch.layer import Floats
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions
 from sim_reference.imaging import ring_irradiance, ring_light
 from sim_reference.surface import untouched
+from sim_reference.view import seen_height_mm
 
 CELLS = 120, 160
 """rows and columns on which shadows are found"""
@@ -34,7 +35,9 @@ class Shade:
         leds = np.hstack([led_positions(geometry), led_axes(geometry)]).astype(np.float32)
         self._rest, shares = _at_rest(geometry)
         exponent, black = geometry.emission_exponent, np.zeros(3, np.float32)
-        light = LedLight(leds, exponent, shares, black, gamma=1.0).on_cells(self._x_mm, self._y_mm)
+        window_mm, height_mm = geometry.window_mm if geometry.window else 0.0, seen_height_mm(geometry)
+        led_light = LedLight(leds, exponent, shares, black, gamma=1.0, window_mm=window_mm)
+        light, self._nearness = led_light.on_cells(self._x_mm, self._y_mm, height_mm), 1 / height_mm
         self._leds = light.feet, light.light, rays_of(light), len(light.feet)
         self._lost, self._work = np.zeros((3, h, w), np.float32), np.zeros(work_of(h, w), np.float32)
         self._flags, self._near = np.zeros(w + h, np.uint8), np.ones((h, w), np.uint8)
@@ -52,8 +55,8 @@ class Shade:
         h, w = CELLS
         depth, *slopes = (cv2.resize(plane, (w, h), interpolation=cv2.INTER_AREA) for plane in (depth_mm, across, down))
         given = (depth, np.stack(slopes), self._x_mm, self._y_mm, *self._leds)
-        nearness, hide, by_depth = 0.0, True, False
-        kept = (nearness, *self._cell_mm, EDGE_MM, self._lost, self._work, self._flags)
+        hide, by_depth = True, False
+        kept = (self._nearness, *self._cell_mm, EDGE_MM, self._lost, self._work, self._flags)
         if self._c.call("lost_light", *given, *kept, self._near, hide, by_depth, w, h):
             for channel, lost in enumerate(self._lost):
                 light[channel] -= cv2.resize(lost * self._rest[channel], light.shape[:0:-1])

@@ -18,7 +18,7 @@ from gellight_touch.picture import Pictures, UnitPictures
 from gellight_touch.traction import Sheared, Traction, check_grid
 from sim_reference.camera import CameraResponse
 from sim_reference.fem.gel import FemGel
-from sim_reference.geometry import SensorGeometry, pixel_grid
+from sim_reference.geometry import AS_BUILT, SensorGeometry, pixel_grid
 from sim_reference.surface import GRID_EXTENT_MM
 
 SINKING_ERROR = 1e-3
@@ -234,7 +234,7 @@ def _built(sensor: SensorGeometry | Bundle | None, gel: Mapping[str, float]) -> 
             raise InputError(f"gel = {dict(gel)} corrects a bundle: give one, or a SensorGeometry that says so itself")
         if sensor is not None and not isinstance(sensor, SensorGeometry):
             raise InputError(f"TouchSensor({sensor!r}): give a SensorGeometry, or a bundle by gellight.load_bundle")
-        return sensor or SensorGeometry(), None
+        return sensor or AS_BUILT, None
     for name in gel:
         if name not in GEL:
             raise InputError(f"a gel has no {name}: {nearest(name, GEL)}")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gellight.lab.simulator.choices import GelKind
 from gellight.lab.simulator.sequence import read_sequence, write_sequence
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 
 Array = NDArray[np.float64]
 HELD_OUT = ("wave_slide", "pconvex_slide", "key_6dof", "largebead_spin", "gentlebead_rock", "qucave_mixed")
@@ -161,7 +161,7 @@ def press(
     target = folder / f"{name}-{gel}-{every}"
     if not (target / "poses.csv").exists():
         seed = seed if moving else list(SEQUENCES).index(name)
-        moving, geometry = moving or SEQUENCES[name], SensorGeometry()
+        moving, geometry = moving or SEQUENCES[name], AS_BUILT
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / f"{name}-{every}.json"
         steps = moving.steps()[::every]

@@ -26,7 +26,7 @@ from gellight.frames.view import View
 from gellight.lab.training.synthetic import ball_presses
 from gellight.stream.publisher import Publisher
 from gellight.stream.subscription import subscribe
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from tests.benchmarks.photometric import Bench
 from tests.helpers.children import gellight
 from tests.helpers.scripted_camera import ScriptedCamera
@@ -167,7 +167,7 @@ def test_an_unknown_mode_lists_the_modes() -> None:
 def test_a_second_look_under_other_lights_errs_by_little_more_than_half_as_much() -> None:
     """Over four balls; over twenty it is 0.54."""
     bench = Bench(load_bundle("synthetic"), 1.0, 31)
-    rows = bench.measure("balls", list(ball_presses(SensorGeometry(), 4, np.random.default_rng(8))))
+    rows = bench.measure("balls", list(ball_presses(AS_BUILT, 4, np.random.default_rng(8))))
     assert [row.exposures for row in rows] == [1, 4, 12, 4, 12]
     assert rows[0].over_network == 1.0
     assert rows[3].over_network < 0.6

@@ -78,7 +78,7 @@ def test_lights_of_another_image_size_are_refused(bundle: Bundle, model: LightMo
 
 def test_the_shipped_bundle_knows_its_lights() -> None:
     model = read_lights(load_bundle("synthetic"))
-    assert model.ring == RingGeometry()
+    assert model.ring == RingGeometry(window_mm=8.0)
     assert model.exposure_us is not None
     assert model.pattern_residual < 0.005
 

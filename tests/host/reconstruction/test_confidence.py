@@ -17,7 +17,7 @@ from gellight.reconstruction.integration import angle_deg, normals
 from gellight.reconstruction.lens.undistortion import lens_of, read_record, read_undistortion
 from gellight.reconstruction.measures import BundleMeasures
 from sim_reference.camera import CameraResponse, digitise
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from tests.helpers.linear_sensor import bundle_of
 
 SHAPE = (4, 6)
@@ -119,7 +119,7 @@ def test_a_colour_is_known_where_a_press_had_one_like_it(off_grey: int, strange:
 
 
 def test_pins_throw_shadows_and_there_the_normals_are_worse() -> None:
-    scene = Scene(SensorGeometry(), CameraResponse(noise_grey=1.0))
+    scene = Scene(AS_BUILT, CameraResponse(noise_grey=1.0))
     grey, surface = scene.show(Press("PINS", 0.75), scene.light)
     image = digitise(grey, 1.0, np.random.default_rng(0))
     frame = Reconstructor(load_bundle("synthetic")).reconstruct(CameraFrame(image=image, time_s=0.0, sequence=0))

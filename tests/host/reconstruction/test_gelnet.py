@@ -239,9 +239,9 @@ def share_marked(touches: LightTouches, grey: NDArray[np.float32]) -> float:
 @pytest.mark.parametrize(
     ("height_mm", "depth_um", "gel_um"),
     [
-        pytest.param(ball(4), 9, 6.6, id="ball of 4 mm"),
-        pytest.param(ball(12), 7, 6.1, id="ball of 12 mm"),
-        pytest.param(flat_punch(2), 5, 5.0, id="flat punch of 2 mm"),
+        pytest.param(ball(4), 14, 11.5, id="ball of 4 mm"),
+        pytest.param(ball(12), 13, 12.1, id="ball of 12 mm"),
+        pytest.param(flat_punch(2), 8, 8.0, id="flat punch of 2 mm"),
     ],
 )
 def test_a_touch_of_some_micrometres_is_kept(

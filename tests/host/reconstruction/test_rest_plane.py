@@ -66,12 +66,16 @@ def with_plane(bundle: Bundle) -> Bundle:
 
 
 @pytest.mark.skipif(not library.fitting(), reason="no library is built for this machine")
-def test_the_frame_path_takes_it_off_in_c_as_in_numpy() -> None:
-    bundle = load_bundle("synthetic")
+@pytest.mark.parametrize("height_mm", [0.0, 53.12])
+def test_the_frame_path_takes_it_off_in_c_as_in_numpy(height_mm: float) -> None:
+    shipped = load_bundle("synthetic")
+    bundle = replace(shipped, manifest=shipped.manifest.model_copy(update={"camera_height_mm": height_mm}))
     frame = CameraFrame(image=judge.made_up_image(bundle, 0), time_s=0.0, sequence=0)
     native, pixels = both(with_plane(bundle))
     found, right = native.reconstruct(frame), pixels.reconstruct(frame)
     agree(found, right)
+    if height_mm:  # what is taken off is a plane of the logarithm of the distance to the camera
+        return
     without = both(bundle)[0].reconstruct(frame)
     taken = np.gradient(without.depth_mm - found.depth_mm)
     assert np.abs(taken).max() > 1e-6

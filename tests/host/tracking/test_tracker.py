@@ -18,12 +18,12 @@ from gellight.tracking.registration import Loss
 from gellight.tracking.rigid import inverse, twist_of
 from gellight.tracking.tracker import Tracker
 from gellight.tracking.view import touching
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from tests.helpers.moving import Height, ball, bar, faint, moved, nothing, other, relief, seen
 from tests.helpers.small_bundles import PIXEL_MM, SHAPE, ordinary
 
 DRIFTED_DEG = 4.0
-SMALL = SensorGeometry(image_width_px=SHAPE[1], image_height_px=SHAPE[0], pixel_size_mm=PIXEL_MM)
+SMALL = replace(AS_BUILT, image_width_px=SHAPE[1], image_height_px=SHAPE[0], pixel_size_mm=PIXEL_MM)
 STEPS = [[0.9, 0.15 * i, 0.1 * i, 0.5 * i, 0, 1.5 * i] for i in range(6)]
 
 

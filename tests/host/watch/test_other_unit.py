@@ -1,5 +1,6 @@
 """A bundle of another unit is found out by the picture; drift, touches, dark LEDs and pictures with little are not."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,7 +19,7 @@ from gellight.watch.monitor import PERIOD_S, SensorWatch
 from gellight.watch.other_unit import UnitCheck, UnitFigures
 from gellight.watch.untouched_model import UntouchedModel
 from sim_reference.camera import CameraResponse, digitise
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT, SensorGeometry
 from tests.helpers.linear_sensor import bundle_of
 from tests.helpers.places import REAL_CROPS, real
 
@@ -92,13 +93,13 @@ def picture(geometry: SensorGeometry, press: Press | None = None, gain: np.ndarr
 
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> UnitCheck:
-    own = [picture(SensorGeometry(**SMALL), Press("BALL", 0.5))]
+    own = [picture(replace(AS_BUILT, **SMALL), Press("BALL", 0.5))]
     folder = tmp_path_factory.mktemp("simulated") / "b"
-    return UnitCheck(unit_of(folder, picture(SensorGeometry(**SMALL)), own))
+    return UnitCheck(unit_of(folder, picture(replace(AS_BUILT, **SMALL)), own))
 
 
 def test_a_simulated_unit_with_drift_touches_and_dark_leds_is_the_same(simulated: UnitCheck) -> None:
-    own = SensorGeometry(**SMALL)
+    own = replace(AS_BUILT, **SMALL)
     gains = [np.full(12, 0.8), np.where(np.arange(12) == 5, 0.0, 1.0), np.where(np.arange(12) % 4 == 0, 0.0, 1.0)]
     gains.append(np.random.default_rng(2).normal(1, 0.1, 12))
     pictures = [picture(own, gain=gain) for gain in gains]
@@ -109,7 +110,7 @@ def test_a_simulated_unit_with_drift_touches_and_dark_leds_is_the_same(simulated
 
 @pytest.mark.parametrize("other", [{"led_colours": "GGGGBBBBRRRR"}, {"led_colours": "RGBRGBRGBRGB"}])
 def test_a_simulated_unit_of_another_ring_is_another(simulated: UnitCheck, other: dict[str, Any]) -> None:
-    image = picture(SensorGeometry(**SMALL, **other))
+    image = picture(replace(AS_BUILT, **SMALL, **other))
     assert "colours differ by" in simulated.figures(image).reason
     with pytest.raises(BundleError, match=r"made with another unit: colours differ .*calibrate this sensor"):
         simulated.refuse(image)
@@ -157,7 +158,7 @@ def test_what_is_nearly_black_counts_as_two_grey_levels() -> None:
 
 def test_the_watch_says_it_within_three_seconds_and_the_zero_does_not_follow(halved: Bundle) -> None:
     watch = SensorWatch(halved)
-    images = [picture(SensorGeometry(**SMALL, led_colours="GGGGBBBBRRRR")), halved.reference.astype(np.uint8)]
+    images = [picture(replace(AS_BUILT, **SMALL, led_colours="GGGGBBBBRRRR")), halved.reference.astype(np.uint8)]
     for number in range(9):
         assert watch.findings() == []
         note(watch, images[0], number)

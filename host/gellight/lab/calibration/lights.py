@@ -54,7 +54,7 @@ def _measured(run: CalibrationRun) -> LightModel:
 
     colours = np.array(run.folder.figures(Preparation).led, np.uint8)
     pixel_size_mm = 2 * (ball_of(run).pixel_size_mm,)
-    model = take_lights(run.camera, run.ring, colours, pixel_size_mm, FRAMES, taking)
+    model = take_lights(run.camera, run.options.ring, colours, pixel_size_mm, FRAMES, taking)
     told, found = model.ring, fit_ring(model, pixel_size_mm).ring
     if max(abs(found.ring_radius_mm / told.ring_radius_mm - 1), abs(found.height_mm / told.height_mm - 1)) > ALIKE:
         raise BundleError(

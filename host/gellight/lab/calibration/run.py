@@ -17,7 +17,6 @@ from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.readiness import check_target
 from gellight.lab.calibration.state import Identity, discard
 from gellight.lab.simulator.virtual_hand import VirtualHand
-from gellight.photometric.ring_geometry import RingGeometry
 
 
 class Aborted(Exception):  # noqa: N818  (the user asked for it, nothing failed)
@@ -65,12 +64,6 @@ class CalibrationRun:
     def camera_height_mm(self) -> float:
         """How high the camera seems to stand above the gel; infinite where nobody told."""
         return self.camera.stage.camera_height_mm if self.camera.stage else self.options.camera_height_mm
-
-    @property
-    def ring(self) -> RingGeometry:
-        """Where the LEDs are, and what their light comes through."""
-        stage, ring = self.camera.stage, self.options.ring
-        return replace(ring, window_mm=stage.window_mm) if stage else ring
 
     def drop_like(self) -> None:
         """Forget the like unit; without one fewer than `LEAST_PRESSES` are not enough."""

@@ -2,33 +2,37 @@
 
 from math import cos, degrees
 from pathlib import Path
+from types import MappingProxyType
 
 import tomli_w
 
 from gellight.base.errors import ConfigError
 from gellight.base.settings import GeometrySettings, read_settings
 from gellight.lab.simulator.simulated_camera import built
-from sim_reference.geometry import ACRYLIC_MM, SensorGeometry
+from sim_reference.geometry import ACRYLIC_MM, AS_BUILT, SensorGeometry
 from sim_reference.refraction import window_of
 
 STRIP_WIDTH_MM = 6.5
 """of the flexible circuit that carries the LEDs"""
+MODEL = MappingProxyType({"perspective": False, "window": False})
+"""how the paper's model sees and lights the gel; of a design that is built nobody chooses it"""
 
 
-def read_geometry(path: Path | None) -> SensorGeometry:
+def read_geometry(path: Path | None, *, as_built: bool = True) -> SensorGeometry:
     """Return the sensor of a settings file (the form of gellight.toml), the default one where `path` is None.
 
+    Without `as_built` it is the paper's model of it: studies of the light bring their own window and camera.
     Raises ConfigError for a file that cannot be read, an unknown key, no geometry, or a sensor that cannot be built.
     """
     if path is None:
-        return SensorGeometry()
+        return AS_BUILT if as_built else SensorGeometry()
     overrides = read_settings(path).geometry.overrides()
     if not overrides:
         raise ConfigError(
             f"{path} says nothing of a sensor's geometry: write its lengths and angles under [geometry], or leave "
             "--geometry out for the default sensor"
         )
-    geometry = built(overrides)
+    geometry = built(overrides if as_built else {**overrides, **MODEL})
     check(geometry)
     return geometry
 
@@ -72,6 +76,6 @@ def design_file(geometry: SensorGeometry) -> bytes:
     for name, value in vars(geometry).items():
         if name.endswith("_rad"):
             name, value = f"{name.removesuffix('_rad')}_deg", degrees(value)
-        if name in GeometrySettings.model_fields:  # perspective and window are none
+        if name in GeometrySettings.model_fields and name not in MODEL:
             section[name] = round(value, 6) if isinstance(value, float) else value
     return f"# gellight ring set {ring_colours(geometry)}\n\n{tomli_w.dumps({'geometry': section})}".encode()

@@ -3,7 +3,8 @@
 Three comparisons, each against something the host did not compute:
 
 - depth and normals against the gel surface that the simulator pressed;
-- the host's integral (cosine transform) against the reference's (sparse least squares) of the same gradient map;
+- the host's integral (cosine transform) against the reference's (sparse least squares) of the same gradient map, which
+  seen from a height is that of the logarithm of the distance to the camera;
 - the picture against the reference's rendering of the depth that the host measured. This one needs no truth but the
   light: it also tells when a calibration does not fit its sensor.
 
@@ -12,6 +13,7 @@ The pictures are compared at a quarter of the resolution, so that a check costs 
 
 from collections.abc import Iterator
 from dataclasses import replace
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +26,12 @@ from gellight.frames.pixel_grid import block_means
 from gellight.lab.simulator.scene import Scene
 from gellight.lab.simulator.selfcheck_bounds import bounds_of
 from sim_reference.camera import linear_grey
+from sim_reference.geometry import pixel_grid
 from sim_reference.imaging import normals, ring_irradiance, ring_light
 from sim_reference.integration import integrate
 from sim_reference.metrics import angular_error
 from sim_reference.surface import Surface
+from sim_reference.view import seen_height_mm
 
 SHRINK = 4
 """pictures and integrals are compared on blocks of 4 x 4 pixels"""
@@ -103,8 +107,13 @@ class SelfCheck:
 
     def _integral_error_mm(self, frame: TactileFrame) -> float:
         x_mm, y_mm = (size * SHRINK for size in self._pixel_size_mm)
-        reference = integrate(_shrunken(frame.gradient_map), (x_mm, y_mm))
-        difference = _shrunken(frame.depth_mm) - reference
+        seen, depth = frame.gradient_map.astype(np.float64), frame.depth_mm.astype(np.float64)
+        height_mm = seen_height_mm(self._scene.geometry)
+        if isfinite(height_mm):  # of ln Z over the picture, Z the distance to the camera
+            x, y = pixel_grid(self._scene.geometry)
+            seen = seen / (1 + (x * seen[..., 0] + y * seen[..., 1]) / height_mm)[..., None]
+            depth = -height_mm * np.log1p(-depth / height_mm)
+        difference = _shrunken(depth) - integrate(_shrunken(seen), (x_mm, y_mm))
         return float(np.abs(difference - np.median(difference)).mean())
 
     def _picture_error_grey(self, frame: TactileFrame) -> float:

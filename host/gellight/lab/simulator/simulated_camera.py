@@ -14,8 +14,8 @@ colours in a channel), `led_spread` (standard deviation of the LEDs' brightness,
 this share). `dots=9x7` prints columns and rows of marker dots on the gel, `dot_pitch` and `dot_diameter` mm, of
 `dot_albedo`, of which the share `dots_missing` has come off; `friction` is its coefficient for what is dragged over
 such a gel.
-`camera=pinhole` sees the gel from the height of the camera, not along parallel rays, and `window=acrylic` lights and
-sees it through gel and acrylic, which bend light.
+`camera=parallel` sees the gel along parallel rays, not from the height of the camera, and `window=none` lights and
+sees it straight, not through gel and acrylic, which bend light.
 `sequence=FILE` moves an object as the file says, a step a frame, there and back: see `sequence.py`.
 `bundle=BUNDLE` draws the pictures of a real unit, with the light that its calibration measured: see `unit.py`. Its
 light is steady, and what tells one simulated sensor from another does not apply.
@@ -54,7 +54,7 @@ from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import MOST_LEDS
 from sim_reference.camera import WHITE
 from sim_reference.deformation import NotConverged
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT, SensorGeometry
 
 logger = logging.getLogger(__name__)
 DARK_S = 5.0
@@ -333,6 +333,6 @@ def built(geometry: Mapping[str, float | int | str], unit: Unit | None = None) -
     if unit is not None:
         return unit.geometry(geometry)
     try:
-        return SensorGeometry(**geometry)  # type: ignore[arg-type]  # the names and types were checked by the settings
+        return replace(AS_BUILT, **geometry)  # type: ignore[arg-type]  # the names and types were checked by the settings
     except ValueError as error:
         raise ConfigError(f"the simulated sensor cannot be built: {error}") from None

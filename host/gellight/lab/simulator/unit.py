@@ -39,8 +39,8 @@ class Unit:
         """Return gel, pixels and picture size; `given` says better of the gel what is in it, by the names of `GEL`.
 
         The thickness is that of `force.json`, else of the manifest, else of the simulated gel; nobody measured the
-        coating. The gel reaches to the corners of the view. Raises BundleError for pixels that are not square and
-        InputError for a gel that cannot be.
+        coating. The gel reaches to the corners of the view, and is seen from the height that the bundle tells, else
+        along parallel rays. Raises BundleError for pixels that are not square and InputError for a gel that cannot be.
         """
         (height, width), (x_mm, y_mm) = self.bundle.image_shape, self.bundle.pixel_size_mm
         if x_mm != y_mm:
@@ -49,6 +49,8 @@ class Unit:
                 "pictures with square pixels and calibrate again"
             )
         gel: dict[str, float] = {"gel_diameter_mm": x_mm * (height**2 + width**2) ** 0.5}
+        if seen_mm := self.bundle.manifest.camera_height_mm:  # as it seems from within the gel: so through no window
+            gel |= {"camera_height_mm": seen_mm, "perspective": True, "mounting_height_mm": 0.0}
         if self.bundle.manifest.gel_thickness_mm:
             gel["gel_thickness_mm"] = self.bundle.manifest.gel_thickness_mm
         if (force := read_force(self.bundle)) is not None:

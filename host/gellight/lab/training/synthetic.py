@@ -20,12 +20,13 @@ from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import lights_file
 from gellight.reconstruction.errors import surface_errors
 from sim_reference.camera import CameraResponse, digitise
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT, SensorGeometry
+from sim_reference.view import seen_height_mm
 
 Array = NDArray[np.float64]
 TEST_SEED = 3
 NOISE_GREY = 1.0
-PIXEL_SIZE_MM = SensorGeometry().pixel_size_mm
+PIXEL_SIZE_MM = AS_BUILT.pixel_size_mm
 DEPTH_MM = 1.0
 """of the presses that are measured"""
 MARGIN_MM = 3.0
@@ -45,7 +46,7 @@ class SimulatedError:
 
 def evaluate_simulated(bundle: Bundle, *, presses: int = 20, depth_mm: float = DEPTH_MM) -> SimulatedError:
     """Press the 4 mm ball at random places of the simulated sensor and measure the errors of the host."""
-    scene = Scene(SensorGeometry(), CameraResponse(noise_grey=NOISE_GREY))
+    scene = Scene(AS_BUILT, CameraResponse(noise_grey=NOISE_GREY))
     reconstructor = Reconstructor(bundle)
     random = np.random.default_rng(TEST_SEED)
     figures = []
@@ -113,6 +114,7 @@ def _written(place: Path, out: Path, lights: LightModel, metrics: dict[str, obje
         noise_grey=provenance["camera"]["noise_grey"],
         pixel_size_mm=(provenance["geometry"]["pixel_size_mm"],) * 2,
         gel_thickness_mm=provenance["geometry"]["gel_thickness_mm"],
+        camera_height_mm=seen_height_mm(AS_BUILT),
         light_by_depth=True,
         network=(place / "network.onnx").read_bytes(),
         network_name="synthetic.onnx",
@@ -120,7 +122,7 @@ def _written(place: Path, out: Path, lights: LightModel, metrics: dict[str, obje
         extra_files={
             "provenance.json": (place / "provenance.json").read_bytes(),
             **lights_file(lights),
-            **known_force(SensorGeometry()),
+            **known_force(AS_BUILT),
         },
         metrics=metrics,
         overwrite=overwrite,

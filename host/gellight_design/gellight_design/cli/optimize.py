@@ -13,7 +13,7 @@ from gellight.cli.options import AsJson, GeometryFile, check_out, with_options
 from gellight.cli.showing import show
 from gellight.cli.sweeping import Workers, many
 from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
-from gellight_design.boards.catalogue import CARRIERS, LAMPS
+from gellight_design.boards.catalogue import CARRIERS
 
 if TYPE_CHECKING:
     from gellight_design.studies import StudySetup
@@ -24,6 +24,7 @@ GONE = {kind: f"is `gellight optimize make {kind}` now" for kind in ("boards", "
 app = typer.Typer(cls=lazy_group({}, GONE), help="Find the best illumination and make its parts.", no_args_is_help=True)
 
 OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results and figures here.")]
+Package = Annotated[str, typer.Option("--package", help=f"Package of the LEDs: {', '.join(LAMPS)}.")]
 Size = Annotated[int, typer.Option("--size", min=32, max=2048, help="Pixels a side of the evaluated square.")]
 
 
@@ -70,7 +71,7 @@ class Study(OutputOptions):
 
         if self.out is not None:
             output.check_writable(self.out)
-        sensor = read_geometry(self.geometry)
+        sensor = read_geometry(self.geometry, as_built=False)
         if self.gel == "fem":
             check_memory(self.resolution, sensor, self.workers or available_cores())
         setup = study_setup(sensor, self.press, self.relief, self.size, self.noise)
@@ -109,7 +110,7 @@ def fine(
     from gellight.lab.simulator.geometry_file import read_geometry
     from gellight_design import output
 
-    result = output.fine_study(read_geometry(geometry), diameter, gamma)
+    result = output.fine_study(read_geometry(geometry, as_built=False), diameter, gamma)
     answering.answer(
         "fine", output.fine_json(result), output.fine_text(result), {"fine.svg": output.fine_chart(result)}
     )
@@ -155,7 +156,7 @@ def ball(
     from gellight.lab.simulator.geometry_file import read_geometry
     from gellight_design import output
 
-    result = output.ball_study(read_geometry(geometry), press, radius)
+    result = output.ball_study(read_geometry(geometry, as_built=False), press, radius)
     charts = {"ball.svg": output.ball_chart(result)}
     answering.answer("ball", output.ball_json(result), output.ball_text(result.choice), charts)
 
@@ -169,7 +170,7 @@ def make(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the files here.")],
     geometry: GeometryFile = None,
     board: Annotated[str, typer.Option("--board", help=f"Controller on the carrier: {', '.join(CARRIERS)}.")] = "pico",
-    package: Annotated[str, typer.Option("--package", help=f"Package of the LEDs: {', '.join(LAMPS)}.")] = "5050",
+    package: Package = "5050",
     lens: Annotated[
         float,
         typer.Option(
@@ -182,7 +183,7 @@ def make(
     from gellight_design import output
 
     check_out(out / "any", overwrite=True)
-    sensor = read_geometry(geometry)
+    sensor = read_geometry(geometry, as_built=False)
     if kind == "boards":
         from gellight_design.boards.files import board_files
 

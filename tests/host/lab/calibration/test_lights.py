@@ -38,7 +38,7 @@ def test_the_lights_are_those_of_the_ring_and_the_ring_shines_afterwards_as_befo
         before = run.frame().image
         model = measure_lights(run)
         after = run.frame().image
-    assert model.ring == RingGeometry()
+    assert model.ring == RingGeometry(window_mm=8.0)
     assert model.gamma == 1.0
     assert model.pattern_residual < 0.01
     assert np.abs(before.astype(float) - after).mean() < 2

@@ -22,12 +22,12 @@ from gellight.opening import open_camera
 from gellight.reconstruction.force_file import FILE_NAME, ForceRecord, read_force
 from sim_reference.deformation import NotConverged, grid
 from sim_reference.fem.gel import FemGel
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from sim_reference.objects import object_height
 from tests.helpers.fem_presses import NAMES, force_n, picture
 from tests.helpers.small_bundles import SHAPE, ordinary, with_files
 
-GEOMETRY = SensorGeometry()
+GEOMETRY = AS_BUILT
 SPACING = 0.25
 AT = grid(256, SPACING)
 BALL = object_height("BALL", AT[None, :], AT[:, None])
@@ -126,7 +126,7 @@ def test_every_press_of_the_finite_elements_is_weighed_within_the_error() -> Non
 def test_the_shipped_bundle_knows_what_the_simulator_says() -> None:
     shipped, now = (
         ForceRecord.model_validate_json(files[FILE_NAME]).model_dump(exclude={"created"})
-        for files in (load_bundle("synthetic").files, known_force(SensorGeometry()))
+        for files in (load_bundle("synthetic").files, known_force(AS_BUILT))
     )
     assert shipped == now
 

@@ -12,7 +12,7 @@ from gellight.frames.frames import GroundTruth, TactileFrame
 from gellight.lab.simulator.selfcheck import CHECKED_PRESSES, SelfCheck
 from gellight.lab.simulator.selfcheck_bounds import ERRORS, KINDS, SMALLEST, bounds_of
 from gellight.lab.simulator.simulated_camera import SimulatedCamera, open_simulated
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT, SensorGeometry
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def test_every_press_that_is_checked_lies_in_the_view_and_is_deep_enough_to_be_j
 
 def test_a_good_frame_passes(judge: SelfCheck, frame: TactileFrame) -> None:
     result = judge.compare(frame)
-    assert result.bounds == SMALLEST == dict(zip(KINDS, (0.010, 0.28, 0.005, 2.0), strict=True))
+    assert result.bounds == SMALLEST == dict(zip(KINDS, (0.020, 0.28, 0.005, 2.0), strict=True))
     assert (result.passed, result.verdict) == (True, "passed")
     assert result.true_indentation_mm == pytest.approx(0.997, abs=0.01)
 
@@ -100,8 +100,12 @@ def truth(object_name: str, depth_mm: float, x_mm: float = 0.0, y_mm: float = 0.
     )
 
 
+UNSEEN = ("TSTEP", 1.2), ("SCROWN", 1.2)
+"""whose flat part, .2 mm deep, darkens its pixels by .4 grey levels: it is taken for gel at rest"""
+
+
 def test_bounds_grow_with_depth_and_are_never_below_what_was_measured() -> None:
-    geometry = SensorGeometry()
+    geometry = AS_BUILT
     for (name, depth), errors in ERRORS.items():
         bounds, _ = bounds_of(truth(name, depth), geometry)
         shallower, _ = bounds_of(truth(name, depth - 0.2), geometry)
@@ -110,7 +114,8 @@ def test_bounds_grow_with_depth_and_are_never_below_what_was_measured() -> None:
             assert shallower[kind] <= bounds[kind]
         for (other, less), smaller in ERRORS.items():  # as measured: an object is never felt much worse in between
             judged, before = (np.maximum(one, list(SMALLEST.values())) for one in (errors, smaller))
-            assert other != name or less > depth or min(judged / before) > 0.75
+            unseen = (other, less) in UNSEEN and depth > less
+            assert other != name or less > depth or unseen or min(judged / before) > 0.75
     assert bounds_of(truth("", 0.0), geometry) == (dict(SMALLEST), "")
 
 
@@ -123,7 +128,7 @@ def test_bounds_grow_with_depth_and_are_never_below_what_was_measured() -> None:
     ],
 )
 def test_what_was_never_measured_is_not_judged(press: GroundTruth, why: str) -> None:
-    bounds, reason = bounds_of(press, SensorGeometry())
+    bounds, reason = bounds_of(press, AS_BUILT)
     assert bounds == {}
     assert why in reason
 

@@ -20,9 +20,9 @@ from gellight.reconstruction.shear.layer import kernels
 from gellight.reconstruction.stages import Stages, tactile_frame
 from sim_reference.camera import CameraResponse
 from sim_reference.fem.tangential import Layer as ReferenceLayer
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 
-GEOMETRY = SensorGeometry()
+GEOMETRY = AS_BUILT
 DOTS = PrintedDots(columns=9, rows=7)
 DRAGS = [
     Press("BALL", 1.0, 1.0, 0.5, ((0.3, 0.1, 0.0),)),

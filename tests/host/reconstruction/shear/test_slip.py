@@ -18,10 +18,10 @@ from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.shear.slip import SlipFollower
 from gellight.reconstruction.stages import Stages, tactile_frame
 from sim_reference.camera import CameraResponse
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from sim_reference.surface import sample
 
-GEOMETRY = SensorGeometry()
+GEOMETRY = AS_BUILT
 FRAME_S = 1 / 30
 STEP_MM = 0.06
 """1.8 mm/s"""

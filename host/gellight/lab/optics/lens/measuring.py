@@ -12,6 +12,7 @@ from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
+from gellight.frames.over_gel import over_gel
 from gellight.lab.optics.lens.lens_fit import Floats, LensFit, fit_lens, read_pins, spacing_px
 from gellight.lab.optics.lens.pins import dimples, marked, spots
 from gellight.lab.report.pictures import Picture, write_png
@@ -60,7 +61,8 @@ def felt_lens(bundle: Bundle, images: Sequence[Path], pitch_mm: float, source: s
     reconstructor = Reconstructor(bundle, undistorted=False)
 
     def contrasts(picture: Picture, spacing: float) -> list[Floats]:
-        return dimples(felt_depth_mm(reconstructor, picture), spacing)
+        depth = felt_depth_mm(reconstructor, picture)
+        return dimples(over_gel(depth, reconstructor.bundle.manifest.camera_height_mm), spacing)
 
     return _fitted(bundle, images, pitch_mm, contrasts, source)
 

@@ -117,6 +117,8 @@ def take_lights(
     """
     if camera.ring is None:
         raise CameraError(f"{camera.url} has no light ring whose LEDs could be lit one by one: connect its board")
+    if camera.stage:
+        ring = replace(ring, window_mm=camera.stage.window_mm)
     pictures = _take_pictures(camera, colours, frames, taking)
     controls = camera.controls
     exposure = controls.read(EXPOSURE) if controls and EXPOSURE in controls.names() else None

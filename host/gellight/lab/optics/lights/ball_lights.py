@@ -69,7 +69,13 @@ def lights_from_balls(
         vectors[light, :, : len(places[0])] = _lit_fit(columns, np.concatenate(share).astype(np.float64)).reshape(3, -1)
     if np.hypot(*vectors[:, :2, 0].T).max() < _LEAST_LEAN:
         raise InputError("all lights come from straight above: slopes change nothing; light the gel from the sides")
-    return LightDirections(vectors=vectors, untouched=smooth, noise_grey=noise_grey, pixel_size_mm=ball.pixel_size_mm)
+    return LightDirections(
+        vectors=vectors,
+        untouched=smooth,
+        noise_grey=noise_grey,
+        pixel_size_mm=ball.pixel_size_mm,
+        camera_height_mm=ball.told_height_mm,
+    )
 
 
 def check_lights(lights: LightDirections, series: Sequence[BallSeries], ball: Ball) -> HeldOutBalls:

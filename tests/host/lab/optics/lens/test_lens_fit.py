@@ -11,6 +11,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
+from gellight.frames.over_gel import over_gel
 from gellight.lab.optics.lens import lens_fit
 from gellight.lab.optics.lens.lattice import Lattice, find_lattice
 from gellight.lab.optics.lens.lens_fit import LensFit, check_pins, fit_lens, read_pins, spacing_px
@@ -19,7 +20,7 @@ from gellight.lab.simulator.scene import Press as Pressed
 from gellight.lab.simulator.scene import Scene
 from gellight.reconstruction.lens.model import middle_px
 from sim_reference.camera import CameraResponse, digitise
-from sim_reference.geometry import SensorGeometry
+from sim_reference.geometry import AS_BUILT
 from tests.helpers.distorted import (
     PIXEL_MM,
     SHAPE,
@@ -57,6 +58,7 @@ def felt(bundle: Bundle, reference: np.ndarray, picture: np.ndarray) -> LensFit:
     """The lens by pins that press into the gel of a sensor."""
     reconstructor = Reconstructor(bundle.with_reference(reference, frames=20))
     depth = reconstructor.reconstruct(CameraFrame(image=picture, time_s=0.0, sequence=0, source="")).depth_mm
+    depth = over_gel(depth, bundle.manifest.camera_height_mm)
     lattice = read_pins(dimples(depth, SPACING_PX), pixel_size_mm=SIZE_MM, pitch_mm=2.0, source="grid.png")
     return fit_lens([lattice], SHAPE, 2.0)
 
@@ -95,7 +97,7 @@ def test_pins_that_press_into_the_gel_are_felt_by_the_network(tmp_path: Path) ->
 
 
 def test_pins_are_found_to_a_tenth_of_a_pixel_though_light_comes_from_another_side_at_every_place() -> None:
-    scene = Scene(SensorGeometry(image_width_px=640, image_height_px=480, pixel_size_mm=PIXEL_MM), CameraResponse())
+    scene = Scene(AS_BUILT, CameraResponse())
     random = np.random.default_rng(0)
     picture = digitise(scene.show(Pressed("PINS", 0.2, 0.3, -0.2))[0], 1.0, random)
     fit = felt(load_bundle("synthetic"), scene.show(None)[0], picture)
