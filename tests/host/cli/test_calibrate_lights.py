@@ -1,5 +1,6 @@
 """`gellight calibrate fit --lights`: the light of the depth is taken off, by the lights of an earlier bundle."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,13 +17,16 @@ from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.errors import surface_errors
 from sim_reference.camera import CameraResponse, digitise
 from tests.helpers.pressed_pictures import GEOMETRY, run, sources
-from tests.helpers.small_bundles import ordinary
+from tests.helpers.small_bundles import ordinary, with_files
 
 
 @pytest.fixture(scope="module")
 def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A bundle of the same unit that knows the light of its LEDs."""
-    return Path(save_bundle(ordinary(), tmp_path_factory.mktemp("earlier") / "earlier").source)
+    """A bundle of the same unit, without a window, that knows the light of its LEDs."""
+    lights = json.loads(ordinary().files["lights.json"])
+    lights["ring"]["window_mm"] = 0.0
+    straight = with_files(ordinary(), "ordinary", lights__json=json.dumps(lights).encode())
+    return Path(save_bundle(straight, tmp_path_factory.mktemp("earlier") / "earlier").source)
 
 
 def test_the_lights_of_an_earlier_bundle_take_the_light_of_depth_off(
