@@ -13,7 +13,7 @@ from gellight.cli.options import AsJson, GeometryFile, check_out, with_options
 from gellight.cli.showing import show
 from gellight.cli.sweeping import Workers, many
 from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
-from gellight_design.boards.catalogue import CARRIERS
+from gellight_design.boards.catalogue import CARRIERS, LAMPS
 
 if TYPE_CHECKING:
     from gellight_design.studies import StudySetup
