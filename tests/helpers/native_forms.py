@@ -20,7 +20,8 @@ def both(bundle: Bundle, **options: object) -> tuple[Reconstructor, Reconstructo
 def agree(found: TactileFrame, right: TactileFrame, *, linear: bool = False) -> None:
     """Compare two frames, of a network that is `linear` in the colours: there cells and pixels give the same.
 
-    Another one bends between cells: on steep waves by 0.14 degrees and 4.6 micrometres in the mean.
+    Another one bends between cells: on steep waves by 0.14 degrees and 8 micrometres in the mean,
+    where colours that no press has are felt 7 mm deep by half a per cent.
     """
     angle = angle_deg(found.normal_map.reshape(-1, 3), right.normal_map.reshape(-1, 3))
     depth_mm = np.abs(found.depth_mm - right.depth_mm)
@@ -30,13 +31,14 @@ def agree(found: TactileFrame, right: TactileFrame, *, linear: bool = False) -> 
         assert depth_mm.max() < 1e-5
         assert apart.max() < 2e-4
     assert angle.mean() < 0.2
-    assert depth_mm.mean() < 6e-3
+    assert depth_mm.mean() < 9e-3
     np.testing.assert_allclose(found.difference, right.difference, atol=1e-4)
     # Of the same depth: the rim of a torn surface may jump. Pixels are square.
     contact = find_contact(found.depth_mm, 1.0)
     jumping = 2e-5 * right.depth_mm.size
     assert np.count_nonzero(found.contact.mask != contact.mask) <= jumping
-    assert found.contact.indentation_mm == pytest.approx(right.contact.indentation_mm, abs=1e-5 if linear else 8e-3)
+    near = {"abs": 1e-5} if linear else {"abs": 8e-3, "rel": 6e-3}
+    assert found.contact.indentation_mm == pytest.approx(right.contact.indentation_mm, **near)
     if linear and right.contact.centroid_mm is not None:
         pixels, other = np.count_nonzero(right.contact.mask), np.count_nonzero(found.contact.mask != right.contact.mask)
         pixel_mm2 = right.contact.area_mm2 / pixels

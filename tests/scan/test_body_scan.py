@@ -248,9 +248,9 @@ def agreed(**changes: float) -> Agreement:
 def test_a_touch_that_nothing_led_to_is_found_where_it_is_like_enough(
     changes: dict[str, float], again: bool, like: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(body_scan, "right", lambda agreement: True)
+    monkeypatch.setattr(body_scan, "agrees", lambda agreement: True)
     assert (body_scan.found_again(agreed(**changes)), body_scan.alike(agreed(**changes))) == (again, like)
-    monkeypatch.setattr(body_scan, "right", lambda agreement: False)
+    monkeypatch.setattr(body_scan, "agrees", lambda agreement: False)
     assert not body_scan.found_again(agreed(**changes))
     assert not body_scan.alike(agreed(**changes))
 

@@ -68,7 +68,7 @@ def test_a_dotted_gel_from_the_side_is_calibrated_and_felt(
     for record, (x, y) in zip(json.loads(found.stdout), places, strict=True):
         assert record["center_x_px"] == pytest.approx(x / PIXEL_MM + 79.5, abs=1.0)
         assert record["center_y_px"] == pytest.approx(y / PIXEL_MM + 59.5, abs=1.0)
-    how = ["--recipe", "fast", "--width", "16", "--view", view / "view.json"]
+    how = ["--recipe", "fast", "--view", view / "view.json"]
     fitted = run("fit", "--presses", view / "presses.csv", *reference, *BALL, *how, "--out", tmp_path / "b")
     assert fitted.exit_code == 0, fitted.output
     steps = steps_of(load_bundle(tmp_path / "b"))
@@ -76,7 +76,8 @@ def test_a_dotted_gel_from_the_side_is_calibrated_and_felt(
     assert steps.dots is not None
     for number in (0, 5, 11):
         asked = [taken / f"press{number:02}.png", "--calibration", tmp_path / "b", "--out", tmp_path / "out"]
-        assert invoke(*asked, app=reconstruct).exit_code == 0
+        said = invoke(*asked, app=reconstruct)
+        assert said.exit_code == 0, said.output
         with np.load(tmp_path / f"out/press{number:02}.npz") as maps:
             depth_mm = maps["depth_mm"]
         assert depth_mm.max() == pytest.approx(1.5, abs=0.2)

@@ -80,7 +80,8 @@ def test_a_recording_is_exported_as_arrays_and_surfaces(recording: Path, tmp_pat
     vertices, triangles, _ = read_ply(surface)
     assert (len(vertices["z"]), len(triangles)) == (307200, 2 * 639 * 479)
     assert vertices["z"].max() == pytest.approx(maps["depth_mm"].max(), abs=0.02)
-    assert np.ptp(vertices["x"]) == pytest.approx(639 * gellight.load_bundle("synthetic").pixel_size_mm[0], 1e-5)
+    # Gel at the edge that bulges or sinks by micrometres is seen as much nearer to the axis, or farther.
+    assert np.ptp(vertices["x"]) == pytest.approx(639 * gellight.load_bundle("synthetic").pixel_size_mm[0], 2e-4)
 
 
 def test_a_recording_becomes_one_file_of_arrays(recording: Path, tmp_path: Path) -> None:
@@ -303,4 +304,4 @@ def test_an_export_with_another_bundle_says_so_and_scales_by_it(recording: Path,
         assert file.attrs["pixel_size_mm"].tolist() == [0.1, 0.1]
     (surface,) = tmp_path.glob("*.ply")
     x_mm = read_ply(surface)[0]["x"]
-    assert np.ptp(x_mm) == pytest.approx(63.9, abs=0.01)
+    assert np.ptp(x_mm) == pytest.approx(63.9, abs=0.02)
