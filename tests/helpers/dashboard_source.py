@@ -126,6 +126,9 @@ class RecordingStage:
     def release(self) -> None:
         self.calls.append(None)
 
+    def drive(self, *, on: bool) -> None:
+        """Nothing moves."""
+
     def status(self) -> dict[str, object]:
         name, depth, x, y = (self.calls and self.calls[-1]) or ("", 0.0, 0.0, 0.0)
         return {"object": name, "depth_mm": depth, "x_mm": x, "y_mm": y, "visitor": bool(self.calls), "preparing": ""}

@@ -178,7 +178,7 @@ def linger(folder: str) -> None:
 CALLS = """
 import sys
 from gellight.lab.simulator.processes import call_all
-from tests.host.lab.simulator.test_processes import linger
+from tests.host.lab.simulator.test_dataset import linger
 if __name__ == "__main__":
     call_all(linger, [(sys.argv[1] + f"/{at}",) for at in range(2)], 2)
 """
