@@ -21,7 +21,7 @@ def agree(found: TactileFrame, right: TactileFrame, *, linear: bool = False) -> 
     """Compare two frames, of a network that is `linear` in the colours: there cells and pixels give the same.
 
     Another one bends between cells: on steep waves by 0.14 degrees and 8 micrometres in the mean,
-    where colours that no press has are felt 7 mm deep by half a per cent.
+    of an indentation by 0.9 per cent at most.
     """
     angle = angle_deg(found.normal_map.reshape(-1, 3), right.normal_map.reshape(-1, 3))
     depth_mm = np.abs(found.depth_mm - right.depth_mm)
@@ -37,7 +37,7 @@ def agree(found: TactileFrame, right: TactileFrame, *, linear: bool = False) -> 
     contact = find_contact(found.depth_mm, 1.0)
     jumping = 2e-5 * right.depth_mm.size
     assert np.count_nonzero(found.contact.mask != contact.mask) <= jumping
-    near = {"abs": 1e-5} if linear else {"abs": 8e-3, "rel": 6e-3}
+    near = {"abs": 1e-5} if linear else {"abs": 8e-3, "rel": 0.01}
     assert found.contact.indentation_mm == pytest.approx(right.contact.indentation_mm, **near)
     if linear and right.contact.centroid_mm is not None:
         pixels, other = np.count_nonzero(right.contact.mask), np.count_nonzero(found.contact.mask != right.contact.mask)
