@@ -26,6 +26,7 @@ from scipy.ndimage import binary_dilation
 
 from gellight.base.errors import InputError
 from gellight.frames.measures import BEYOND_VIEW, HEAVIER, Force
+from gellight.frames.over_gel import over_gel
 from gellight.frames.pixel_grid import block_means, bounding_box, spread_blocks
 from gellight.reconstruction.contact import THRESHOLD_MM, find_contact
 
@@ -87,13 +88,17 @@ class Indenting:
         return float(self.pressure.sum()) * self.area_mm2
 
 
-def indenting(depth_mm: NDArray[np.floating], pixel_size_mm: tuple[float, float], layer: Layer) -> Indenting:
+def indenting(
+    depth_mm: NDArray[np.floating], pixel_size_mm: tuple[float, float], layer: Layer, camera_height_mm: float = 0.0
+) -> Indenting:
     """Find the pressure that presses a layer as deep as a (H, W) depth map says, whose zero may be any plane.
 
     There is pressure in the contact patch and close around it alone, where the depth exceeds `THRESHOLD_MM`.
+    camera_height_mm: from which the map is seen, as `over_gel` has it; the pressure lies over the gel at rest.
     """
     side = cell_side_px(pixel_size_mm, layer)
-    depth = block_means(depth_mm, side).astype(np.float64)
+    over = over_gel(depth_mm.astype(np.float32, copy=False), camera_height_mm) if camera_height_mm else depth_mm
+    depth = block_means(over, side).astype(np.float64)
     size_mm = pixel_size_mm[0] * side, pixel_size_mm[1] * side
     pressure, zero = _pressed(depth, size_mm, layer), np.zeros_like(depth)
     for _ in range(_ZERO_ROUNDS if pressure.any() else 0):
@@ -241,9 +246,11 @@ class ForceScale:
     heaviest_n: float
     """the largest force it was calibrated with"""
 
-    def force(self, depth_mm: NDArray[np.float32], pixel_size_mm: tuple[float, float]) -> Force:
-        """Return the force that makes a (H, W) depth map, and its error."""
-        found = indenting(depth_mm, pixel_size_mm, self.layer)
+    def force(
+        self, depth_mm: NDArray[np.float32], pixel_size_mm: tuple[float, float], camera_height_mm: float = 0.0
+    ) -> Force:
+        """Return the force that makes a (H, W) depth map, seen as `indenting` has it, and its error."""
+        found = indenting(depth_mm, pixel_size_mm, self.layer, camera_height_mm)
         normal_n = self.youngs_modulus_mpa * found.integral_mm2
         reasons = ((BEYOND_VIEW, found.at_border), (HEAVIER, normal_n > HEAVIER_BY * self.heaviest_n))
         flags = tuple(name for name, holds in reasons if holds)

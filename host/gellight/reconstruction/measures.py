@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force
-from gellight.frames.over_gel import over_gel
 from gellight.frames.shear import DotsSeen, Floats, Shear
 from gellight.reconstruction.confidence import Learnt, confidence_of
 from gellight.reconstruction.error_bounds import read_errors
@@ -74,8 +73,8 @@ class BundleMeasures:
         """Return the force that makes a (H, W) depth map; None where the bundle has no `force.json`."""
         if self._scale is None:
             return None
-        over = over_gel(depth_mm, self._bundle.manifest.camera_height_mm)
-        return self._scale.force(over, self._bundle.pixel_size_mm)
+        manifest = self._bundle.manifest
+        return self._scale.force(depth_mm, manifest.pixel_size_mm, manifest.camera_height_mm)
 
     def shear(self, depth_mm: NDArray[np.float32], dots: DotsSeen, force: Force | None) -> Shear:
         """Return how the dots say that the gel is moved and pulled along itself."""
@@ -99,17 +98,17 @@ class BundleMeasures:
 
     def confidence(self, image: NDArray[np.uint8], gradient_map: NDArray[np.float32]) -> Confidence:
         """Judge the pixels of a frame; with a lens, the pixels of the undistorted gel."""
-        return confidence_of(*self._over_gel(image), gradient_map, self._learnt)
+        return confidence_of(*self._without_lens(image), gradient_map, self._learnt)
 
     def never_seen(self, image: NDArray[np.uint8], pixels: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Say of (n,) flat indices of pixels whether the calibration never saw their place or colour."""
         if self._learnt is None:
             return np.zeros(len(pixels), np.bool_)
-        picture, reference = self._over_gel(image)
+        picture, reference = self._without_lens(image)
         change = picture.reshape(-1, 3)[pixels] - reference.reshape(-1, 3)[pixels]
         return np.asarray(~self._learnt.near.ravel()[pixels] | self._learnt.strange(change))
 
-    def _over_gel(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    def _without_lens(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Return a picture and the reference without the lens, where the bundle has one."""
         return self._lens.picture(image) if self._lens else image, self._reference
 

@@ -37,3 +37,23 @@ def test_other_maps_go_where_the_depth_goes() -> None:
 def test_a_camera_far_away_moves_nothing() -> None:
     _, seen = plane(0.2)
     assert over_gel(seen, 0.0) is seen
+
+
+@pytest.mark.parametrize("middle", [(130, 30), (30, 95)])
+def test_a_touch_alone_is_moved_and_lies_where_it_touches(middle: tuple[int, int]) -> None:
+    """A bump seen where it belongs, p = x / (1 - d / H); beside it the map stays as it is, to the last bit."""
+    y, x = np.indices(SHAPE, dtype=np.float64)
+    ways = np.stack([x - (SHAPE[1] - 1) / 2, y - (SHAPE[0] - 1) / 2])
+    at = np.array(middle, float)[:, None, None] - np.array([(SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2])[:, None, None]
+
+    def bump(ways: np.ndarray) -> np.ndarray:
+        return np.asarray(1.5 * np.exp(-((ways - at) ** 2).sum(axis=0) / 50))
+
+    seen = np.zeros(SHAPE)
+    for _ in range(50):  # the depth d in the pixel p is that of the gel at p (1 - d / H)
+        seen = bump(ways * (1 - seen / HEIGHT_MM))
+    over = over_gel(seen.astype(np.float32), HEIGHT_MM)
+    np.testing.assert_allclose(over, bump(ways), atol=0.015)  # between pixels a bump of 5 is linear here
+    flat = seen < 1e-4
+    assert (over[flat] == seen[flat].astype(np.float32)).mean() > 0.9
+    assert np.abs(seen - bump(ways)).max() > 0.03

@@ -79,14 +79,15 @@ class _Feeling:
 
     def __init__(self, bundle: Bundle, layers: Sequence[Layer]) -> None:
         self._reconstructor, self._layers = SequencePath(Reconstructor(bundle)), layers
-        self._pixel_size_mm = bundle.pixel_size_mm
+        self._manifest = bundle.manifest
 
     def integral_mm2(self, frame: CameraFrame) -> list[float]:
         """One for each layer; NaN where it is not known, as where the load goes on beyond the view."""
         depth_mm = self._reconstructor.reconstruct(frame).depth_mm
         if np.isnan(depth_mm).any():  # under another light of a sequence nothing is felt
             return [np.nan] * len(self._layers)
-        found = [indenting(depth_mm, self._pixel_size_mm, layer) for layer in self._layers]
+        size, height = self._manifest.pixel_size_mm, self._manifest.camera_height_mm
+        found = [indenting(depth_mm, size, layer, height) for layer in self._layers]
         return [np.nan if one.at_border else one.integral_mm2 for one in found]
 
 

@@ -7,12 +7,15 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
+from gellight.frame_path.pipeline import Reconstructor
 from gellight.lab.calibration.force.fit import chosen_layer, fit_force, left_out_share, measure_force
+from gellight.lab.calibration.force.indented import felt_in_images
 from gellight.lab.calibration.force.record import ForceReadings
 from gellight.lab.calibration.force.sideways import fit_side
 from gellight.lab.report.pictures import write_png
 from gellight.opening import open_camera
 from gellight.reconstruction.force import Layer
+from gellight.reconstruction.force_file import read_force
 
 FELT = np.array([0.0, 1.0, 2.0, 4.0, 8.0])
 FOUND = np.array([[0.2, 0.1], [-0.3, 0.05], [0.1, -0.4], [0.0, 0.0]])
@@ -168,3 +171,18 @@ def test_pictures_of_a_pulled_gel_give_the_constant_of_the_simulated_one(tmp_pat
     assert record.side_error_share < 0.12
     with pytest.raises(InputError, match="calibrate this gel with --dots"):
         measure_force(load_bundle("synthetic"), path, None, Layer(5.0, 0.49), 40.0)
+
+
+def test_a_force_is_felt_as_it_was_calibrated_from_the_height_of_the_camera(tmp_path: Path) -> None:
+    """Laid over the gel for one of the two alone, a deep touch beside the axis was felt 2 % off."""
+    bundle = load_bundle("synthetic")
+    assert bundle.manifest.camera_height_mm > 50
+    record = read_force(bundle)
+    assert record is not None
+    with open_camera("sim://?board=0&object=BALL&depth=1.5&x=6") as camera:
+        frame = camera.read()
+    write_png(tmp_path / "a.png", frame.image)
+    felt = felt_in_images(read(tmp_path, "image,force_n\na.png,1\n"), bundle, [record.scale.layer])
+    force = Reconstructor(bundle).reconstruct(frame).force
+    assert force is not None
+    assert record.scale.youngs_modulus_mpa * felt.integral_mm2[0, 0] == pytest.approx(force.normal_n, rel=1e-6)
