@@ -172,7 +172,7 @@ def test_a_second_look_under_other_lights_errs_by_little_more_than_half_as_much(
     assert rows[0].over_network == 1.0
     assert rows[3].over_network < 0.6
     assert rows[4].over_network < 0.6
-    assert rows[3].exposure_us == pytest.approx(25200, rel=0.02)
+    assert rows[3].exposure_us == pytest.approx(24400, rel=0.02)
 
 
 @pytest.mark.parametrize("wanted", [True, False])

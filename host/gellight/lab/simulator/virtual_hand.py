@@ -60,7 +60,8 @@ class VirtualHand:
         low, high = BALL_DEPTHS_MM
         depth = round(min(low + (high - low) * w**DEPTH_POWER, self._stage.max_depth_mm), 1)
         inside_mm = margin * sqrt(BALL_RADIUS_MM * depth)  # Hertz: the radius of the contact is sqrt(R d)
-        half_x, half_y = shape[1] * size_mm / 2 - inside_mm, shape[0] * size_mm / 2 - inside_mm
+        nearer = 1 - depth / self._stage.camera_height_mm  # what lies deeper is seen further from the middle
+        half_x, half_y = (nearer * count * size_mm / 2 - inside_mm for count in shape[::-1])
         self._stage.press("BALL", depth, half_x * (2 * u - 1), half_y * (2 * v - 1))
 
 
