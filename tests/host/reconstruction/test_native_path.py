@@ -48,10 +48,10 @@ def frame_of(image: np.ndarray) -> CameraFrame:
     return CameraFrame(image=image, time_s=0.0, sequence=0)
 
 
-def same(bundle: Bundle, image: np.ndarray, *, linear: bool = False, **options: object) -> Reconstructor:
+def same(bundle: Bundle, image: np.ndarray, **options: object) -> Reconstructor:
     """Compute a frame in both forms, which have to agree; return the native one."""
     native, pixels = both(bundle, **options)
-    agree(native.reconstruct(frame_of(image)), pixels.reconstruct(frame_of(image)), linear=linear)
+    agree(native.reconstruct(frame_of(image)), pixels.reconstruct(frame_of(image)))
     return native
 
 
@@ -90,14 +90,14 @@ def test_a_press_anywhere_in_an_image_of_any_size(
     shape = (height, width)
     bundle = linear_bundle(tmp_path_factory.mktemp("any") / "b", shape)
     bump = gaussian(shape, sigma_px, (place[0] * width, place[1] * height), height=slope * sigma_px)
-    same(bundle, photograph(bump.gradient_map, noise_grey=1.0, rng=np.random.default_rng(seed)).image, linear=True)
+    same(bundle, photograph(bump.gradient_map, noise_grey=1.0, rng=np.random.default_rng(seed)).image)
 
 
 @needs_a_library
 def test_the_mask_goes_by_the_gel_at_rest(name: str) -> None:
     """Limits on both means are those of the NumPy form, which no multiple of one number gives."""
     bundle = replace(SYNTHETIC, manifest=SYNTHETIC.manifest.model_copy(update={"rest_grey": 1.7}))
-    image, noisy = judge.made_up_image(SYNTHETIC, 1), Reconstructor(SYNTHETIC)
+    image, (noisy, _) = judge.made_up_image(SYNTHETIC, 1), both(SYNTHETIC)
     native = same(bundle, image)
     noisy.reconstruct(frame_of(image))
     assert 0 < native.network_rows.cells < noisy.network_rows.cells
@@ -111,7 +111,7 @@ def test_light_that_drifts_is_followed(name: str, tmp_path: Path) -> None:
     drifted = frame_of(np.clip(frame.image + np.array([7, 3, 11]), 0, 255).astype(np.uint8))
     native, pixels = both(bundle)
     found, right = native.reconstruct(drifted), pixels.reconstruct(drifted)
-    agree(found, right, linear=True)
+    agree(found, right)
     assert np.abs(found.difference[:20].mean(axis=(0, 1))).max() < 1
 
 
@@ -130,7 +130,7 @@ def test_a_view_that_is_touched_all_over(name: str, tmp_path: Path) -> None:
     native, pixels = both(linear_bundle(tmp_path / "b", shape))
     frame = photograph(slopes, noise_grey=1.0)
     assert pixels.touched(pixels.reconstruct(frame).difference).all()
-    agree(native.reconstruct(frame), pixels.reconstruct(frame), linear=True)
+    agree(native.reconstruct(frame), pixels.reconstruct(frame))
 
 
 @needs_a_library
@@ -199,16 +199,37 @@ def test_small_images_are_left_to_numpy(
 
 @pytest.mark.parametrize(
     ("off_deg", "off_mm", "refused"),
-    [(0.199, 4.9e-3, False), (0.201, 0.0, True), (0.0, 5.1e-3, True), (np.nan, 0.0, True), (0.0, np.nan, True)],
+    [
+        ((0.0099, 0.499), (0.99e-4, 0.0199), None),
+        ((0.0101, 0.0), (0.0, 0.0), "every pixel"),
+        ((0.0, 0.0), (1.01e-4, 0.0), "every pixel"),
+        ((0.0, 0.501), (0.0, 0.0), "cells"),
+        ((0.0, 0.0), (0.0, 0.0201), "cells"),
+        ((np.nan, 0.0), (0.0, 0.0), "every pixel"),
+        ((0.0, 0.0), (0.0, np.nan), "cells"),
+    ],
 )
-def test_a_path_is_refused_that_differs_in_the_mean(off_deg: float, off_mm: float, refused: bool) -> None:
-    def path(degrees: float, depth_mm: float) -> Any:
-        normal = np.array([np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees))])
-        frame = SimpleNamespace(normal_map=np.tile(normal, (4, 6, 1)), depth_mm=np.full((4, 6), depth_mm))
-        return SimpleNamespace(reconstruct=lambda _: frame)
+def test_a_path_is_refused_that_differs_in_the_mean(
+    off_deg: tuple[float, float], off_mm: tuple[float, float], refused: str | None
+) -> None:
+    """Asked at every pixel, then at cells."""
 
-    with pytest.raises(library.NativePathError) if refused else nullcontext():
-        judge.refuse_disagreement(path(off_deg, off_mm), path(0.0, 0.0), SYNTHETIC)
+    def frame(degrees: float = 0.0, depth_mm: float = 0.0) -> Any:
+        normal = np.array([np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees))])
+        return SimpleNamespace(normal_map=np.tile(normal, (4, 6, 1)), depth_mm=np.full((4, 6), depth_mm))
+
+    class Path:
+        limits = "at cells"
+
+        def reconstruct(self, _: CameraFrame) -> Any:
+            cells = self.limits == "at cells"
+            return frame(off_deg[cells], off_mm[cells])
+
+    path: Any = Path()
+    right: Any = SimpleNamespace(reconstruct=lambda _: frame())
+    with pytest.raises(library.NativePathError, match=f"asked at {refused},") if refused else nullcontext():
+        judge.refuse_disagreement(path, right, SYNTHETIC)
+    assert refused or path.limits == "at cells"
 
 
 @needs_a_library

@@ -15,7 +15,7 @@ Two errors remain, and neighbouring cells i and j tell how large they may be. Wi
 (d - m) H (d - m) / 2; the bend |J_j - J_i| / |m_j - m_i| is how strong H is along one direction. The second is there
 where g is not even quadratic: then g_j - g_i differs from (J_i + J_j) (m_j - m_i) / 2, and by how much is the misfit.
 A slope that is wrong by e turns the normal by at most e / sqrt(1 + slope^2). A pixel for which that is too much
-(`LIMIT_BEND`, `LIMIT_MISFIT`) goes through the network itself.
+(`Limits`) goes through the network itself.
 
 The network is not asked at every cell either. Where a cell differs by at most 8 grey levels from the blocks of 2 x 2
 cells around, its own answer is blended from theirs by the same formula, with m_i of the cell in the place of d. Where
@@ -25,6 +25,8 @@ depth by 0.02 micrometres (0.2). The camera's noise makes that 0.004 degrees and
 answers to noise of variance s^2 with s^2 / 2 times its second derivative too much at a pixel, and hardly at a cell.
 """
 
+from typing import NamedTuple, Self
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,16 +35,32 @@ from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork, block_middl
 Floats = NDArray[np.float32]
 
 BLOCK_CELLS = 2048
-LIMIT_GREY = 8.0
-"""A cell that differs by more in any channel from the blocks around it is asked about by itself."""
-LIMIT_BEND = 0.04
-"""of the bend near a cell times the square of |d - m|, the largest of the channels, over sqrt(1 + slope^2)"""
-LIMIT_MISFIT = 0.4
-"""of the misfit between a cell and those beside it, over sqrt(1 + slope^2); pixels are wrong by a tenth of it or so"""
 LIMIT_NOISE = 4.0
 """Noise alone, |d - m| up to this multiple of its standard deviation, sends no pixel there by the bend."""
 NEAREST_GREY = 4.0
 """Means that are nearer to each other do not tell how the answer bends."""
+
+
+class Limits(NamedTuple):
+    """Beyond which the network is asked more closely."""
+
+    grey: float
+    """A cell that differs by more in any channel from the blocks around it is asked about by itself."""
+    bend: float
+    """of the bend near a cell times the square of |d - m|, the largest of the channels, over sqrt(1 + slope^2)"""
+    misfit: float
+    """of the misfit between a cell and those beside it, over sqrt(1 + slope^2); pixels are wrong by some tenth of it"""
+    noise_grey: float
+    """|d - m| up to this sends no pixel to the network by the bend"""
+
+    @classmethod
+    def at_cells(cls, network: GradientNetwork) -> Self:
+        """Return those that answer as well as every pixel does: beside the truth, errors are within 4 % of its."""
+        return cls(grey=8.0, bend=0.04, misfit=0.4, noise_grey=LIMIT_NOISE * network.at_rest.pixel_grey)
+
+
+EVERY_PIXEL = Limits(grey=0.0, bend=1e-6, misfit=1e-6, noise_grey=0.0)
+"""The network is asked about each touched pixel, as in NumPy, unless it is linear there."""
 
 
 class CellAnswers:
@@ -50,7 +68,6 @@ class CellAnswers:
 
     def __init__(self, network: GradientNetwork) -> None:
         """Ask the network of the pixels."""
-        self.noise_grey = LIMIT_NOISE * network.at_rest.pixel_grey
         self.middle = block_middles(network.image_shape, CELL_PX)
         """(h * w, 2) x and y, px"""
         self.zero = network.infer(np.zeros((len(self.middle), 3), np.float32), self.middle)

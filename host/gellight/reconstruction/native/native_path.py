@@ -25,14 +25,7 @@ from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.integration import far_cells, far_from_touch, level_of_sample, rest_level, sample_grid
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.light_drift import difference_of
-from gellight.reconstruction.native.cells import (
-    BLOCK_CELLS,
-    LIMIT_BEND,
-    LIMIT_GREY,
-    LIMIT_MISFIT,
-    NEAREST_GREY,
-    CellAnswers,
-)  # fmt: skip
+from gellight.reconstruction.native.cells import BLOCK_CELLS, NEAREST_GREY, CellAnswers, Limits
 from gellight.reconstruction.native.cosine import CosineRows
 from gellight.reconstruction.native.library import Library, NativePathError
 from gellight.reconstruction.native.native_shadows import NativeShadows
@@ -88,7 +81,7 @@ class NativePath:
         self._masks = ArrayPool(shape, np.bool_)
         self._reference = np.ascontiguousarray(bundle.reference, np.float32)
         self._limits = np.array(self._network.limits_grey, np.float32)
-        self._doubt_limits = np.array([NEAREST_GREY, LIMIT_BEND, LIMIT_MISFIT], np.float32)
+        self.limits = Limits.at_cells(network)
         self._perspective = Perspective.of_bundle(bundle)
         self._plane = RestPlane() if bundle.manifest.level_plane else None
         self.network_rows = NetworkRows()
@@ -107,7 +100,7 @@ class NativePath:
         self._slopes(difference, touched)
         far = far_cells(~self._m.touched[1::2, 1::2].view(np.bool_))
         if self._shadows:
-            self._shadows.add_change(self._m, far)
+            self._shadows.add_change(self._m, far, self.limits.grey)
         self._prefilter()
         stages.end("gradient")
         touched_pixels = self._without_lens()
@@ -157,7 +150,7 @@ class NativePath:
         self._run("mean_rows", m.means, m.cell_rows, m.coarse_rows)
         coarse = self._coarse() if touched < m.touched.size else 0
         near = self._at_cells()
-        given = (difference, m.touched, touched, m.planes, m.doubts, m.coarse, self._cells.noise_grey)
+        given = (difference, m.touched, touched, m.planes, m.doubts, m.coarse, self.limits.noise_grey)
         single = self._run("blend", *given, m.slopes, m.index, m.work, m.bytes)
         self.network_rows = NetworkRows(coarse=coarse, cells=near, pixels=single)
         for start in range(0, single, _BLOCK_PIXELS):
@@ -169,7 +162,7 @@ class NativePath:
     def _coarse(self) -> int:
         """The slopes of the blocks, for where nothing touches; returns of how many the network was asked."""
         m, at_rest = self._m, self._cells.at_rest
-        count = self._run("coarse_slopes", m.coarse_rows, at_rest, m.touched, LIMIT_GREY, m.coarse, m.around)
+        count = self._run("coarse_slopes", m.coarse_rows, at_rest, m.touched, self.limits.grey, m.coarse, m.around)
         if count:
             self._c.call("chosen_rows", m.coarse_rows, m.around, m.index, m.rows, len(m.coarse))
             at = m.index[:count]
@@ -179,13 +172,13 @@ class NativePath:
     def _at_cells(self) -> int:
         """The planes of the cells near a touch; returns of how many cells and blocks the network was asked."""
         m, asked = self._m, 0
-        if self._run(
-            "split_cells", m.cell_rows, m.coarse_rows, m.near, LIMIT_GREY, m.high_contrast, m.low_contrast, m.around
-        ):
+        given = (m.cell_rows, m.coarse_rows, m.near, self.limits.grey)
+        if self._run("split_cells", *given, m.high_contrast, m.low_contrast, m.around):
             asked = self._asked(m.coarse_rows, m.around, self._network.coarse_zero, m.coarse_planes)
             self._run("cells_from_blocks", m.coarse_planes, m.cell_rows, m.low_contrast, m.planes, m.work)
         asked += self._asked(m.cell_rows, m.high_contrast, self._cells.zero, m.planes)
-        self._run("cell_doubts", m.planes, m.near, self._doubt_limits, m.doubts, m.work_plane)
+        doubt_limits = np.array([NEAREST_GREY, self.limits.bend, self.limits.misfit], np.float32)
+        self._run("cell_doubts", m.planes, m.near, doubt_limits, m.doubts, m.work_plane)
         return asked
 
     def _asked(self, rows: Floats, chosen: NDArray[np.uint8], zero: Floats, planes: Floats) -> int:

@@ -7,7 +7,6 @@ from gellight.reconstruction.cast_shadows import EDGE_MM, CastShadows
 from gellight.reconstruction.gelnet import BLOCK_ROWS, CELL_PX, COARSE_PX
 from gellight.reconstruction.integration import free_and_far, rest_level
 from gellight.reconstruction.led_light import OnCells
-from gellight.reconstruction.native.cells import LIMIT_GREY
 from gellight.reconstruction.native.cosine import CosineRows
 from gellight.reconstruction.native.library import Library
 from gellight.reconstruction.native.network import SlopeNetwork
@@ -32,8 +31,11 @@ class NativeShadows:
         self._lost, self._work = np.zeros((3, h, w), np.float32), np.zeros(work_of(h, w), np.float32)
         self._flags = np.zeros(w + h, np.uint8)
 
-    def add_change(self, m: WorkMemory, far: NDArray[np.bool_]) -> None:
-        """Add to the slopes in `m` what the light that the surface changed makes of them; far: of `far_cells`."""
+    def add_change(self, m: WorkMemory, far: NDArray[np.bool_], limit_grey: float) -> None:
+        """Add to the slopes in `m` what the light that the surface changed makes of them.
+
+        far: of `far_cells`. limit_grey: cells that it changes by more are asked about anew.
+        """
         parts, (h, w) = self._parts, self._parts.cells
         height, width = m.slopes.shape[1:]
         self._c.call("slope_means", m.slopes, self._means, m.work, width, height)
@@ -44,11 +46,11 @@ class NativeShadows:
             return
         self._felt[:] = self._means
         for _ in range(parts.rounds):
-            if not self._feel_again(m, far):
+            if not self._feel_again(m, far, limit_grey):
                 return
         self._c.call("add_change", self._change, m.slopes, m.work, width, height)
 
-    def _feel_again(self, m: WorkMemory, far: NDArray[np.bool_]) -> bool:
+    def _feel_again(self, m: WorkMemory, far: NDArray[np.bool_], limit_grey: float) -> bool:
         """Find what the light that the felt slopes changed makes of them; return whether it changed any."""
         parts, (h, w), light = self._parts, self._parts.cells, self._parts.light
         of = parts.on_cells
@@ -57,7 +59,7 @@ class NativeShadows:
         work = (self._lost, self._work, self._flags, m.near)
         if not self._c.call("lost_light", *given, *work, parts.hide, parts.by_depth, w, h):
             return False
-        lost = (m.near, self._lost, parts.rest, light.black, light.gamma, LIMIT_GREY)
+        lost = (m.near, self._lost, parts.rest, light.black, light.gamma, limit_grey)
         count = self._c.call("relit", m.planes, m.cell_rows, *lost, m.index, m.rows, self._change, h * w)
         for start in range(0, count, BLOCK_ROWS):
             rows = m.rows[start : min(start + BLOCK_ROWS, count)]
