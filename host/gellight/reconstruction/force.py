@@ -32,6 +32,8 @@ from gellight.reconstruction.contact import THRESHOLD_MM, find_contact
 
 Array = NDArray[np.float64]
 
+SILICONE = 0.49
+"""Poisson's ratio of silicones, which hardly change their volume"""
 CELLS_A_THICKNESS = 10
 HEAVIER_BY = 1.25
 """a force larger than this multiple of the heaviest of the calibration is flagged"""
@@ -59,7 +61,7 @@ class Layer:
     """A soft layer on a rigid support."""
 
     thickness_mm: float
-    poisson_ratio: float
+    poisson_ratio: float = SILICONE
 
     def __post_init__(self) -> None:
         """Refuse what is no layer with InputError."""
@@ -224,13 +226,17 @@ def compliance(shape: tuple[int, int], size_mm: tuple[float, float], layer: Laye
     along_y = 2 * np.pi * scipy.fft.fftfreq(shape[0], size_mm[1])[:, None]
     k = np.hypot(along_x, along_y)
     k[0, 0] = 1.0
-    q, nu = np.minimum(k * layer.thickness_mm, _HALF_SPACE), layer.poisson_ratio
-    kappa = 3 - 4 * nu
-    bonded = (kappa * np.sinh(2 * q) - 2 * q) / (kappa * np.cosh(2 * q) + 2 * q**2 + (1 + kappa**2) / 2)
-    response = np.asarray(2 * (1 - nu**2) / k * bonded)
+    nu = layer.poisson_ratio
+    response = np.asarray(2 * (1 - nu**2) / k * bonded(k * layer.thickness_mm, nu))
     response[0, 0] = layer.thickness_mm * (1 + nu) * (1 - 2 * nu) / (1 - nu)
     response.flags.writeable = False
     return response
+
+
+def bonded(q: Array, poisson_ratio: float) -> Array:
+    """Return the compliance of a bonded layer over that of a half space, for q = k h."""
+    q, kappa = np.minimum(q, _HALF_SPACE), 3 - 4 * poisson_ratio
+    return np.asarray((kappa * np.sinh(2 * q) - 2 * q) / (kappa * np.cosh(2 * q) + 2 * q**2 + (1 + kappa**2) / 2))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from gellight.bundle.bundle import load_bundle
 from gellight.cli.options import AsJson, NewBundle, with_options
 from gellight.cli.showing import show
 from gellight.lab.calibration.force.fit import add_force, measure_force
-from gellight.reconstruction.force import Layer
+from gellight.reconstruction.force import SILICONE, Layer
 from gellight.reconstruction.force_file import ForceRecord
 
 
@@ -27,7 +27,7 @@ def command(
     recording: Annotated[
         Path | None, typer.Option(help="recording of `gellight record`, of the same time as the load cell's readings")
     ] = None,
-    poisson_ratio: Annotated[float, typer.Option(help="of the gel; silicones hardly change their volume")] = 0.49,
+    poisson_ratio: Annotated[float, typer.Option(help="of the gel; silicones hardly change their volume")] = SILICONE,
     camera_height_mm: Annotated[
         float | None, typer.Option(help="from the gel to the camera; takes perspective off the motion of marker dots")
     ] = None,

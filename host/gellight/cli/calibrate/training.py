@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.cli.calibrate.told_ball import told_ball
+from gellight.cli.calibrate.told_ball import told_ball, told_layer
 from gellight.cli.calibrate.training_options import Like, SizedTraining, Threads, Trainer, check_training
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
@@ -27,7 +27,7 @@ from gellight.lab.training.level_light import lights_of_unit
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.synthetic import PIXEL_SIZE_MM, make_synthetic
 from gellight.lab.training.training import Learning, Reference, like_words, read_reference
-from gellight.lab.training.validation import AngleFigures, PressFigures
+from gellight.lab.training.validation import AngleFigures, ImageFigures, IndentationFigures, PressFigures
 from gellight.lab.training.wrong_labels import contradicted_lines, sorted_out
 from gellight.photometric.lights_file import has_lights
 
@@ -120,6 +120,7 @@ def fit(
             how=learning,
             view=_whole_view(given[1].view, None if view is None else read_view(view)),
             extra_metrics=extra,
+            layer=told_layer(),
             overwrite=bundle.overwrite,
             progress=report,
         )
@@ -154,11 +155,11 @@ def evaluate(
     smaller = View(**bundle.metrics[SMALLER]) if SMALLER in bundle.metrics else None
     dots = steps.dots if steps else None
     labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape, dots=dots, view=smaller)
-    errors = validation.evaluate(bundle, labelled, ball)
+    errors = validation.evaluate(bundle, labelled, ball, told_layer(bundle))
     felt_mm = felt_radius_mm(bundle, labelled)
     balls = {"ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}
     felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.3g} mm, {ball.seen_from()}"
-    text = "\n".join([*_error_lines(errors), *_bounds_lines(errors), felt])
+    text = "\n".join([*_error_lines(errors), *indentation_lines(errors.indentation), *_bounds_lines(errors), felt])
     show({**errors.as_json(), **balls}, as_json, text)
 
 
@@ -237,6 +238,7 @@ def _fit_lines(written: Bundle) -> list[str]:
         f"normal error of networks that did not see the press that judges: {judged['normal_error_deg']['mean']:.2f} deg"
         if judged
         else "one press is all learnt from: how large the errors are, nobody knows",
+        *(indentation_lines(_indentation(judged)) if judged else []),
         *light_line(written),
         *like_words(metrics),
         f"balls {Ball.seen_by(written, metrics['ball_radius_mm']).seen_from()}",
@@ -245,6 +247,17 @@ def _fit_lines(written: Bundle) -> list[str]:
         *_pixel_warning(metrics.get("pixel_ratio"), written.image_shape),
         *radius_line(metrics.get("refinement")),
     ]
+
+
+def _indentation(judged: Mapping[str, Any]) -> IndentationFigures | None:
+    return IndentationFigures(**judged["indentation"]) if "indentation" in judged else None
+
+
+def indentation_lines(found: IndentationFigures | None) -> list[str]:
+    """Return how deep presses are felt over how deep they are by contact mechanics, or what is missing to know that."""
+    if found is None:
+        return ["how deep presses are felt was not judged: tell how thick the gel is, geometry.gel_thickness_mm"]
+    return found.lines()
 
 
 def _bad_verdict(written: Bundle, largest_deg: float) -> list[str]:
@@ -313,13 +326,20 @@ def _pixel_warning(found: Mapping[str, float] | None, image_shape: tuple[int, in
 
 def _error_lines(errors: PressFigures) -> list[str]:
     pixels = sum(image.pixels for image in errors.images)
-    rows = [*((i.image, i.pixels, i.normal_error_deg) for i in errors.images), ("all", pixels, errors.normal_error_deg)]
+    deep = f"{'felt':>8}{'expected':>10}  mm deep" if errors.indentation else ""
     return [
-        f"{'image':<24}{'pixels':>8}{'mean':>8}{'median':>8}{'p95':>8}  normal error, deg",
-        *(f"{name:<24}{pixels:>8}{_angles(angles)}" for name, pixels, angles in rows),
+        f"{'image':<24}{'pixels':>8}{'mean':>8}{'median':>8}{'p95':>8}  normal error, deg{deep}",
+        *(_image_line(image) for image in errors.images),
+        f"{'all':<24}{pixels:>8}{_angles(errors.normal_error_deg)}",
         f"depth error in contact {errors.depth_mae_mm:.4f} mm, contact patch IoU {errors.contact_iou:.2f}",
         *_never_seen_lines(errors),
     ]
+
+
+def _image_line(image: ImageFigures) -> str:
+    found = f"{image.image:<24}{image.pixels:>8}{_angles(image.normal_error_deg)}"
+    deep = image.indentation
+    return f"{found}{'':19}{deep.felt_mm:>8.3f}{deep.expected_mm:>10.3f}" if deep else found
 
 
 def _bounds_lines(errors: PressFigures) -> list[str]:

@@ -71,6 +71,7 @@ def _draft(run: CalibrationRun, presses: Sequence[Press], lights: LightModel | N
         how=Learning(options=run.options.training, like=run.options.like, lights=lights),
         extra_files=run.camera.bundle_files,
         extra_metrics=contradicted,
+        layer=run.layer,
         overwrite=True,
         progress=report,
         check=run.check_stopped,

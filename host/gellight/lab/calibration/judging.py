@@ -13,6 +13,7 @@ from gellight.lab.training.polynomial import powers_up_to, ridge, terms_of
 from gellight.lab.training.presses import Ball, Press, contact_circle
 from gellight.lab.training.validation import press_error
 from gellight.reconstruction.errors import surface_errors
+from gellight.reconstruction.force import Layer
 from gellight.reconstruction.lens.undistortion import circle_on_gel, has_lens, lens_of, read_record
 
 Floats = NDArray[np.float32]
@@ -52,12 +53,14 @@ class Judge:
     reconstructor: Reconstructor
     rerenderer: Rerenderer
     ball: Ball
+    layer: Layer | None
+    """the soft gel, where known"""
 
     def errors(self, frame: CameraFrame, press: Press) -> tuple[TactileFrame, CheckErrors]:
         """Return what is felt of a press of the ball, and its errors."""
         felt = self.reconstructor.reconstruct(frame)
         seen = felt if not has_lens(self.draft) else Reconstructor(self.draft, undistorted=False).reconstruct(frame)
-        error = press_error(self.on_gel(press), self.ball, felt)
+        error = press_error(self.on_gel(press), self.ball, felt, self.layer)
         inside = contact_circle(press, self.draft.image_shape)
         # slopes felt wrong inside would make another picture
         predicted = self.rerenderer.difference(seen.gradient_map, inside)
@@ -66,6 +69,7 @@ class Judge:
             depth_mm=error.depth_mae_mm,
             normal_deg=error.mean_deg,
             indentation_mm=felt.contact.indentation_mm,
+            felt_over_expected=error.indentation.share if error.indentation else None,
             picture_grey=float(np.abs(predicted - seen.difference[inside]).mean()),
             true_depth_mm=true.contact_depth_mm if true else None,
             true_normal_deg=true.normal_deg if true else None,

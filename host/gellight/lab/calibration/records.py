@@ -226,6 +226,8 @@ class CheckErrors(MethodErrors):
     """What one fresh press says of the calibration, or the means over several."""
 
     indentation_mm: float
+    felt_over_expected: float | None = None
+    """how deep the ball is felt, over how deep by contact mechanics; None where nobody told how thick the gel is"""
     picture_grey: float
     """mean absolute difference of the picture from the one that the slopes felt would make"""
     true_depth_mm: float | None = None

@@ -156,13 +156,15 @@ def _felt_pictures(example: Example) -> list[tuple[NDArray[np.uint8], str]]:
 def _checks(records: list[CheckRecord]) -> str:
     known = records[0].figures.true_depth_mm is not None
     depth, whole = (["depth µm"], ["normals, whole map °"]) if known else ([], [])
-    head = ["press", "centre px", "radius px", *depth, _SHAPE, "normals °", "picture, grey levels", *whole]
+    expected = ["felt over expected indentation"] if records[0].figures.felt_over_expected is not None else []
+    head = ["press", "centre px", "radius px", *depth, *expected, _SHAPE, "normals °", "picture, grey levels", *whole]
     rows = [
         [
             f"{record.number}",
             f"{record.center_x_px:.1f}, {record.center_y_px:.1f}",
             f"{record.contact_radius_px:.1f}",
             *([f"{1000 * one.known_depth_mm:.1f}"] if known else []),
+            *([] if one.felt_over_expected is None else [f"{one.felt_over_expected:.2f}"]),
             f"{1000 * one.depth_mm:.1f}",
             f"{one.normal_deg:.2f}",
             f"{one.picture_grey:.2f}",

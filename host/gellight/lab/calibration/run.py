@@ -17,6 +17,7 @@ from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.readiness import check_target
 from gellight.lab.calibration.state import Identity, discard
 from gellight.lab.simulator.virtual_hand import VirtualHand
+from gellight.reconstruction.force import Layer
 
 
 class Aborted(Exception):  # noqa: N818  (the user asked for it, nothing failed)
@@ -59,6 +60,11 @@ class CalibrationRun:
     def gel_thickness_mm(self) -> float:
         """Thickness of the soft gel; 0 where nobody told."""
         return self.camera.stage.gel_thickness_mm if self.camera.stage else self.options.gel_thickness_mm
+
+    @property
+    def layer(self) -> Layer | None:
+        """The soft gel; None where nobody told how thick it is."""
+        return Layer(self.gel_thickness_mm) if self.gel_thickness_mm else None
 
     @property
     def camera_height_mm(self) -> float:

@@ -30,6 +30,7 @@ from gellight.lab.calibration.state import CheckRecord
 from gellight.lab.report.pictures import depth_picture, difference_picture
 from gellight.lab.simulator.virtual_hand import VirtualHand
 from gellight.lab.training.presses import Press
+from gellight.lab.training.validation import ALIKE
 
 Floats = NDArray[np.float32]
 MORE_PRESSES = 12
@@ -40,7 +41,7 @@ def verify(run: CalibrationRun) -> Bundle | None:
     """Collect fresh presses, judge the draft by them, and write the bundle if it passes."""
     draft = load_bundle(run.folder.draft)
     rerenderer = Rerenderer(draft.presses()["rows"], draft.image_shape)
-    judge = Judge(draft, Reconstructor(draft), rerenderer, ball_of(run))
+    judge = Judge(draft, Reconstructor(draft), rerenderer, ball_of(run), run.layer)
     reference, detector = run.folder.reference(), detector_of(run)
 
     def press(hand: VirtualHand) -> None:
@@ -134,7 +135,12 @@ def _words(figures: Verification) -> str:
     depth = f"shape of the depth off by {shape}, since a contact circle does not say how deep its rim lies"
     if figures.true_depth_mm is not None:
         depth = f"depth off by {1000 * figures.true_depth_mm:.0f} µm on average in contact ({shape})"
-    return f"{figures.presses} fresh presses: {depth}; normals off by {figures.normal_deg:.2f} degrees on average"
+    found = f"{figures.presses} fresh presses: {depth}; normals off by {figures.normal_deg:.2f} degrees on average"
+    share = figures.felt_over_expected
+    if share is None:
+        return found
+    found += f"; felt {share:.2f} times as deep as contact mechanics expect of the circles"
+    return found if abs(share - 1) <= ALIKE else f"{found}: check the thickness of the gel, the ball and the reference"
 
 
 def _example(run: CalibrationRun, judge: Judge) -> Example:

@@ -8,6 +8,7 @@ trainer.py           what trains: NumPy, or PyTorch where a user asks for it
 child.py             a module of gelnet run in a child process
 training.py          GelNet trained on the table, and written as a bundle; whether it can be trained here
 polynomial.py        polynomials of several variables, and their fit
+indentation.py       how deep a ball stands in the gel, by contact mechanics
 validation.py        errors of a bundle on labelled presses
 wrong_labels.py      labels that the other presses and their picture contradict
 votes.py             which labels of the same presses are better

@@ -33,6 +33,7 @@ from gellight.reconstruction.error_bounds import (
     quadratic,
     signs,
 )
+from gellight.reconstruction.force import Layer
 from gellight.reconstruction.integration import angle_deg, normals
 
 FOLDS = 3
@@ -55,12 +56,13 @@ def fit_judged(
     view: View | None = None,
     extra_files: Mapping[str, bytes] | None = None,
     extra_metrics: Mapping[str, object] | None = None,
-    overwrite: bool = False, progress: Progress = silent, check: Check = go_on,
+    layer: Layer | None = None, overwrite: bool = False, progress: Progress = silent, check: Check = go_on,
 ) -> Bundle:  # fmt: skip
     """Do as `training.fit`, and let the bundle say its errors: in `errors.json`, and in `held_out` of its metrics.
 
     Where circles are to be refined, they are used if presses held out are felt better with them (`votes`), else those
-    that were labelled. One press is all learnt from: then nobody knows. progress counts the epochs of all trainings.
+    that were labelled. One press is all learnt from: then nobody knows. layer: the gel, where known: indentations of
+    presses held out are compared with what it makes of their circles. progress counts the epochs of all trainings.
     """
     first = FirstFits(reference.image, ball)
     labels = _labels(presses, reference, ball, first) if how.refine else _Labels(presses, refined=False, record={})
@@ -75,7 +77,7 @@ def fit_judged(
     if folds:
         for fold in trained_folds(given, reference, ball, folds, how, first=first, progress=report, check=check):
             for one in found:
-                one.add(fold.bundle, fold.held_out[REFINED if how.refine else GIVEN], ball)
+                one.add(fold.bundle, fold.held_out[REFINED if how.refine else GIVEN], ball, layer)
     best = found[found[1].better_than(found[0])]
     verdict = {"held_out": {"folds": folds, "depth_mm": _depth_errors(found), **_figures(best.errors)}} if folds else {}
     return fit(
@@ -94,11 +96,11 @@ class Found:
     errors: list[PressError] = field(default_factory=list)
     samples: list["Samples"] = field(default_factory=list)
 
-    def add(self, bundle: Bundle, presses: Sequence[Press], ball: Ball) -> None:
+    def add(self, bundle: Bundle, presses: Sequence[Press], ball: Ball, layer: Layer | None = None) -> None:
         """Reconstruct presses that the bundle did not learn from."""
         manifest = bundle.manifest.model_copy(update={"level_plane": self.level_plane})
         with_plane = replace(bundle, manifest=manifest)
-        self.errors += press_errors(with_plane, presses, ball)
+        self.errors += press_errors(with_plane, presses, ball, layer)
         self.samples += samples_of(with_plane, presses, ball)
 
     def depth_mm(self) -> NDArray[np.float64]:
@@ -158,6 +160,7 @@ def _figures(errors: Sequence[PressError]) -> dict[str, object]:
         "normal_error_deg": asdict(found.normal_error_deg),
         "depth_mae_mm": found.depth_mae_mm,
         "contact_iou": found.contact_iou,
+        **({"indentation": asdict(found.indentation)} if found.indentation else {}),
     }
 
 

@@ -12,12 +12,16 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
+from gellight.lab.training.indentation import Indentation, indentation_of
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, distance_px, sphere_gradient
+from gellight.reconstruction.force import Layer
 from gellight.reconstruction.integration import angle_deg, normals
 
 Floats = NDArray[np.float32]
 _OWN = 2.0
 """in contact radii: how far a contact patch that is compared with the circle may reach"""
+ALIKE = 0.15
+"""by which felt and expected indentations may differ: a circle 3 % wrong makes 6 %, a gel 10 % thinner 4 %"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,6 +39,8 @@ class PressError:
     """mean absolute depth error there, with its mean removed: a circle does not say how deep its own rim lies"""
     contact_iou: float
     """overlap of the contact patch found with the circle: intersection over union"""
+    indentation: "Indentation | None"
+    """None where nobody knows how thick the gel is"""
 
     @property
     def mean_deg(self) -> float:
@@ -58,6 +64,38 @@ class AngleFigures:
 
 
 @dataclass(frozen=True, kw_only=True)
+class IndentationFigures:
+    """Felt over expected indentations of several presses."""
+
+    felt_over_expected: float
+    """their median"""
+    alike: float
+    """share of the presses whose own lies within `ALIKE`"""
+
+    @classmethod
+    def of(cls, found: Sequence[Indentation | None]) -> Self | None:
+        """Take the figures; None where nobody knows how thick the gel is."""
+        shares = [one.share for one in found if one]
+        if not shares:
+            return None
+        alike = np.mean([abs(share - 1) <= ALIKE for share in shares])
+        return cls(felt_over_expected=float(np.median(shares)), alike=float(alike))
+
+    def lines(self) -> list[str]:
+        """Return them for people, with a warning where the median is beyond `ALIKE`."""
+        found = (
+            f"indentations are felt {self.felt_over_expected:.2f} times as deep as contact mechanics expect of the "
+            f"circles; {self.alike:.0%} of the presses within {ALIKE:.0%}"
+        )
+        if abs(self.felt_over_expected - 1) <= ALIKE:
+            return [found]
+        return [
+            f"WARNING: {found}: check gel_thickness_mm, the ball and the size of a pixel, and that nothing touched the "
+            "gel of the reference; if they are right, slopes beside the contact are felt wrongly"
+        ]
+
+
+@dataclass(frozen=True, kw_only=True)
 class _Figures:
     normal_error_deg: AngleFigures
     """over the pixels inside the circles"""
@@ -71,6 +109,7 @@ class ImageFigures(_Figures):
 
     image: str
     pixels: int
+    indentation: Indentation | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,21 +125,22 @@ class PressFigures(_Figures):
     """share of the pixels whose frame tells how far they are off at most"""
     within_bounds: float | None
     """share of these that are; None where no frame tells"""
+    indentation: IndentationFigures | None
 
     def as_json(self) -> dict[str, object]:
         """Return the figures by name."""
         return asdict(self)
 
 
-def evaluate(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> PressFigures:
+def evaluate(bundle: Bundle, presses: Sequence[Press], ball: Ball, layer: Layer | None = None) -> PressFigures:
     """Measure a calibration on labelled presses with the frame path that the sensor runs.
 
-    Raises InputError for images of another size.
+    layer: the gel, where known. Raises InputError for images of another size.
     """
-    return summarised(press_errors(bundle, presses, ball))
+    return summarised(press_errors(bundle, presses, ball, layer))
 
 
-def press_errors(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> list[PressError]:
+def press_errors(bundle: Bundle, presses: Sequence[Press], ball: Ball, layer: Layer | None = None) -> list[PressError]:
     """Reconstruct each press and compare it with its label."""
     if not presses:
         raise InputError("there are no presses to evaluate: give at least one")
@@ -111,7 +151,7 @@ def press_errors(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> list[P
     for _, one_image in groupby(presses, key=lambda press: press.image):
         labelled = list(one_image)
         frame = reconstructor.reconstruct(frame_of(labelled[0]))
-        found += [press_error(press, ball, frame) for press in labelled]
+        found += [press_error(press, ball, frame, layer) for press in labelled]
     return found
 
 
@@ -120,8 +160,8 @@ def frame_of(press: Press) -> CameraFrame:
     return CameraFrame(image=press.picture(), time_s=0.0, sequence=0, source=str(press.image))
 
 
-def press_error(press: Press, ball: Ball, frame: TactileFrame) -> PressError:
-    """Compare normals, depth and contact patch with a label."""
+def press_error(press: Press, ball: Ball, frame: TactileFrame, layer: Layer | None = None) -> PressError:
+    """Compare normals, depth and contact patch with a label, and the indentation with what the layer makes of it."""
     shape = (frame.depth_mm.shape[0], frame.depth_mm.shape[1])
     inside = contact_circle(press, shape)
     # Other balls in the same picture are not of this press.
@@ -137,6 +177,7 @@ def press_error(press: Press, ball: Ball, frame: TactileFrame) -> PressError:
         bound_deg=bound_deg[inside],
         depth_mae_mm=float(np.abs(depth_error - depth_error.mean()).mean()),
         contact_iou=float((patch & inside).sum() / (patch | inside).sum()),
+        indentation=indentation_of(press, ball, frame.depth_mm, layer) if layer else None,
     )
 
 
@@ -149,6 +190,7 @@ def summarised(errors: Sequence[PressError]) -> PressFigures:
             normal_error_deg=AngleFigures.of(error.angle_deg),
             depth_mae_mm=error.depth_mae_mm,
             contact_iou=error.contact_iou,
+            indentation=error.indentation,
         )
         for error in errors
     )
@@ -164,5 +206,6 @@ def summarised(errors: Sequence[PressError]) -> PressFigures:
         within_bounds=float((angles <= bounds)[known].mean()) if known.any() else None,
         depth_mae_mm=float(np.average([image.depth_mae_mm for image in images], weights=pixels)),
         contact_iou=float(np.mean([image.contact_iou for image in images])),
+        indentation=IndentationFigures.of([image.indentation for image in images]),
         images=images,
     )
