@@ -89,7 +89,7 @@ def page(run: CalibrationRun, verdict: Verdict, figures: Verification, example: 
         _preparation(run),
         _pixel_size(folder.figures(PixelSize), run.options.tools.cylinder_diameter_mm),
         _lens(folder.state.steps.lens),
-        _presses(folder.figures(BallPresses)),
+        _presses(folder.figures(BallPresses), example.ball),
         _training(folder.figures(Fit)),
     )
     return html.page(f"GelLight: calibration of {name}", f"Calibration of {name}", "".join(sections))
@@ -257,7 +257,7 @@ def _lens(lens: PinGrid | None) -> str:
     )
 
 
-def _presses(found: BallPresses) -> str:
+def _presses(found: BallPresses, ball: Ball) -> str:
     seen = found.coverage
     rows, columns = ([f"{i + 1}" for i in range(n)] for n in np.shape(seen.places))
     turns = [f"{45 * i}°" for i in range(len(seen.slopes))]
@@ -271,7 +271,7 @@ def _presses(found: BallPresses) -> str:
         presses, errors = zip(*found.held_out, strict=True)
         curve = Series("cubic polynomial, each press left out", presses, errors)
         charts.append(line_chart([curve], Axes(title="Held-out error as presses came in", x="presses", y="degrees")))
-    return section("Ball presses", box("figures", *charts))
+    return section("Ball presses", f"<p>Balls are {escape(ball.seen_from())}.</p>", box("figures", *charts))
 
 
 def _counts(counts: NDArray[np.float64], rows: list[str], columns: list[str], axes: Axes) -> str:
