@@ -120,10 +120,10 @@ def _in_perspective(deformation: Deformation, geometry: SensorGeometry, at_rest:
     """
     met = view.first_met(at_rest.depth_mm, geometry)
     near = view.places(met, geometry)
-    slopes = [view.between(at_rest.gradient_map[..., axis], *near, geometry) for axis in (0, 1)]
-    rising = 1 + (np.stack(slopes, axis=2) * view.tangents(geometry)).sum(axis=2)
-    left = shape_at(deformation, *near, *place)[0] - met
-    met += np.where(rising > LEAST_RISING, left / np.maximum(rising, LEAST_RISING), 0)
+    depth, *slopes = shape_at(deformation, *near, *place)
+    across, down = np.moveaxis(view.tangents(geometry), 2, 0)
+    rising = 1 + slopes[0] * across + slopes[1] * down
+    met += np.where(rising > LEAST_RISING, (depth - met) / np.maximum(rising, LEAST_RISING), 0)
     return replace(_at(deformation, *view.places(met, geometry), place), relief_mm=at_rest.depth_mm)
 
 
