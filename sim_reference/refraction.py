@@ -110,7 +110,7 @@ class Rays:
 
     @property
     def flux(self) -> Array:
-        """Light on a horizontal mm^2 per intensity of the source: sin a da / (x dx), what passes; in vacuum cos / d^2."""
+        """Light on a mm^2 of gel per intensity of the source: what passes of sin a da / (x dx); in air cos / d^2."""
         spread = self.below_mm * _spread(self.air_mm, self.inside_mm, self.index, self.bent)
         return np.asarray(self.passing * self.leaving_cos * self.leaving_cos * self.leaving_cos / spread)
 
