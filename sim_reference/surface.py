@@ -134,11 +134,13 @@ def shape_at(deformation: Deformation, x: Array, y: Array, x_mm: float, y_mm: fl
     """
     across, down = _own_axes(x - x_mm, y - y_mm, turn_rad)
     edge = grid(len(deformation.depth_mm), deformation.spacing_mm)[-1]
-    inside = (np.abs(across) <= edge) & (np.abs(down) <= edge)
-    shape = np.zeros((3, *across.shape))
-    depth, own_x, own_y = deformation.at(across[inside], down[inside])
-    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
-    shape[:, inside] = depth, cos * own_x - sin * own_y, sin * own_x + cos * own_y
+    if max(np.abs(across).max(initial=0), np.abs(down).max(initial=0)) <= edge:
+        shape = deformation.at(across.ravel(), down.ravel()).reshape(3, *across.shape)
+    else:
+        inside = (np.abs(across) <= edge) & (np.abs(down) <= edge)
+        shape = np.zeros((3, *across.shape))
+        shape[:, inside] = deformation.at(across[inside], down[inside])
+    shape[1:] = _own_axes(shape[1], shape[2], -turn_rad)
     return shape
 
 
@@ -155,5 +157,7 @@ def _at(deformation: Deformation, x: Array, y: Array, place: Place) -> Surface:
 
 
 def _own_axes(x: Array, y: Array, turn_rad: float) -> tuple[Array, Array]:
+    if not turn_rad:
+        return x, y
     cos, sin = np.cos(turn_rad), np.sin(turn_rad)
     return cos * x + sin * y, cos * y - sin * x
