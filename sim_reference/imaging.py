@@ -9,6 +9,7 @@ where l points to the LED, a is the angle between -l and the LED's axis, m follo
 LEDs' height above the gel: the unit is what an LED straight above, shining straight down, would give without a window.
 """
 
+from collections.abc import Iterator
 from math import isclose
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from sim_reference import view
+from sim_reference.deformation import AT_ONCE
 from sim_reference.geometry import WHOLE, Box, SensorGeometry, led_axes, led_positions, pixel_grid
 from sim_reference.refraction import VACUUM, Medium, medium_of, trace
 from sim_reference.surface import Surface
@@ -61,7 +63,10 @@ def led_irradiance(surface: Surface, geometry: SensorGeometry, led: int, box: Bo
     """Equation 3 for one LED: (h, w) irradiance on the pixels of `box`, shadows and what the view takes included."""
     depth, position, medium = surface.depth_mm[box], led_positions(geometry)[led], medium_of(geometry)
     x, y = view.places(surface.depth_mm, geometry, box)
-    irradiance, facing = direct_light(geometry, led, x, y, depth, surface.gradient_map[box])
+    irradiance, facing, slopes = np.empty_like(depth), np.empty_like(depth), surface.gradient_map[box]
+    x_mm, y_mm = np.broadcast_arrays(x, y)
+    for band in bands(*depth.shape):
+        irradiance[band], facing[band] = direct_light(geometry, led, x_mm[band], y_mm[band], depth[band], slopes[band])
     # A smooth surface casts a shadow only if somewhere it turns away from the light, and not far from there.
     span = depth.max() - depth.min()
     if facing.min() < 0 < span:
@@ -119,6 +124,12 @@ def arriving_light(
     return emitted * rays.flux / rays.above_mm, rays.above_mm
 
 
+def bands(rows: int, columns: int) -> Iterator[slice]:
+    """Yield rows that are computed at once, so few that what is computed of them stays in a processor's cache."""
+    height = max(AT_ONCE // columns, 1)
+    return (slice(first, first + height) for first in range(0, rows, height))
+
+
 def around(marked: NDArray[np.bool_], margin: int) -> Box:
     """Return the rows and columns that hold all marked pixels and a margin around them."""
     spans = (np.flatnonzero(marked.any(axis=axis)) for axis in (1, 0))
@@ -146,12 +157,14 @@ def visibility(
     x, y = (axis.astype(np.float64) for axis in axes)
     spacing = (x[-1] - x[0]) / (len(x) - 1)
     radius, angle = polar_grid(x, y, led_mm, SHADOW_PITCH_PX * spacing)
-    columns = (led_mm[0] + radius[None, :] * np.cos(angle)[:, None] - x[0]) / spacing
-    rows = (led_mm[1] + radius[None, :] * np.sin(angle)[:, None] - y[0]) / spacing
-    height = map_coordinates(depth_mm, [rows, columns], order=1, mode="nearest")
-    slope = trace(radius[None, :], led_mm[2], medium, height).below_mm / radius
-    nearest = np.minimum.accumulate(slope, axis=1)
-    lit = ((slope - nearest) * radius <= SHADOW_TOLERANCE_MM).astype(np.float32)
+    lit, distance = np.empty((len(angle), len(radius)), np.float32), radius.astype(depth_mm.dtype)
+    for band in bands(*lit.shape):
+        columns = (led_mm[0] + radius * np.cos(angle[band])[:, None] - x[0]) / spacing
+        rows = (led_mm[1] + radius * np.sin(angle[band])[:, None] - y[0]) / spacing
+        height = map_coordinates(depth_mm, [rows, columns], order=1, mode="nearest")
+        slope = trace(distance[None, :], led_mm[2], medium, height).below_mm / distance
+        nearest = np.minimum.accumulate(slope, axis=1)
+        lit[band] = (slope - nearest) * distance <= SHADOW_TOLERANCE_MM
     seen_x, seen_y = seen_mm or (x[None, :], y[:, None])
     away_x, away_y = seen_x - led_mm[0], seen_y - led_mm[1]
     at_radius = (np.hypot(away_x, away_y) - radius[0]) / (radius[1] - radius[0])

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from sim_reference.deformation import NO_OBJECT
 
 Array = NDArray[np.float64]
+REACH_MM = 2.6
+"""from its centre no form of an array goes farther"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,8 +98,9 @@ def convex_polygons(x: Array, y: Array, p: ObjectParameters) -> Array:
             if np.hypot(*centre) <= p.region_diameter_mm / 2 - 1.8:
                 corners = 3 + (3 * column + 5 * row) % 4
                 turn = 0.5 * (7 * column + 3 * row)
-                inside = _inside_polygon(x - centre[0], y - centre[1], corners, inradius[corners], turn)
-                relief = np.maximum(relief, _plateau(inside, p.bevel_mm))
+                box, u, v = _around(x, y, centre)
+                inside = _inside_polygon(u, v, corners, inradius[corners], turn)
+                relief[box] = np.maximum(relief[box], _plateau(inside, p.bevel_mm))
     return _on_plate(relief, x, y, p)
 
 
@@ -111,9 +114,10 @@ def convex_curves(x: Array, y: Array, p: ObjectParameters) -> Array:
         for column in steps:
             centre = pitch * column, pitch * row
             if np.hypot(*centre) <= p.region_diameter_mm / 2 - 2.6 * scale:
-                u, v = _turned(x - centre[0], y - centre[1], 0.7 * (column + 2 * row))
+                box, across, down = _around(x, y, centre)
+                u, v = _turned(across, down, 0.7 * (column + 2 * row))
                 height = forms[(5 * column + 3 * row) % 4](u / scale, v / scale)
-                relief = np.maximum(relief, height > 0 if p.curves_as_prisms else height)
+                relief[box] = np.maximum(relief[box], height > 0 if p.curves_as_prisms else height)
     return _on_plate(relief, x, y, p)
 
 
@@ -122,8 +126,8 @@ def concave_quadrangles(x: Array, y: Array, p: ObjectParameters) -> Array:
     relief = np.ones(np.broadcast(x, y).shape)
     for row, column, centre in _array_centres(p, 2.6):
         turn = 0.0 if (row + column) % 2 else radians(45)
-        inside = _inside_polygon(x - centre[0], y - centre[1], 4, 1.6, turn)
-        relief = np.minimum(relief, 1 - _plateau(inside, p.bevel_mm))
+        box, u, v = _around(x, y, centre)
+        relief[box] = np.minimum(relief[box], 1 - _plateau(_inside_polygon(u, v, 4, 1.6, turn), p.bevel_mm))
     return _on_plate(relief, x, y, p)
 
 
@@ -188,12 +192,27 @@ def _array_centres(p: ObjectParameters, margin_mm: float) -> list[tuple[int, int
     return [cell for cell in cells if np.hypot(*cell[2]) <= reach]
 
 
+def _around(
+    x: Array, y: Array, centre: tuple[float, float], reach_mm: float = REACH_MM
+) -> tuple[tuple[slice, slice], Array, Array]:
+    """Return the rows and columns that hold all within the reach of a centre, and x and y from it there."""
+    u, v = x - centre[0], y - centre[1]
+    rows, columns = (_span(np.abs(at).min(axis=axis) < reach_mm) for at, axis in ((v, 1), (u, 0)))
+    whole = slice(1)
+    return (rows, columns), u[rows if len(u) > 1 else whole, columns], v[rows, columns if v.shape[1] > 1 else whole]
+
+
+def _span(marked: NDArray[np.bool_]) -> slice:
+    found = np.flatnonzero(marked)
+    return slice(int(found[0]), int(found[-1]) + 1) if found.size else slice(0)
+
+
 def _ball_array(x: Array, y: Array, p: ObjectParameters) -> Array:
     """Spherical caps of height 1 on 0."""
     relief = np.zeros(np.broadcast(x, y).shape)
-    for _, _, (cx, cy) in _array_centres(p, 2.2):
-        cap = 1 + _cap(np.hypot(x - cx, y - cy), p.array_ball_radius_mm) / p.relief_mm
-        relief = np.maximum(relief, cap)
+    for _, _, centre in _array_centres(p, 2.2):
+        box, u, v = _around(x, y, centre, p.array_ball_radius_mm)
+        relief[box] = np.maximum(relief[box], 1 + _cap(np.hypot(u, v), p.array_ball_radius_mm) / p.relief_mm)
     return relief
 
 

@@ -12,6 +12,7 @@ back, is that of a camera: `trace` tells where an LED's light arrives and where 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import asin, sin
 
 import numpy as np
@@ -79,21 +80,39 @@ class Rays:
 
     leaving_tan: Array
     """of the angle from the vertical, in air"""
-    arriving_tan: Array
-    """of the angle from the normal, in the gel"""
+    bent: Array
+    """how many times greater that tangent is than the one in the gel"""
     below_mm: Array
     """how far below the source the point seems to lie, seen from the source: distance / tan of the angle in air"""
-    above_mm: Array
-    """how high above the point the source seems to stand, seen from the gel: distance / tan of the angle in the gel"""
-    flux: Array
-    """light on a horizontal mm^2 per intensity of the source; cos / d^2 in vacuum"""
-    passing: Array
-    """share of the light that passes the window's face"""
+    air_mm: float
+    inside_mm: Array | float
+    index: float
 
-    @property
+    @cached_property
+    def arriving_tan(self) -> Array:
+        """Of the angle from the normal, in the gel."""
+        return self.leaving_tan / self.bent
+
+    @cached_property
+    def above_mm(self) -> Array:
+        """How high above the point the source seems to stand, seen from the gel: distance / tan of the angle there."""
+        return self.below_mm * self.bent
+
+    @cached_property
     def leaving_cos(self) -> Array:
         """Cosine of the angle from the vertical, in air."""
         return np.asarray(1 / np.sqrt(1 + self.leaving_tan**2))
+
+    @cached_property
+    def passing(self) -> Array:
+        """Share of the light that passes the window's face."""
+        return _passing(self.leaving_cos, self.leaving_cos * self.bent / self.index, self.index)
+
+    @property
+    def flux(self) -> Array:
+        """Light on a mm^2 of gel per intensity of the source: what passes of sin a da / (x dx); in air cos / d^2."""
+        spread = self.below_mm * _spread(self.air_mm, self.inside_mm, self.index, self.bent)
+        return np.asarray(self.passing * self.leaving_cos * self.leaving_cos * self.leaving_cos / spread)
 
     @property
     def arriving_rad(self) -> Array:
@@ -101,11 +120,15 @@ class Rays:
         return np.arctan(self.arriving_tan)
 
 
+def _spread(air_mm: float, inside_mm: Array | float, index: float, bent: Array) -> Array:
+    """Return dx / du: how far a ray goes over the gel for a little of the tangent at which it leaves."""
+    return np.asarray(air_mm + inside_mm * index**2 / (bent * bent * bent))
+
+
 def trace(distance_mm: Array, height_mm: float, medium: Medium, depth_mm: Array | float = 0.0) -> Rays:
     """Return the rays over the horizontal `distance_mm` from a source `height_mm` above the coating at rest.
 
-    The points are pressed `depth_mm` towards it. The flux follows from the solid angle that is spread over a ring of
-    the surface: sin a da / (x dx), times the transmittance. Raises ValueError for a source inside the window.
+    The points are pressed `depth_mm` towards it. Raises ValueError for a source inside the window.
     """
     air = height_mm - medium.thickness_mm
     if air <= 0:
@@ -117,10 +140,6 @@ def trace(distance_mm: Array, height_mm: float, medium: Medium, depth_mm: Array 
     tangent, bent = distance_mm / (air + inside / index), np.asarray(index)
     for _ in range(STEPS if index > 1 else 0):
         bent = np.sqrt(index**2 + (index**2 - 1) * tangent**2)
-        slope = air + inside * index**2 / bent**3
-        tangent = tangent + (distance_mm - tangent * (air + inside / bent)) / slope
+        tangent = tangent + (distance_mm - tangent * (air + inside / bent)) / _spread(air, inside, index, bent)
     below = air + inside / bent + np.zeros_like(tangent)
-    outer = 1 / np.sqrt(1 + tangent**2)
-    passing = _passing(outer, outer * bent / index, index)
-    flux = passing * outer**3 / (below * (air + inside * index**2 / bent**3))
-    return Rays(tangent, tangent / bent, below, below * bent, flux, passing)
+    return Rays(tangent, bent, below, air, inside, index)

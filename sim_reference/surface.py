@@ -120,10 +120,10 @@ def _in_perspective(deformation: Deformation, geometry: SensorGeometry, at_rest:
     """
     met = view.first_met(at_rest.depth_mm, geometry)
     near = view.places(met, geometry)
-    slopes = [view.between(at_rest.gradient_map[..., axis], *near, geometry) for axis in (0, 1)]
-    rising = 1 + (np.stack(slopes, axis=2) * view.tangents(geometry)).sum(axis=2)
-    left = shape_at(deformation, *near, *place)[0] - met
-    met += np.where(rising > LEAST_RISING, left / np.maximum(rising, LEAST_RISING), 0)
+    depth, *slopes = shape_at(deformation, *near, *place)
+    across, down = np.moveaxis(view.tangents(geometry), 2, 0)
+    rising = 1 + slopes[0] * across + slopes[1] * down
+    met += np.where(rising > LEAST_RISING, (depth - met) / np.maximum(rising, LEAST_RISING), 0)
     return replace(_at(deformation, *view.places(met, geometry), place), relief_mm=at_rest.depth_mm)
 
 
@@ -134,11 +134,13 @@ def shape_at(deformation: Deformation, x: Array, y: Array, x_mm: float, y_mm: fl
     """
     across, down = _own_axes(x - x_mm, y - y_mm, turn_rad)
     edge = grid(len(deformation.depth_mm), deformation.spacing_mm)[-1]
-    inside = (np.abs(across) <= edge) & (np.abs(down) <= edge)
-    shape = np.zeros((3, *across.shape))
-    depth, own_x, own_y = deformation.at(across[inside], down[inside])
-    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
-    shape[:, inside] = depth, cos * own_x - sin * own_y, sin * own_x + cos * own_y
+    if max(np.abs(across).max(initial=0), np.abs(down).max(initial=0)) <= edge:
+        shape = deformation.at(across.ravel(), down.ravel()).reshape(3, *across.shape)
+    else:
+        inside = (np.abs(across) <= edge) & (np.abs(down) <= edge)
+        shape = np.zeros((3, *across.shape))
+        shape[:, inside] = deformation.at(across[inside], down[inside])
+    shape[1:] = _own_axes(shape[1], shape[2], -turn_rad)
     return shape
 
 
@@ -155,5 +157,7 @@ def _at(deformation: Deformation, x: Array, y: Array, place: Place) -> Surface:
 
 
 def _own_axes(x: Array, y: Array, turn_rad: float) -> tuple[Array, Array]:
+    if not turn_rad:
+        return x, y
     cos, sin = np.cos(turn_rad), np.sin(turn_rad)
     return cos * x + sin * y, cos * y - sin * x

@@ -42,11 +42,13 @@ def rays(geometry: SensorGeometry) -> Rays:
     return trace(np.hypot(x, y), geometry.camera_height_mm, medium_of(geometry))
 
 
+@lru_cache(maxsize=2)
 def tangents(geometry: SensorGeometry) -> Array:
     """Return T (H, W, 2), along which each pixel's ray moves over the gel for a mm that it goes down."""
     return np.stack(np.broadcast_arrays(*pixel_grid(geometry)), axis=2) / rays(geometry).above_mm[..., None]
 
 
+@lru_cache(maxsize=2)
 def most_oblique(geometry: SensorGeometry) -> float:
     """Return the tangent of the most oblique ray; 0 for parallel rays."""
     return float(np.hypot(*np.moveaxis(tangents(geometry), 2, 0)).max()) if geometry.perspective else 0.0

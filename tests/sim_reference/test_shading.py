@@ -117,4 +117,4 @@ def test_looking_for_shadows_only_where_they_can_fall_finds_them_all(led: int) -
     # The two polar grids differ, so do the pixels of partial visibility and their neighbours.
     edge = binary_dilation((seen_share > 0) & (seen_share < 1), iterations=2)
     assert ((seen_share == 0) & ~edge).sum() > 100
-    assert led_irradiance(surface, fine, led)[~edge] == pytest.approx(full[~edge], abs=1e-9)
+    np.testing.assert_allclose(led_irradiance(surface, fine, led)[~edge], full[~edge], rtol=0, atol=1e-9)

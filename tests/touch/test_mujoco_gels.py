@@ -84,7 +84,9 @@ def test_a_ball_at_rest_looks_as_deep_as_its_weight_presses(mass_kg: float) -> N
     looked = gel.look(data)
     assert looked.force_n == pytest.approx(weight_n, rel=2e-3)
     at = gel.sensor.layer.at_mm
-    assert looked.depth_mm == pytest.approx(gel.sensor.sink(ball_gap(at, 0, 0, 0), weight_n).depth_mm, abs=1e-3)
+    np.testing.assert_allclose(
+        looked.depth_mm, gel.sensor.sink(ball_gap(at, 0, 0, 0), weight_n).depth_mm, rtol=0, atol=1e-3
+    )
 
 
 def test_what_does_not_touch_looks_untouched() -> None:

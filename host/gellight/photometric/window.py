@@ -56,10 +56,10 @@ def bent(distance_mm: Floats, air_mm: Any, inside_mm: Floats) -> Bent:
     tangent = distance_mm / (air_mm + inside_mm / INDEX)
     for _ in range(STEPS):
         s = np.sqrt(INDEX**2 + (INDEX**2 - 1) * tangent**2)
-        slope = air_mm + inside_mm * INDEX**2 / s**3
+        slope = air_mm + inside_mm * INDEX**2 / (s * s * s)
         tangent = tangent + (distance_mm - tangent * (air_mm + inside_mm / s)) / slope
     below, outer = air_mm + inside_mm / s, 1 / np.sqrt(1 + tangent**2)
-    flux = _passing(outer, outer * s / INDEX) * outer**3 / (below * slope)
+    flux = _passing(outer, outer * s / INDEX) * outer * outer * outer / (below * slope)
     return Bent(below, below * s, outer, flux)
 
 

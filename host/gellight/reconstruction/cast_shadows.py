@@ -23,6 +23,8 @@ step 3 each cell gets the light, too, that it would have there. All is then done
 is felt in the wrong light.
 """
 
+from dataclasses import dataclass, field
+from functools import lru_cache
 from math import inf
 from typing import Self
 
@@ -33,10 +35,10 @@ from numpy.typing import NDArray
 from gellight.bundle.bundle import Bundle
 from gellight.frames.pixel_grid import between_blocks
 from gellight.photometric.light_model import LightModel
-from gellight.photometric.lights_file import has_lights, read_lights
+from gellight.photometric.lights_file import FILE_NAME, has_lights, read_lights
 from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX, GradientNetwork, block_middles, cell_means
 from gellight.reconstruction.integration import far_from_touch
-from gellight.reconstruction.led_light import LedLight
+from gellight.reconstruction.led_light import LedLight, OnCells
 from gellight.reconstruction.lens.undistortion import has_lens
 from gellight.reconstruction.perspective import Perspective, depth_seen
 
@@ -55,6 +57,25 @@ _DIAGONAL = 1.00001
 """columns per row: up to that, rays are followed row by row"""
 
 
+@dataclass(frozen=True)
+class _Lit:
+    """Cells at float32 x and y, seen from a height, and the light of a bundle's file on them."""
+
+    file: bytes
+    x_mm: bytes
+    y_mm: bytes
+    height_mm: float
+    model: LightModel = field(compare=False)
+
+
+@lru_cache(maxsize=2)
+def _light_on(lit: _Lit) -> tuple[LedLight, OnCells]:
+    """Return the light; kept, for it takes most of the time in which a reconstruction is begun."""
+    x, y = (np.frombuffer(axis, np.float32) for axis in (lit.x_mm, lit.y_mm))
+    light = LedLight.of(lit.model, (len(y), len(x)))
+    return light, light.on_cells(x, y, lit.height_mm)
+
+
 class CastShadows:
     """What the surface does to the light of one sensor's LEDs."""
 
@@ -65,13 +86,13 @@ class CastShadows:
         self.rounds = ROUNDS if self.by_depth else 1
         self.cell_mm = CELL_PX * bundle.pixel_size_mm[0], CELL_PX * bundle.pixel_size_mm[1]
         self.cells = -(-bundle.image_shape[0] // CELL_PX), -(-bundle.image_shape[1] // CELL_PX)
-        self.light = LedLight.of(model, self.cells)
         self.middle = block_middles(bundle.image_shape, CELL_PX)
         place = (self.middle - (np.array(bundle.image_shape[::-1]) - 1) / 2) * bundle.pixel_size_mm
         x, y = np.moveaxis(place.reshape(*self.cells, 2), 2, 0).astype(np.float32)
         self.x_mm, self.y_mm = np.ascontiguousarray(x[0]), np.ascontiguousarray(y[:, 0])
         self.height_mm = bundle.manifest.camera_height_mm or inf
-        self.on_cells = self.light.on_cells(self.x_mm, self.y_mm, self.height_mm)
+        axes = self.x_mm.tobytes(), self.y_mm.tobytes()
+        self.light, self.on_cells = _light_on(_Lit(bundle.files[FILE_NAME], *axes, self.height_mm, model))
         self.perspective = Perspective(self.x_mm, self.y_mm, self.height_mm) if self.height_mm < inf else None
         self.rest = cell_means(bundle.reference.astype(np.float32), CELL_PX).reshape(-1, 3)
         """(h w, 3) grey levels at rest"""

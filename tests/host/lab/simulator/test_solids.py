@@ -38,7 +38,7 @@ def test_a_pyramid_has_its_heights(written) -> None:
     x, y = np.meshgrid(AT, AT)
     out = np.maximum(np.abs(x), np.abs(y))
     expected = np.where(out <= 3.0, -2.0 * out / 3.0, NO_OBJECT)
-    assert height == pytest.approx(expected, abs=1e-5)
+    np.testing.assert_allclose(height, expected, rtol=0, atol=1e-5)
 
 
 def test_y_is_up_in_the_file_and_down_in_the_map() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.shear import DotsSeen, Slip, SlipState
 from gellight.lab.simulator.printed_dots import PrintedDots, known_force
@@ -20,8 +20,11 @@ from gellight.reconstruction.stages import Stages, tactile_frame
 from sim_reference.camera import CameraResponse
 from sim_reference.geometry import AS_BUILT
 from sim_reference.surface import sample
+from tests.helpers.small_bundles import ordinary
 
-GEOMETRY = AS_BUILT
+GEOMETRY = replace(AS_BUILT, image_width_px=320, image_height_px=240, pixel_size_mm=2 * AS_BUILT.pixel_size_mm)
+NOISE_PX = 0.02
+"""of a dot's place"""
 FRAME_S = 1 / 30
 STEP_MM = 0.06
 """1.8 mm/s"""
@@ -34,7 +37,7 @@ def scene() -> Scene:
 
 @pytest.fixture(scope="module")
 def bundle() -> Bundle:
-    return load_bundle("synthetic").with_files(known_force(GEOMETRY))
+    return ordinary(2).with_files(known_force(GEOMETRY))
 
 
 def frames(
@@ -50,7 +53,7 @@ def frames(
             path = (*path, (x, 0.0, 0.0))
         press = Press("BALL", 1.0, *at, path)
         surface = sample(scene.deformation(press), GEOMETRY, *press.place)
-        places = scene._dots(press)[0] + rng.normal(0, 0.04, (63, 2))
+        places = scene._dots(press)[0] + rng.normal(0, NOISE_PX, (63, 2))
         dots = DotsSeen(rest_px=rest, places_px=places, reasons=np.zeros(63, np.uint8))
         camera = CameraFrame(image=image, time_s=number * FRAME_S, sequence=number, dots=dots)
         depth = (surface.depth_mm + rng.normal(0, 1e-3, surface.depth_mm.shape)).astype(np.float32)
