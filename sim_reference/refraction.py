@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from sim_reference.geometry import SensorGeometry
 
 Array = NDArray[np.float64]
-STEPS = 4
-"""of Newton's method: they reach rounding where a ray leaves at 80 degrees"""
+MOST_STEPS, SETTLED = 8, 1e-6
+"""of Newton's method, and the share of the tangent below which a step was the last: the next is its square"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,9 +69,8 @@ def transmittance(angle_rad: Array, inside_rad: Array, medium: Medium) -> Array:
 
 def _passing(outer: Array, inner: Array, index: float) -> Array:
     """Return the share that passes for cosines of the angles in air and inside."""
-    across = ((outer - index * inner) / (outer + index * inner)) ** 2
-    along = ((inner - index * outer) / (inner + index * outer)) ** 2
-    return np.asarray(1 - (across + along) / 2)
+    across, along = outer + index * inner, inner + index * outer
+    return np.asarray(2 * index * outer * inner * (1 / (across * across) + 1 / (along * along)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,9 +136,17 @@ def trace(distance_mm: Array, height_mm: float, medium: Medium, depth_mm: Array 
             "mount them higher above the gel or make the window thinner"
         )
     inside, index = medium.thickness_mm - depth_mm, medium.refractive_index
-    tangent, bent = distance_mm / (air + inside / index), np.asarray(index)
-    for _ in range(STEPS if index > 1 else 0):
-        bent = np.sqrt(index**2 + (index**2 - 1) * tangent**2)
-        tangent = tangent + (distance_mm - tangent * (air + inside / bent)) / _spread(air, inside, index, bent)
-    below = air + inside / bent + np.zeros_like(tangent)
-    return Rays(tangent, bent, below, air, inside, index)
+    tangent = distance_mm / (air + inside / index)
+    bent = _bent(tangent, index)
+    for _ in range(MOST_STEPS if index > 1 else 0):
+        step = (distance_mm - tangent * (air + inside / bent)) / _spread(air, inside, index, bent)
+        tangent = tangent + step
+        bent = _bent(tangent, index)
+        if not (np.abs(step) > SETTLED * tangent).any():
+            break
+    return Rays(tangent, bent, air + inside / bent, air, inside, index)
+
+
+def _bent(tangent: Array, index: float) -> Array:
+    """Return how many times greater the tangents u in air are than those inside, by Snell's law."""
+    return np.asarray(np.sqrt(index**2 + (index**2 - 1) * tangent**2))

@@ -26,7 +26,7 @@ from gellight.lab.simulator.bodies import BEADS, bead_radius_mm
 from gellight.tracking.rigid import carried, inverse, pose_of, twist_of
 from gellight_scan.body_scan import BodyScan
 from gellight_scan.touches import Touch, touches_in
-from tests.benchmarks.tracking.judge import PIXEL_MM, felt
+from tests.benchmarks.tracking.judge import PIXEL_MM, felt, height_mm
 from tests.benchmarks.tracking.sequences import SEQUENCES, Moving, press, rolled
 
 Array = NDArray[np.float64]
@@ -36,7 +36,6 @@ HELD_OUT = {
     "largebead_roll": rolled(5.0, 150, "LARGEBEAD", np.radians(15)),
 }
 """kept apart: looked at once, when nothing is changed any more"""
-MADE = Provenance(calibration="synthetic", zero="synthetic", pixel_size_mm=PIXEL_MM, unix_s=0.0, ages_s={})
 STEP = 1e-4
 ROUNDS = 6
 
@@ -71,8 +70,16 @@ def off(poses: list[Array], true: list[Array], touches: list[Touch]) -> str:
 
 def frames(pressed: Path) -> Iterator[tuple[Array, TactileFrame]]:
     """Yield the true pose of each picture of a sequence, and the frame."""
+    made = Provenance(
+        calibration="synthetic",
+        zero="synthetic",
+        pixel_size_mm=PIXEL_MM,
+        unix_s=0.0,
+        ages_s={},
+        camera_height_mm=height_mm(),
+    )
     for pose, frame in felt(pressed):
-        yield pose, replace(frame, provenance=MADE)
+        yield pose, replace(frame, provenance=made)
 
 
 def _tracked(touches: list[Touch], true: list[Array]) -> str:

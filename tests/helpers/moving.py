@@ -1,10 +1,11 @@
 """Surfaces with a formula, moved rigidly: views of them whose motion is known to the last digit."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
-from gellight.tracking.rigid import inverse, pose_of
+from gellight.tracking.rigid import carried, inverse, pose_of
 from gellight.tracking.view import View, eroded
 
 Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -56,6 +57,24 @@ def seen(height: Height, pose: np.ndarray | None = None, *, noise: float = 0.0, 
     middle = ((SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2)
     view = View(planes.astype(np.float32), touching, eroded(touching, 0.12, pixel), pixel, middle)
     return noisy(view, noise, seed) if noise else view
+
+
+def from_height(height: Height, pose: np.ndarray, height_mm: float, told_mm: float, radius_mm: float = 2.2) -> View:
+    """`seen` by a pinhole that stands `height_mm` above the gel, taken to stand at `told_mm`; 0: far away."""
+    back = inverse(pose)
+    share, depth = np.ones_like(X), height(X, Y)
+    for _ in range(60):
+        x, y, z = np.moveaxis(carried(back, np.dstack([share * X, share * Y, depth])), 2, 0)
+        depth = depth + 0.8 * (height(x, y) - z)
+        share = 1 - depth / height_mm
+    wide, high = (np.gradient(share * axis, PIXEL_MM) for axis in (X, Y))
+    down, across = np.gradient(depth, PIXEL_MM)
+    turned = wide[1] * high[0] - wide[0] * high[1]
+    slopes = (across * high[0] - down * high[1]) / turned, (down * wide[1] - across * wide[0]) / turned
+    pixel = (PIXEL_MM, PIXEL_MM)
+    view = View.of(depth.astype(np.float32), np.dstack(slopes), pixel, camera_height_mm=told_mm)
+    touching = np.hypot(X - pose[0, 3], Y - pose[1, 3]) < radius_mm
+    return replace(view, touching=touching, inside=eroded(touching, 0.12, pixel))
 
 
 def noisy(view: View, noise: float, seed: int, *, shared: float = 0.0) -> View:

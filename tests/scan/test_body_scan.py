@@ -61,7 +61,7 @@ def other(tmp_path_factory: pytest.TempPathFactory) -> Touch:
 
 
 def assert_in_place(
-    scan: BodyScan, touches: list[Touch], true: dict[int, np.ndarray], most_mm: float = 0.08, most_deg: float = 0.4
+    scan: BodyScan, touches: list[Touch], true: dict[int, np.ndarray], most_mm: float = 0.015, most_deg: float = 0.2
 ) -> None:
     """Places are off by so much at most, at the middle of the contact."""
     first = true[touches[scan.first].sequence]
@@ -145,7 +145,7 @@ def test_two_rolls_that_nothing_connects_are_one_when_a_touch_does(rolled: tuple
     for touch in between:
         scan.add(touch)
     assert len(scan.placed) == len(touches)
-    assert_in_place(scan, [touches[0], *apart, *between], true, most_mm=0.1, most_deg=0.5)
+    assert_in_place(scan, [touches[0], *apart, *between], true, most_mm=0.02, most_deg=0.25)
 
 
 @pytest.mark.parametrize(("part", "value"), [("pose", np.nan), ("covariance", np.nan), ("covariance", 0.0)])

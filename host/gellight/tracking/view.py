@@ -57,12 +57,12 @@ class View:
         gradient_map: Floats,
         pixel_size_mm: tuple[float, float],
         *,
+        camera_height_mm: float,
         thickness_mm: float | None = None,
-        camera_height_mm: float = 0.0,
     ) -> "View":
         """Reduce a (H, W) depth map and its (H, W, 2) slopes, lay them over the gel, and find the contact.
 
-        camera_height_mm: as `over_gel` has it.
+        camera_height_mm: as `over_gel` has it; 0 for maps along parallel rays.
         """
         factor = max(1, round(depth_mm.shape[1] / WORKING_PX))
         planes = reduced(np.dstack([depth_mm, gradient_map]).astype(np.float32, copy=False), factor)

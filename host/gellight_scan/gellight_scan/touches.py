@@ -41,9 +41,10 @@ class Touch:
 
 
 def view_of(contact: ContactView) -> View:
-    """Return what tracking takes of a touch."""
+    """Return what tracking takes of a touch, which lies over the gel already."""
     depth, pixel = contact.depth_mm, contact.pixel_size_mm
-    return View.of(depth, surface_gradient(depth, pixel), pixel, thickness_mm=contact.thickness_mm)
+    slopes = surface_gradient(depth, pixel)
+    return View.of(depth, slopes, pixel, camera_height_mm=0.0, thickness_mm=contact.thickness_mm)
 
 
 def covered(one: View, other: View, motion: Array) -> float:

@@ -85,7 +85,8 @@ def judge(bundle: Bundle, clip: Path) -> str:
     contact = longest_contact(felt(bundle, pictures(clip)))
     if len(contact) < SHORTEST:
         return f"{clip.stem:28} {len(contact)} frames of contact: too few"
-    views = [View.of(one.depth_mm, one.gradient_map, bundle.pixel_size_mm) for one in contact]
+    pixel_mm, height_mm = bundle.pixel_size_mm, bundle.manifest.camera_height_mm
+    views = [View.of(one.depth_mm, one.gradient_map, pixel_mm, camera_height_mm=height_mm) for one in contact]
     there, fates, ended = followed(views)
     back, *_ = followed(views[: len(fates)][::-1])
     return (

@@ -53,8 +53,13 @@ def felt(folder: Path) -> Iterator[tuple[Array, TactileFrame]]:
             yield pose, reconstructor().reconstruct(frame)
 
 
+def height_mm() -> float:
+    """Return how high above the gel the camera of the pictures seems to stand."""
+    return reconstructor().bundle.manifest.camera_height_mm
+
+
 def view_of(frame: TactileFrame) -> View:
-    return View.of(frame.depth_mm, frame.gradient_map, PIXEL_MM)
+    return View.of(frame.depth_mm, frame.gradient_map, PIXEL_MM, camera_height_mm=height_mm())
 
 
 def error(name: str, pose: ObjectPose, true: Array, now: Array) -> Array:

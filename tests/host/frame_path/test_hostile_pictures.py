@@ -93,7 +93,9 @@ def reconstruct_and_look(image: np.ndarray) -> None:
     frame = path.reconstruct(CameraFrame(image=image, sequence=number, time_s=0.3 * number))
     assert frame.confidence.value.max() <= 1
     assert frame.force.normal_n >= 0
-    Tracker().follow(TrackedView.of(frame.depth_mm, frame.gradient_map, BUNDLE.pixel_size_mm), 0)
+    height_mm = BUNDLE.manifest.camera_height_mm
+    seen = TrackedView.of(frame.depth_mm, frame.gradient_map, BUNDLE.pixel_size_mm, camera_height_mm=height_mm)
+    Tracker().follow(seen, 0)
     watch.note(frame)
     unit.figures(image)
 
