@@ -63,7 +63,7 @@ docs: $(VENV)/.docs
 boards: $(VENV)/.parts
 housing: $(VENV)/.parts
 boards housing:
-	$(BIN)/gellight optimize $@ --out build/$@ $(ARGS)
+	$(BIN)/gellight optimize make $@ --out build/$@ $(ARGS)
 
 # What a package index takes, in dist/, and what is in it (CycloneDX).
 dist: $(VENV)/.dev

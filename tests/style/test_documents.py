@@ -89,6 +89,15 @@ def test_every_module_that_a_document_runs_is_there() -> None:
             assert any(map(Path.is_file, files)), f"{document.name} runs {module}, which is not there"
 
 
+def test_every_name_in_the_walks_is_there() -> None:
+    walks = (ROOT / "CONTRIBUTING.md").read_text().partition("## Three walks")[2].partition("\n## ")[0]
+    files = [*(ROOT / "host/gellight").rglob("*.py"), *(ROOT / "firmware/core").glob("*.c")]
+    code = "\n".join(path.read_text() for path in files)
+    names = {part for name in re.findall(r"`([A-Z]\w+(?:\.\w+)?|[a-z_]\w+)`", walks) for part in name.split(".")}
+    assert len(names) > 40
+    assert [name for name in names if not re.search(rf"^\s*(?:def|class|void|enum status) {name}\b", code, re.M)] == []
+
+
 def test_no_command_stands_outside_a_block_or_behind_another_one() -> None:
     for path in {*DOCUMENTS, ROOT / "firmware/README.md"}:
         text = path.read_text()
