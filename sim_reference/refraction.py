@@ -69,8 +69,9 @@ def transmittance(angle_rad: Array, inside_rad: Array, medium: Medium) -> Array:
 
 def _passing(outer: Array, inner: Array, index: float) -> Array:
     """Return the share that passes for cosines of the angles in air and inside."""
-    across, along = outer + index * inner, inner + index * outer
-    return np.asarray(2 * index * outer * inner * (1 / (across * across) + 1 / (along * along)))
+    across = ((outer - index * inner) / (outer + index * inner)) ** 2
+    along = ((inner - index * outer) / (inner + index * outer)) ** 2
+    return np.asarray(1 - (across + along) / 2)
 
 
 @dataclass(frozen=True, eq=False)
