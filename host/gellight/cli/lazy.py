@@ -23,7 +23,7 @@ MARKUP: Literal["markdown"] = "markdown"
 PANELS = {
     "Page": "port browser dashboard",
     "Other programs": "name lan ros2 foxglove",
-    "Light": "mode sequence light-mode",
+    "Light": "mode sequence",
     "Process": "threads workers seed",
     "What is recorded": "depth map",
     "Other tools": "cylinder-diameter-mm balls-to-press",
@@ -48,8 +48,6 @@ SETTINGS_NOW = {
     "--tls-cert": "dashboard.tls_cert",
     "--tls-key": "dashboard.tls_key",
     "--mode": "reconstruction.mode",
-    "--sequence": "lighting.sequence",
-    "--light-mode": "lighting.light_mode",
     "--no-publish": "stream.enabled",
     "--name": "stream.name",
     "--lan": "stream.lan",
