@@ -66,7 +66,7 @@ NEEDS = {
     **{
         f"{verb} --help": HEAVY - {"numpy"}
         for verb in (
-            "ring", "run", "demo", "record", "export", "scan", "reconstruct", "surface", "selfcheck",
+            "ring", "run", "demo", "record", "export", "scan", "reconstruct", "surface",
             "calibrate", "simulate press", "optimize design",
         )
     },
@@ -185,23 +185,6 @@ def test_a_verb_that_is_not_here_is_named_with_its_remedy() -> None:
     with pytest.raises(InputError, match=r"the verb `weigh` comes with gellight_weigh"):
         get_command(known).main(["weigh", "--help"], standalone_mode=False)
     assert {"optimize", "scan"} <= set(get_command(known).commands), "by the entry points of those that are here"
-
-
-@pytest.mark.parametrize(
-    ("typed", "now"),
-    [
-        ("replay press.mcap", "`gellight run FILE`"),
-        ("sim", "`gellight simulate board`"),
-        ("ring group 0-2", "`gellight ring set COLOUR --leds 0-3,8`"),
-        ("ring off", "`gellight ring set off`"),
-        ("ring sequence", "`gellight run --sequence rgb`"),
-        ("config path", "`gellight config show`"),
-        ("demo --mode photometric", "give --set reconstruction.mode=VALUE"),
-        ("run --host=0.0.0.0", "give --set dashboard.host=VALUE"),
-    ],
-)
-def test_what_was_typed_before_is_answered_with_what_is_typed_now(typed: str, now: str) -> None:
-    assert now in refused(invoke(*typed.split()))
 
 
 def test_a_setting_is_given_as_an_option() -> None:

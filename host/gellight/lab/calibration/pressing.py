@@ -64,7 +64,7 @@ class _Collector:
                         self.take(capture.image)
             wait_free(run, self.detector)
             self.attend()
-        self.check_radius()
+        self.check_pixels()
         if run.hand:
             self.drop_outliers()
         run.folder.finish(self.figures())
@@ -112,7 +112,7 @@ class _Collector:
         self.show_progress()
         count, until_um = len(run.folder.state.presses), run.options.until_um
         if count == ball_radius.LEAST_PRESSES:
-            self.check_radius()
+            self.check_pixels()
         if until_um is not None and count >= run.options.least_presses and self.live.reached(until_um):
             self.enough = True
 
@@ -156,23 +156,11 @@ class _Collector:
             self.forget(number)
             self.refused += 1
 
-    def check_radius(self) -> None:
-        """Ask whether pixels are square, and the ball is the one that was named, where the light tells."""
-        presses = self.run.folder.presses()
-        images = [read_image(press.image) for press in presses]
-        self.radius_mm = ball_radius.likely_radius_mm(images, presses, self.reference, self.ball)
-        named = self.run.options.tools.ball_radius_mm
-        problems = (
-            [shape.remedy(self.run.camera.image_shape)]
-            if (shape := pixel_ratio(presses, self.reference, self.ball))
-            else []
-        )
-        if self.radius_mm is not None and ball_radius.is_another(self.radius_mm, named):
-            problems.append(
-                f"the ball was named as {named:g} mm in radius, but the light in its imprints fits a ball of about "
-                f"{self.radius_mm:.3g} mm: measure the ball, and begin again with its radius"
-            )
-        for problem in filter(None, problems):
+    def check_pixels(self) -> None:
+        """Ask whether pixels are square."""
+        shape = pixel_ratio(self.run.folder.presses(), self.reference, self.ball)
+        problem = shape.remedy(self.run.camera.image_shape) if shape else ""
+        if problem:
             if self.run.hand:
                 raise BundleError(problem)
             self.run.wait_for_acceptance(problem)
@@ -210,7 +198,6 @@ class _Collector:
             coverage=found,
             held_out=tuple(self.live.history),
             held_out_um=self.held_out_um,
-            likely_radius_mm=self.radius_mm,
             press_error_deg=self.live.by_press,
         )
 
