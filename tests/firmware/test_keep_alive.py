@@ -52,10 +52,9 @@ def test_a_fault_of_who_listens_to_the_board_puts_no_light_out(
 ) -> None:
     with LightRing(VirtualTransport(board), keep_alive_s=0.01) as ring:
         ring.set_leds(RED)
-        ring.event_listeners.append(lambda _: 1 // 0)
-        ring.set_leds(RED)
+        ring.ping_listeners.append(lambda _: 1 // 0)
         assert comes(board, ring, lambda: "ZeroDivisionError" in caplog.text)
-        ring.event_listeners.clear()
+        ring.ping_listeners.clear()
         hold_up(board, ring)
         assert comes(board, ring, lambda: bool((board.lit == RED).all()))
 

@@ -5,10 +5,14 @@ from types import SimpleNamespace
 from typing import Any
 
 from gellight.lab.doctor.examination import examine
+from gellight.lab.doctor.shutter_meter import ShutterEstimate
 from gellight.sensor.findings import Finding, Level
 from tests.helpers.sensor_bench import Bench, BenchRing
 
 WEBCAM = (0x046D, 0x0825)
+
+
+MEASURED = ShutterEstimate(exposure_s=0.008, readout_s=0.012, delay_s=-0.021, scatter_s=2e-4, bands=90)
 
 
 class TalkingRing(BenchRing):

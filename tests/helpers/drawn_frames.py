@@ -11,6 +11,8 @@ from gellight.frames.frames import (
     CameraFrame,
     Contact,
     ExposureReport,
+    LightLabel,
+    LightState,
     Patch,
     Provenance,
     TactileFrame,
@@ -84,6 +86,7 @@ patches = st.builds(
     age_s=floats, velocity_mm_s=st.none() | pairs,
 )  # fmt: skip
 slips = st.builds(Slip, state=st.sampled_from(SlipState), confidence=floats, velocity_mm_s=st.none() | pairs, why=words)
+labels = st.builds(LightLabel, state=st.sampled_from(LightState), group=st.none() | st.integers(0, 15))
 provenances = st.builds(
     Provenance, calibration=words, zero=words, pixel_size_mm=pairs, unix_s=st.floats(0, 1e10),
     ages_s=st.dictionaries(st.sampled_from(["taken", "reconstructed"]), floats), findings=flags, dropped=numbers,
@@ -98,7 +101,7 @@ def tactile_frames(draw: st.DrawFn) -> TactileFrame:
     dots = maybe(_dots())
     picture = CameraFrame(
         image=draw(array(np.uint8, *shape, 3)), time_s=draw(floats), sequence=draw(st.integers(0, 2**40)),
-        source=draw(words), light=maybe(array(np.uint8, 12, 3)), dots=dots,
+        source=draw(words), light=maybe(array(np.uint8, 12, 3)), label=maybe(labels), dots=dots,
     )  # fmt: skip
     report = st.builds(
         ExposureReport, exposures=numbers, duration_s=floats, moved=st.booleans(), repetition_grey=floats,

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from gellight.frames.camera import EndOfStream
-from gellight.frames.frames import CameraFrame, EncodedImage
+from gellight.frames.frames import CameraFrame, EncodedImage, LightLabel, LightState
 from gellight.opening import open_camera
 
 SHAPE = (48, 64)
@@ -17,7 +17,8 @@ def picture(seed: int) -> np.ndarray:
 
 def plain(sequence: int) -> CameraFrame:
     """A frame of a camera that gives no bytes of its own."""
-    return CameraFrame(image=picture(sequence), time_s=sequence / 30, sequence=sequence, light=LIGHT)
+    label = LightLabel(state=LightState.CLEAN, group=2)
+    return CameraFrame(image=picture(sequence), time_s=sequence / 30, sequence=sequence, light=LIGHT, label=label)
 
 
 def encoded(sequence: int, letters: str) -> CameraFrame:

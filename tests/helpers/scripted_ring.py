@@ -42,7 +42,7 @@ class ScriptedRing(LightRing):
     ) -> None:
         self._lock, self._lighting, self.heat = threading.RLock(), threading.RLock(), HeardHeat()
         self._dark, self._heard_s, self.lit_s = None, inf, -inf
-        self.events, self.event_listeners = deque(), []
+        self.events, self.event_listeners, self.ping_listeners = deque(), [], []
         self.hello: Any = SimpleNamespace(
             unique_id=bytes.fromhex(unique_id), firmware_major=1, firmware_minor=2, firmware_patch=3
         )

@@ -9,7 +9,7 @@ import numpy as np
 
 from gellight.bundle.bundle import Bundle
 from gellight.daemon.session import SensorSession
-from gellight.frames.frames import CameraFrame, ExposureReport, Provenance, TactileFrame
+from gellight.frames.frames import CameraFrame, ExposureReport, LightLabel, LightState, Provenance, TactileFrame
 from gellight.frames.measures import FrameMeasures
 from tests.helpers.dashboard_source import bump
 from tests.helpers.scripted_camera import ScriptedCamera
@@ -58,7 +58,7 @@ def full_frame() -> TactileFrame:
     return replace(
         felt,
         contacts=followed,
-        camera_frame=replace(felt.camera_frame, sequence=2**40),
+        camera_frame=replace(felt.camera_frame, label=LightLabel(state=LightState.CLEAN, group=3), sequence=2**40),
         exposures=ExposureReport(
             exposures=12, duration_s=0.4, moved=True, repetition_grey=1.5, repetition_limit_grey=1.0, misfit=0.3,
             lights=lights, moving=lights > 8, least_lights=5,

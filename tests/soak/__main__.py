@@ -4,6 +4,7 @@ run.py         the soak: faults, recoveries, the report
 faults.py      what goes wrong, drawn from a seed
 hardware.py    the sensor: cameras in a simulated kernel, a bus made of files, a simulated board; marks.py: its pictures
 maltreating.py what is done to it; wires.py: its serial line
+labelling.py   the same faults on virtual time, where labels can be judged
 shift.py       a daemon with recording and subscriber; reader.py and holder.py are programs to be killed
 working.py     who calibrates meanwhile; pressed_gel.py: what the sensor looks at
 judging.py     what has to hold; resources.py: memory and handles
@@ -18,9 +19,11 @@ from dataclasses import asdict
 from functools import partial
 
 from gellight.base.errors import InputError
+from tests.soak.faults import plan
 from tests.soak.judging import Invariant
+from tests.soak.labelling import Labelling
 from tests.soak.resources import one_arena
-from tests.soak.run import Report, soak
+from tests.soak.run import Report, labels, soak
 from tests.soak.working import Work
 
 
@@ -29,12 +32,15 @@ def main() -> int:
     parser = argparse.ArgumentParser("python -m tests.soak", description="Quiet time between faults is cut short.")
     parser.add_argument("--hours", type=float, default=8.0, help="simulated hours, about a fault a minute")
     parser.add_argument("--faults", type=int, default=1, metavar="SEED", help="seed that the faults are drawn from")
-    parser.add_argument("--minutes", type=float, default=math.inf, help="end after so many")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="end after so many, but for labels")
+    parser.add_argument("--labels", action="store_true", help="judge labels of light alone, on virtual time")
     parser.add_argument("--json", action="store_true", help="print all that was found")
     options = parser.parse_args()
     one_arena()
     logging.getLogger("gellight").setLevel(logging.CRITICAL)  # faults are what is made here
     note = partial(print, file=sys.stderr, flush=True)
+    if options.labels:
+        return labels_alone(labels(options.faults, plan(options.faults, options.hours), note))
     try:
         report = soak(options.faults, options.hours, note, minutes=options.minutes)
     except InputError as error:
@@ -43,11 +49,21 @@ def main() -> int:
     return 0 if report.passed else 1
 
 
+def labels_alone(found: Labelling) -> int:
+    """Print what was found of labels; return 1 where one was wrong or none was given."""
+    judge = found.judge
+    print(f"{judge.labels} of {judge.frames} frames were called clean through {found.faults} faults, "
+          f"{len(judge.violations)} violations; again within {found.slowest_s:.2f} s")  # fmt: skip
+    print("\n".join(f"{one.invariant}: {one.text}" for one in judge.violations), end="")
+    return 0 if judge.labels and not judge.violations else 1
+
+
 def table(report: Report) -> str:
     """Return what was found as lines for people."""
     lines = [
         f"{report.simulated_s / 3600:.2f} simulated hours in {report.wall_s / 60:.1f} min, seed {report.seed}: "
-        f"{report.frames} frames",
+        f"{report.frames} frames, {report.labels} light labels judged, "
+        f"given again within {report.slowest_label_s:.2f} s",
         f"memory: {report.memory_growth_mb:+.1f} MB from the third to the last quarter",
         _worked(report.work),
         f"{'fault':20}{'count':>6}{'worst recovery':>17}",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.frames.frames import CameraFrame
+from gellight.frames.frames import CameraFrame, LightState
 from gellight.frames.pose import ObjectPose
 from tests.soak.hardware import Exposure, FragileSensor
 from tests.soak.marks import read_number
@@ -30,6 +30,7 @@ STAMP_ERROR_S = 0.003
 class Invariant(StrEnum):
     """What has to hold."""
 
+    LABEL = "no wrong light label"
     LIGHT = "frames show the light that was set"
     FRESH = "no stale frame called new"
     WHOLE = "no torn frame delivered"
@@ -40,6 +41,7 @@ class Invariant(StrEnum):
     MEMORY = "memory bounded"
     HANDLES = "handles bounded"
     RUNNING = "the daemon goes on"
+    FIRMWARE = "the firmware keeps to its timing"
     CALIBRATION = "presses of a calibration are kept, and where they were"
     POSE = "a pose is of an object that was touched before"
 
@@ -84,8 +86,8 @@ class Judge:
         self.violations: list[Violation] = []
         self.judged: Counter[Invariant] = Counter()
         """how often each was looked at: what was never judged did not hold"""
-        self.frames = 0
-        """frames that were judged"""
+        self.frames = self.labels = 0
+        """frames that were judged; clean labels among them"""
         self.newest_start_s = -np.inf
         """when the newest frame that was sound began, `time.monotonic`"""
         self._sensor = sensor
@@ -112,8 +114,8 @@ class Judge:
         """Begin with the frames of another daemon, which counts frames and objects anew."""
         self._sequence = self._object = -1
 
-    def frame(self, frame: CameraFrame, *, light: NDArray[np.uint8] | None) -> None:
-        """Judge a frame that was delivered under the light (12, 3); None: nobody knows which was set."""
+    def frame(self, frame: CameraFrame, *, light: NDArray[np.uint8] | None, groups: NDArray[np.uint8] | None) -> None:
+        """Judge a frame that was delivered: under the still light (12, 3), or a sequence of groups (n, 12, 3)."""
         self.frames += 1
         self.looked_at(Invariant.WHOLE)
         try:
@@ -125,7 +127,7 @@ class Judge:
         if exposure is None:
             self.broken(Invariant.WHOLE, f"frame {frame.sequence} shows number {number}, which was not exposed lately")
             return
-        if self._is_new(frame, exposure) and self._is_lit(frame, exposure, light):
+        if self._is_new(frame, exposure) and self._is_lit(frame, exposure, light, groups):
             self.newest_start_s = exposure.start_s
 
     def pose(self, sequence: int, pose: ObjectPose | None) -> None:
@@ -155,11 +157,22 @@ class Judge:
             return True
         return False
 
-    def _is_lit(self, frame: CameraFrame, exposure: Exposure, light: NDArray[np.uint8] | None) -> bool:
-        if light is None:
+    def _is_lit(
+        self, frame: CameraFrame, exposure: Exposure, light: NDArray[np.uint8] | None, groups: NDArray[np.uint8] | None
+    ) -> bool:
+        if groups is None:
+            if light is None:
+                return True
+            self.looked_at(Invariant.LIGHT)
+            if (exposure.lights != light).any():
+                self.broken(Invariant.LIGHT, f"frame {frame.sequence} was exposed under another light than was set")
+                return False
             return True
-        self.looked_at(Invariant.LIGHT)
-        if (exposure.lights != light).any():
-            self.broken(Invariant.LIGHT, f"frame {frame.sequence} was exposed under another light than was set")
+        if frame.label is None or frame.label.state is not LightState.CLEAN:
+            return True
+        self.labels += 1
+        self.looked_at(Invariant.LABEL)
+        if (exposure.lights != groups[frame.label.group]).any():
+            self.broken(Invariant.LABEL, f"frame {frame.sequence} is labelled clean, group {frame.label.group}")
             return False
         return True

@@ -16,9 +16,10 @@ import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ from tests.helpers.terminal_board import TerminalBoard
 from tests.soak.faults import FaultKind, PlannedFault, plan
 from tests.soak.hardware import SERIAL, SHUTTER, SoakSensor, digitised
 from tests.soak.judging import DARK_WITHIN_S, RECOVERY_S, Invariant, Judge, Patience, Violation
+from tests.soak.labelling import Labelling
 from tests.soak.maltreating import JUMP_S, maltreat
 from tests.soak.marks import BITS, marked
 from tests.soak.pressed_gel import PIXEL_MM, PressedGel
@@ -66,11 +68,24 @@ class Report:
     starved_s: float = 0.0
     """for so long the process was kept from the processor"""
     frames: int = 0
+    labels: int = 0
+    """frames that were called clean, and judged"""
+    slowest_label_s: float = 0.0
+    """from the end of a fault until a frame was called clean again, on virtual time"""
     memory_growth_mb: float = 0.0
     work: Work = field(default_factory=Work)
     faults: dict[str, Outcome] = field(default_factory=dict)
     violations: list[Violation] = field(default_factory=list)
     not_judged: list[Invariant] = field(default_factory=list)
+
+    def add_labels(self, labelling: Labelling) -> None:
+        """Take in what was found of labels."""
+        judge = labelling.judge
+        self.labels, self.slowest_label_s = self.labels + judge.labels, labelling.slowest_s
+        self.violations += judge.violations
+        if judge.labels:
+            judged = Invariant.LABEL, Invariant.FIRMWARE
+            self.not_judged = [invariant for invariant in self.not_judged if invariant not in judged]
 
     @property
     def passed(self) -> bool:
@@ -133,7 +148,7 @@ class Soak:
 
     def run(self, faults: Iterator[PlannedFault], minutes: float = math.inf) -> Report:
         """Make every fault of the plan, as far as they come within so many minutes; return what was found."""
-        planned, works = list(faults), self._works
+        planned, sequenced = list(faults), False
         self._end_s = self._begun_s + 60 * minutes
         with ExitStack() as stack:
             stack.enter_context(self.clock.in_force())
@@ -144,15 +159,15 @@ class Soak:
             threading.Thread(target=self._sample, name="holdings", daemon=True).start()
             left = deque(planned)
             while left and time.monotonic() < self._end_s:
-                self._shift(left, works=works)
-                works = self._works and not works
+                self._shift(left, sequenced=sequenced)
+                sequenced = not sequenced
         return self._conclude(planned)
 
-    def _shift(self, left: deque[PlannedFault], *, works: bool) -> None:
+    def _shift(self, left: deque[PlannedFault], *, sequenced: bool) -> None:
         """Run a daemon through some of the faults that are left, and end it, earlier where it does not recover."""
         try:
-            work = self.report.work if works else None
-            with Shift(self.sensor, self._bundle, self.judge, self._folder, work=work) as shift:
+            work = self.report.work if self._works and not sequenced else None
+            with Shift(self.sensor, self._bundle, self.judge, self._folder, sequenced=sequenced, work=work) as shift:
                 self._recover(None, shift)
                 for number in range(min(FAULTS_A_SHIFT, len(left))):
                     self._quiet(shift, number)
@@ -190,7 +205,8 @@ class Soak:
         outcome = self.report.faults.setdefault(fault.kind, Outcome())
         outcome.count += 1
         outcome.worst_recovery_s = max(outcome.worst_recovery_s, recovery_s)
-        self._note(f"{fault.at_s / 3600:6.2f} h  {fault.kind:18} {fault.seconds:4.1f} s  {recovery_s:5.2f} s")
+        how = "sequence" if shift.sequenced else "still"
+        self._note(f"{fault.at_s / 3600:6.2f} h  {fault.kind:18} {fault.seconds:4.1f} s  {how:8}  {recovery_s:5.2f} s")
         self.report.simulated_s = fault.at_s
         return recovery_s
 
@@ -205,8 +221,9 @@ class Soak:
                 break
             time.sleep(POLL_S)
         if kind and taken_s > RECOVERY_S:
+            how = "sequence" if shift.sequenced else "still"
             why = "; ".join(told) or "no error was told"
-            self.judge.broken(Invariant.RECOVERY, f"{taken_s:.1f} s after {kind}: {why}")
+            self.judge.broken(Invariant.RECOVERY, f"{taken_s:.1f} s after {kind}, {how}: {why}")
         return taken_s
 
     def _moment(self) -> "_Moment":
@@ -314,7 +331,7 @@ class Soak:
             judge.broken(Invariant.HANDLES, f"more than after the first two daemons: {more}")
         report.wall_s, report.starved_s = time.monotonic() - self._begun_s, self.patience.starved_s
         report.memory_growth_mb = growth
-        report.frames = judge.frames
+        report.frames, report.labels = judge.frames, judge.labels
         report.violations, report.not_judged = list(judge.violations), judge.not_judged()
         return report
 
@@ -322,12 +339,23 @@ class Soak:
 def soak(seed: int, hours: float, note: Callable[[str], object] = logger.info, *, minutes: float = math.inf) -> Report:
     """Soak a simulated sensor for that many simulated hours, or minutes; `note` is told of every fault.
 
+    Then the faults that were made are made once more on virtual time, for labels.
     Raises InputError where no fault of the plan falls into that time: such a run would say nothing.
     """
     if not any(True for _ in plan(seed, hours)):
         raise InputError(f"no fault of seed {seed} falls into {hours:g} h: give more hours")
     with tempfile.TemporaryDirectory(prefix="gellight-soak-") as folder:
-        return Soak(seed, Path(folder), note).run(plan(seed, hours), minutes)
+        report = Soak(seed, Path(folder), note).run(plan(seed, hours), minutes)
+    report.add_labels(labels(seed, takewhile(lambda fault: fault.at_s <= report.simulated_s, plan(seed, hours)), note))
+    return report
+
+
+def labels(seed: int, faults: Iterable[PlannedFault], note: Callable[[str], object] = logger.info) -> Labelling:
+    """Judge labels of light through those of the faults that are of the sensor, on virtual time."""
+    with tempfile.TemporaryDirectory(prefix="gellight-labels-") as folder:
+        labelling = Labelling(seed, Path(folder) / "bus", soak_bundle(Path(folder) / "bundle", PressedGel()))
+        labelling.run(faults, note)
+    return labelling
 
 
 def soak_bundle(folder: Path, gel: PressedGel) -> Bundle:

@@ -17,6 +17,8 @@ from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera
 from gellight.recording.recording_file import Recording
+from gellight.ring.light_groups import colour_triples
+from gellight.sensor.lighting.sequenced import SequencedCamera
 from gellight.sensor.sensor_camera import open_sensor
 from gellight.stream.publisher import Publisher
 from gellight.stream.recorder import Recorder
@@ -79,11 +81,14 @@ class Reader:
 class Shift:
     """A running daemon, recorded, published and judged; a context manager."""
 
-    def __init__(self, sensor: SoakSensor, bundle: Bundle, judge: Judge, folder: Path, *,
+    def __init__(self, sensor: SoakSensor, bundle: Bundle, judge: Judge, folder: Path, *, sequenced: bool,
                  work: Work | None = None) -> None:  # fmt: skip
-        """Run the sensor that is plugged in; work: where to note what somebody does who calibrates it; None: nobody."""
+        """Run the sensor that is plugged in; sequenced: under a sequence of lights, else under the bundle's.
+
+        work: where to note what somebody does who calibrates it; None: nobody does.
+        """
         self._sensor, self._bundle, self.judge, self._folder = sensor, bundle, judge, folder
-        self._work = work
+        self._work, self.sequenced = work, sequenced
         self.working: Working | None = None
         self._recordings = 0
         self._known_from = 0
@@ -95,7 +100,8 @@ class Shift:
         """Open, and start everything."""
         with ExitStack() as stack:
             camera = stack.enter_context(self._opened())
-            watch = SensorWatch(self._bundle, rezero=True)
+            assert self._bundle.colours is not None
+            watch = None if self.sequenced else SensorWatch(self._bundle, rezero=True)
             self.judge.begin_stream()
             self.daemon = stack.enter_context(session_of(camera, Reconstructor(self._bundle), watch=watch))
             self.daemon.track(on=True)
@@ -124,15 +130,26 @@ class Shift:
 
     def _light(self, sequence: int) -> NDArray[np.uint8] | None:
         """Return the light that a frame was exposed under; None where it is one of several."""
+        if self.sequenced:
+            return None
         if self.working is not None and self.working.calibrating:
             self._known_from = sequence + IN_FLIGHT
         return self._bundle.colours if sequence >= self._known_from else None
 
     def _opened(self) -> Camera:
-        return open_sensor(f"sensor://{SERIAL}", bundle=self._bundle, surroundings=self._sensor.surroundings)
+        camera = open_sensor(f"sensor://{SERIAL}", bundle=self._bundle, surroundings=self._sensor.surroundings)
+        if not self.sequenced:
+            return camera
+        assert self._bundle.colours is not None
+        self._groups = colour_triples(self._bundle.colours)
+        try:
+            return SequencedCamera(camera, self._groups)
+        except BaseException:
+            camera.close()
+            raise
 
     def _judge_frames(self) -> None:
-        number = 0
+        number, groups = 0, self._groups if self.sequenced else None
         with self.daemon.delivered.subscribe(KEPT_FRAMES) as frames:
             while not self._ended.is_set():
                 try:
@@ -144,7 +161,7 @@ class Shift:
                         self.judge.broken(Invariant.RUNNING, f"no more frames: {error}")
                     return
                 light = self._light(felt.camera_frame.sequence)
-                self.judge.frame(felt.camera_frame, light=light)
+                self.judge.frame(felt.camera_frame, light=light, groups=groups)
                 self.judge.pose(felt.camera_frame.sequence, felt.pose)
 
     # ---- recordings ----

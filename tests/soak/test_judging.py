@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gellight.frames.frames import CameraFrame
+from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.frames.pixel_grid import block_means
 from gellight.lab.simulator.scene import Press
 from tests.soak.hardware import Exposure
@@ -41,7 +41,7 @@ def broken(judge: Judge) -> list[Invariant]:
 
 def see(judge: Judge, *frames: CameraFrame) -> list[Invariant]:
     for frame in frames:
-        judge.frame(frame, light=GROUPS[0])
+        judge.frame(frame, light=GROUPS[0], groups=None)
     return broken(judge)
 
 
@@ -71,6 +71,16 @@ def test_a_frame_that_is_not_what_it_says_is_noticed(second: CameraFrame, invari
 @pytest.mark.parametrize("lights", [(GROUPS[1],), (GROUPS[0], 0 * GROUPS[0])], ids=["another light", "dark half way"])
 def test_a_frame_under_another_light_is_noticed(lights: tuple[np.ndarray, ...]) -> None:
     assert see(judge_of(exposure(1, *lights)), shown(1)) == [Invariant.LIGHT]
+
+
+def test_a_wrong_label_is_noticed() -> None:
+    clean = LightLabel(state=LightState.CLEAN, group=0)
+    judge = judge_of(exposure(1, GROUPS[0]), exposure(2, GROUPS[1]), exposure(3, *GROUPS))
+    for number in range(1, 4):
+        judge.frame(shown(number, label=clean), light=None, groups=GROUPS)
+    assert broken(judge) == [Invariant.LABEL, Invariant.LABEL]
+    assert judge.labels == 3
+    assert judge.judged[Invariant.LABEL] == 3
 
 
 def test_what_was_never_looked_at_is_named() -> None:

@@ -54,6 +54,7 @@ def test_everything_holds_under_faults_drawn_at_random() -> None:
     assert report["violations"] == [], ended.stderr
     assert report["not_judged"] == []
     assert ended.returncode == 0
+    assert report["labels"] > 0
     assert set(report["faults"]) == set(FaultKind), "every kind of fault was made"
     assert report["frames"] > 200, "three a second come while the sensor is calibrated"
 

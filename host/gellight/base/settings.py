@@ -124,6 +124,21 @@ class ReconstructionSettings(StrictModel):
     )
 
 
+class LightingSettings(StrictModel):
+    """What the light of the sensor does while it runs; see docs/light.md."""
+
+    sequence: str = Field(
+        default="",
+        description="light groups shown in turn: `rgb` (a red, a green and a blue LED each), `single` (one LED each) "
+        "or a JSON file; empty: the light of the calibration all the time",
+    )
+    light_mode: Literal["hold", "free", "ext"] = Field(
+        default="hold",
+        description="what moves the light of a sequence or of photometric stereo on: each frame that is read, the "
+        "board's clock, or the strobe of the camera",
+    )
+
+
 class WatchSettings(StrictModel):
     """What is watched for changes since the calibration; see docs/watch.md."""
 
@@ -214,6 +229,7 @@ class Settings(StrictModel):
     sensor: SensorSettings = Field(default_factory=SensorSettings)
     geometry: GeometrySettings = Field(default_factory=GeometrySettings)
     reconstruction: ReconstructionSettings = Field(default_factory=ReconstructionSettings)
+    lighting: LightingSettings = Field(default_factory=LightingSettings)
     watch: WatchSettings = Field(default_factory=WatchSettings)
     tracking: TrackingSettings = Field(default_factory=TrackingSettings)
     dashboard: DashboardSettings = Field(default_factory=DashboardSettings)

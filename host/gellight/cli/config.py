@@ -7,10 +7,12 @@ import tomli_w
 import typer
 
 from gellight.base.settings import Settings, file_paths, merge, read_layers
+from gellight.cli.lazy import lazy_group
 from gellight.cli.options import AsJson
 from gellight.cli.showing import show
 
 app = typer.Typer(
+    cls=lazy_group({}, gone=dict.fromkeys(("schema", "path"), "is a part of `gellight config show` now")),
     help="Show the settings, and what could be set.",
     no_args_is_help=True,
 )

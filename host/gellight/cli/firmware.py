@@ -6,11 +6,13 @@ from typing import Annotated
 
 import typer
 
+from gellight.cli.lazy import lazy_group
 from gellight.ring.firmware.image import image_crc
 from gellight.ring.firmware.targets import committed_image, packaged, read_image
 from gellight.ring.protocol import VERSION, schema_crc
 
 app = typer.Typer(
+    cls=lazy_group({}, {verb: f"is `python -m firmware.tools.{verb}` now" for verb in ("build", "generate")}),
     help="The firmware of the light ring: see it, flash it.",
     no_args_is_help=True,
 )

@@ -9,6 +9,7 @@ from functools import partial
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 import typer
@@ -22,7 +23,7 @@ MARKUP: Literal["markdown"] = "markdown"
 PANELS = {
     "Page": "port browser dashboard",
     "Other programs": "name lan ros2 foxglove",
-    "Light": "mode sequence",
+    "Light": "mode sequence light-mode",
     "Process": "threads workers seed",
     "What is recorded": "depth map",
     "Other tools": "cylinder-diameter-mm balls-to-press",
@@ -42,6 +43,24 @@ MOST = 8
 """options that a verb shows above these groups"""
 _TITLES = {option: title for title, options in PANELS.items() for option in options.split()}
 
+SETTINGS_NOW = {
+    "--host": "dashboard.host",
+    "--tls-cert": "dashboard.tls_cert",
+    "--tls-key": "dashboard.tls_key",
+    "--mode": "reconstruction.mode",
+    "--sequence": "lighting.sequence",
+    "--light-mode": "lighting.light_mode",
+    "--no-publish": "stream.enabled",
+    "--name": "stream.name",
+    "--lan": "stream.lan",
+    "--zenoh-config": "stream.zenoh_config",
+    "--ros2": "stream.ros2",
+    "--foxglove": "stream.foxglove",
+    "--sinks": "stream.sinks",
+    "--log": "service.log",
+    "--realtime": "service.realtime",
+}
+"""options of before 2.0, of all verbs that run a sensor or of all but `run`: the setting that each set"""
 LARGEST = 1_000_000_000
 """largest number that an option takes, in any unit"""
 _type_of_value = TyperOption.display_type_rich
@@ -76,7 +95,17 @@ class LazyVerb(TyperCommand):
 
     def make_context(self, info_name: Any, args: Any, *more: Any, **options: Any) -> Any:
         """Parse the arguments of the verb: the first thing that a group does with the verb that was typed."""
-        return self.load().make_context(info_name, args, *more, **options)
+        verb = self.load()
+        _refuse_settings(verb, args)
+        return verb.make_context(info_name, args, *more, **options)
+
+
+def _refuse_settings(verb: Any, words: list[str]) -> None:
+    """Raise InputError for an option of before 2.0 that is a setting now."""
+    known = {option for one in verb.params for option in (*one.opts, *one.secondary_opts)}
+    for option in (word.partition("=")[0] for word in words):
+        if option in SETTINGS_NOW and option not in known and "--set" in known:
+            raise InputError(f"{option} is a setting now: give --set {SETTINGS_NOW[option]}=VALUE")
 
 
 def refuse_senseless(command: Any) -> Any:
@@ -152,15 +181,18 @@ def _check_number(name: str, typed: Any) -> None:
             raise InputError(f"{name} {typed} is not possible: give a number from {-LARGEST} to {LARGEST}")
 
 
-def lazy_group(table: Mapping[str, tuple[str, str]]) -> type[TyperGroup]:
-    """Return a group for `typer.Typer(cls=...)`; table: by name, a place in `gellight.cli` and what the help says."""
-    return _group({name: (f"gellight.cli.{home}", text) for name, (home, text) in table.items()}, {})
+def lazy_group(
+    table: Mapping[str, tuple[str, str]], gone: Mapping[str, str] = MappingProxyType({})
+) -> type[TyperGroup]:
+    """Return a group for `typer.Typer(cls=...)`; table: by name, a place in `gellight.cli` and what the help says.
+
+    gone: by name, what to give instead of a verb that is no more.
+    """
+    return _group({name: (f"gellight.cli.{home}", text) for name, (home, text) in table.items()}, gone)
 
 
-def open_group(panels: Mapping[str, Mapping[str, tuple[str, str]]], absent: Mapping[str, str]) -> type[TyperGroup]:
+def open_group(panels: Mapping[str, Mapping[str, tuple[str, str]]], gone: Mapping[str, str]) -> type[TyperGroup]:
     """Return such a group, in panels of the help, with the verbs of installed distributions too.
-
-    absent: by name, where a verb of a distribution comes from that is not installed.
 
     These are found by the entry points `gellight.verbs`, which name a table each: by name, a place with the whole name
     of its module, what the help says, and, if wanted, the panel.
@@ -172,10 +204,10 @@ def open_group(panels: Mapping[str, Mapping[str, tuple[str, str]]], absent: Mapp
     }
     for found in entry_points(group="gellight.verbs"):
         verbs |= {name: (home, text, *(panel or [BESIDE])) for name, (home, text, *panel) in found.load().items()}
-    return _group(verbs, absent)
+    return _group(verbs, gone)
 
 
-def _group(table: Mapping[str, tuple[str, ...]], absent: Mapping[str, str]) -> type[TyperGroup]:
+def _group(table: Mapping[str, tuple[str, ...]], gone: Mapping[str, str]) -> type[TyperGroup]:
     class Group(TyperGroup):
         def __init__(self, **attributes: Any) -> None:
             super().__init__(**attributes)
@@ -184,8 +216,8 @@ def _group(table: Mapping[str, tuple[str, ...]], absent: Mapping[str, str]) -> t
 
         def get_command(self, ctx: Any, cmd_name: str) -> Any:
             """Return a verb; InputError, with the remedy, for one that is not here."""
-            if cmd_name in absent and cmd_name not in self.commands:
-                raise InputError(f"the verb `{cmd_name}` {absent[cmd_name]}")
+            if cmd_name in gone and cmd_name not in self.commands:
+                raise InputError(f"the verb `{cmd_name}` {gone[cmd_name]}")
             return super().get_command(ctx, cmd_name)
 
     return Group

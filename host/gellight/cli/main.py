@@ -17,6 +17,13 @@ ELSEWHERE = {
     for verb in verbs
 }
 """verbs of distributions beside this one"""
+MOVED = {
+    "replay": "is `gellight run FILE` now",
+    "virtual-sensor": "is an instrument of the tests now: tests/virtual_usb",
+    "sim": "is an instrument of the tests now: tests/helpers/terminal_board.py; verbs of the ring take --url sim://",
+    "selfcheck": "is `python -m tests.benchmarks.selfcheck` in a checkout now",
+}
+"""what to type instead of verbs of before 2.0"""
 VERBS = open_group(
     {
         "Try": {
@@ -42,7 +49,7 @@ VERBS = open_group(
             "firmware": ("firmware:app", "The firmware of the light ring: see it, flash it."),
         },
     },
-    ELSEWHERE,
+    ELSEWHERE | MOVED,
 )
 
 app = typer.Typer(

@@ -10,6 +10,7 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.cli.ending import until_interrupted
+from gellight.cli.lazy import lazy_group
 from gellight.cli.options import LONGEST_S, AsJson, Seconds
 from gellight.cli.showing import show
 from gellight.ring.boards import BOARDS, LEDS, channel_ua_of, check_wiring, find_board, wired_as
@@ -20,6 +21,14 @@ from gellight.ring.protocol import ACTIVE_LOW, CURRENT_CAP_MA, NO_PIN, Configura
 from gellight.ring.wire import MOST_LEDS
 
 app = typer.Typer(
+    cls=lazy_group(
+        {},
+        gone={
+            "group": "is `gellight ring set COLOUR --leds 0-3,8` now",
+            "off": "is `gellight ring set off` now",
+            "sequence": "is no more: `gellight run --sequence rgb` shows light groups in turn",
+        },
+    ),
     help="The light ring by hand.",
     no_args_is_help=True,
 )

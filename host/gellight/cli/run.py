@@ -20,10 +20,20 @@ class LightOptions:
     mode: Annotated[
         str | None, typer.Option(help="How slopes are found: network or photometric.", show_default="network")
     ] = None
+    sequence: Annotated[
+        str | None, typer.Option(help="Light groups shown in turn: rgb, single or a JSON file.", show_default="none")
+    ] = None
+    light_mode: Annotated[
+        str | None, typer.Option(help="What moves the light on: hold, free or ext.", show_default="hold")
+    ] = None
 
     def flags(self) -> dict[str, object]:
         """Return the settings that were given as options."""
-        return {"reconstruction.mode": self.mode}
+        return {
+            "reconstruction.mode": self.mode,
+            "lighting.sequence": self.sequence,
+            "lighting.light_mode": self.light_mode,
+        }
 
 
 @dataclass(frozen=True)

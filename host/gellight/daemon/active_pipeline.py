@@ -6,17 +6,18 @@ from math import isnan
 
 from gellight.base.settings import ReconstructionSettings
 from gellight.bundle.bundle import Bundle
-from gellight.daemon.configuration import ModeConfig, PathKind
+from gellight.daemon.configuration import ModeConfig, PathKind, photometric_groups
 from gellight.frame_path.picture_path import PicturePath
 from gellight.frame_path.pipeline import FramePath, Reconstructor
+from gellight.frame_path.sequence_path import SequencePath
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, FrameJudge, Provenance, TactileFrame
 from gellight.frames.status import ForceStatus, TouchStatus
-from gellight.photometric.light_model import LightGroups
 from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.force_file import read_force
 from gellight.series.reconstructor import PhotometricReconstructor
 from gellight.series.single_light_path import SingleLightPath
+from gellight.series.window import WindowReconstructor
 from gellight.watch.monitor import SensorWatch
 from gellight.watch.possible import gel_thickness_mm, impossible_depth
 
@@ -43,15 +44,16 @@ def build_pipeline(config: ModeConfig, camera: Camera) -> "ActivePipeline":
 
 def path_for(config: ModeConfig, bundle: Bundle) -> FramePath:
     """Return the frame path that `config` says, for its bundle or for that with another zero; raises BundleError."""
-    options = config.settings.reconstruction
+    options, light = config.settings.reconstruction, config.light
     if config.path is PathKind.PICTURE:
         return PicturePath(bundle)
     if config.path is PathKind.OWN_LIGHTS:
         return SingleLightPath(bundle, options.mode, smoothing_px=options.smoothing_px)
-    if config.path is PathKind.SERIES:
-        model, groups = config.light.model or read_lights(bundle), LightGroups(options.light_groups)
-        return PhotometricReconstructor(bundle, model, groups, smoothing_px=options.smoothing_px)
-    return reconstructor_for(bundle, options)
+    if config.path in (PathKind.SERIES, PathKind.SLIDING_WINDOW):
+        stereo = PhotometricReconstructor if config.path is PathKind.SERIES else WindowReconstructor
+        groups = photometric_groups(options, config.settings.lighting)
+        return stereo(bundle, light.model or read_lights(bundle), groups, smoothing_px=options.smoothing_px)
+    return SequencePath(reconstructor_for(bundle, options), light.groups)
 
 
 def reconstructor_for(bundle: Bundle, options: ReconstructionSettings) -> Reconstructor:

@@ -142,7 +142,7 @@ class SensorSession:
     @property
     def joins_exposures(self) -> bool:
         """Whether a tactile frame is made of several pictures, each under another light."""
-        return self._active.config.light.groups is not None
+        return self._active.config.light.joined
 
     @property
     def watch(self) -> SensorWatch | None:
@@ -369,7 +369,7 @@ class SensorSession:
     def _watch_now_and_then(self, frame: TactileFrame) -> None:
         """Let the watch look at a frame, and let the zero follow slow drift."""
         watch = self.watch
-        if watch is None:
+        if watch is None or frame.camera_frame.label is not None:  # in this mode, or of a sequence that was recorded
             return
         watch.note(frame)
         with self._changing:  # nobody replaces the bundle or sets a zero between the question and the zero

@@ -11,13 +11,16 @@ from numpy.typing import NDArray
 from gellight.base.errors import BundleError, CameraError, GellightError
 from gellight.bundle.bundle import Bundle
 from gellight.daemon.configuration import STILL, LightPlan, ModeConfig
-from gellight.frames.camera import Camera, ReconnectingError
+from gellight.frames.camera import Camera, ReconnectingError, timing_of
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
 from gellight.frames.picture import PreparedCamera, are_prepared
 from gellight.photometric.light_model import LightModel
+from gellight.sensor.lighting.lock import settle_s
+from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera, clock_error_s
 from gellight.sensor.series_cameras import EXPOSURE, SeriesCamera
 from gellight.sensor.set_and_light import SETTLING_FRAMES
+from gellight.sensor.window_camera import WindowCamera
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,12 +83,30 @@ def camera_for(camera: Camera, light: LightPlan) -> Camera:
     """
     if light.groups is None:
         return camera
-    exposure = bright_exposure_us(camera, light.model) if light.model else None
-    return SeriesCamera(camera, light.groups, exposure_us=exposure, frames=light.frames)
+    if not light.joined:
+        return SequencedCamera(camera, light.groups, mode=light.light_mode)
+    if light.light_mode is LightMode.HOLD:
+        exposure = bright_exposure_us(camera, light.model) if light.model else None
+        return SeriesCamera(camera, light.groups, exposure_us=exposure, frames=light.frames)
+    exposure = _window_exposure_us(camera, light.model, light.light_mode) if light.model else None
+    if exposure is not None and camera.ring is not None:
+        camera.adopt({EXPOSURE: exposure}, camera.ring.still)
+    sequenced = SequencedCamera(camera, light.groups, mode=light.light_mode)
+    return WindowCamera(sequenced, light.groups, exposure_us=exposure)
 
 
-def bright_exposure_us(camera: Camera, model: LightModel) -> float | None:
-    """Return the exposure under which one LED of a colour is as bright as the camera can show it.
+def _window_exposure_us(camera: Camera, model: LightModel, light_mode: LightMode) -> float | None:
+    """Return the brightest exposure under which every frame can still be of another light."""
+    if camera.ring is None:
+        raise CameraError(f"{camera.url} has no light ring that can be driven: use --mode network")
+    timing = timing_of(camera)
+    settle = settle_s(timing, clock_error_s(light_mode), leds=camera.ring.led_count)
+    left_s = timing.period_s - timing.readout_s - settle
+    return bright_exposure_us(camera, model, longest_us=max(left_s, timing.exposure_s) * 1e6)
+
+
+def bright_exposure_us(camera: Camera, model: LightModel, *, longest_us: float = LONGEST_US) -> float | None:
+    """Return the exposure under which one LED of a colour is as bright as the camera can show it, at most `longest_us`.
 
     None where it cannot be set, or the model does not know at which exposure it was made.
     """
@@ -93,7 +114,7 @@ def bright_exposure_us(camera: Camera, model: LightModel) -> float | None:
     if controls is None or EXPOSURE not in controls.names() or model.exposure_us is None:
         return None
     lowest, highest, step = controls.range(EXPOSURE)
-    wanted = min(bright_exposure_of(model), highest)
+    wanted = min(bright_exposure_of(model), highest, longest_us)
     stepped = lowest + floor((wanted - lowest) / step) * step if step else wanted
     return float(max(stepped, lowest))
 

@@ -1,7 +1,7 @@
 """What every camera of the host promises: frames, and beyond them what its sensor can do."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -18,7 +18,8 @@ from gellight.ring.light_ring import LightRing
 class CameraTiming:
     """The times of a rolling shutter and their uncertainty. All in s. The defaults suit a plain 30 Hz camera.
 
-    Row r of H begins its exposure at `frame.time_s + readout_s * r / (H - 1)` and ends it `exposure_s` later.
+    Row r of H begins its exposure at `frame.time_s + stamp_delay_s + readout_s * r / (H - 1)` and ends it `exposure_s`
+    later.
     """
 
     exposure_s: float = 0.008
@@ -26,6 +27,8 @@ class CameraTiming:
     """from the start of the first row to the start of the last"""
     period_s: float = 1 / 30
     """from frame to frame"""
+    stamp_delay_s: float = 0.0
+    """from the stamp of a frame to the start of its first row, where the camera stamps something else"""
     stamp_error_s: float = 0.001
     """largest error of the beginning and the end of a row's exposure, either way"""
     pulse_period_s: float = 0.0025
@@ -48,7 +51,8 @@ class CameraTiming:
 
     def span_s(self, time_s: float) -> tuple[float, float]:
         """Return from when to when, at most, a frame with this stamp was exposed."""
-        return time_s - self.stamp_error_s, time_s + self.duration_s + self.stamp_error_s
+        begin_s = time_s + self.stamp_delay_s
+        return begin_s - self.stamp_error_s, begin_s + self.duration_s + self.stamp_error_s
 
 
 class EndOfStream(CameraError):  # noqa: N818  (it is the end, not a fault)
@@ -220,3 +224,15 @@ def set_controls(camera: Camera, controls: Mapping[str, float]) -> bool:
         return False
     before = {name: theirs.read(name) for name in controls}
     return before != {name: theirs.set(name, value) for name, value in controls.items()}
+
+
+def timing_of(camera: Camera, known: CameraTiming | None = None) -> CameraTiming:
+    """Return `known` (default: what the camera tells of itself) with the exposure its controls tell, where they do.
+
+    Readout, frame period and the meaning of the stamp stay as known: `shutter_meter.measure_shutter` measures them.
+    Raises InputError where the exposure is longer than the frame period.
+    """
+    known = known or camera.timing or CameraTiming()
+    if camera.controls is None or "exposure_us" not in camera.controls.names():
+        return known
+    return replace(known, exposure_s=camera.controls.read("exposure_us") * 1e-6)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from functools import cached_property
 from typing import Any, Protocol, Self
 
@@ -56,6 +57,26 @@ def _size(image: NDArray[Any]) -> str:
     return f"{image.shape[1]}x{image.shape[0]}"
 
 
+class LightState(StrEnum):
+    """What is known of the light of one exposure."""
+
+    CLEAN = "clean"
+    """every row was exposed under one and the same light"""
+    MIXED = "mixed"
+    """the light changed while some row was exposed"""
+    UNKNOWN = "unknown"
+    """it cannot be told"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LightLabel:
+    """Under which light group of a running sequence a frame was taken."""
+
+    state: LightState
+    group: int | None = None
+    """index of the group; None unless the frame is clean"""
+
+
 @dataclass(frozen=True, kw_only=True)
 class EncodedImage:
     """A picture as the camera gave it, before it was decoded."""
@@ -93,6 +114,8 @@ class CameraFrame:
     """where the frame came from, for messages: a file name or the URL of the camera"""
     light: NDArray[np.uint8] | None = None
     """(12, 3) RGB of each LED during the exposure; None where the camera cannot know its light"""
+    label: LightLabel | None = None
+    """the light group of a sequence that lit it; None where no sequence runs"""
     dots: DotsSeen | None = None
     """the marker dots before they were filled; None for a gel without dots whose places its bundle knows"""
     truth: GroundTruth | None = None
@@ -103,8 +126,9 @@ class CameraFrame:
     """None where no daemon took it"""
 
     def __repr__(self) -> str:
-        """Return size, number and time in one line."""
-        return f"<{type(self).__name__} {_size(self.image)}, sequence {self.sequence}, {self.time_s:.3f} s>"
+        """Return size, number, time and light in one line."""
+        light = f", {self.label.state} light" if self.label else ""
+        return f"<{type(self).__name__} {_size(self.image)}, sequence {self.sequence}, {self.time_s:.3f} s{light}>"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

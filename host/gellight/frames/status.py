@@ -5,6 +5,18 @@ from typing import Required, TypedDict
 from gellight.ring.heat import RingHeat
 
 
+class LightSequenceStatus(TypedDict):
+    """Of a camera whose light follows a sequence: the mode, and how many frames were clean, mixed or unknown."""
+
+    light_mode: str
+    groups: int
+    frames_per_light: int
+    clean: int
+    mixed: int
+    unknown: int
+    trims: int
+
+
 class CameraStatus(TypedDict, total=False):
     """Of a camera; one has the keys of its kind, and `{}` where nothing is known."""
 
@@ -32,6 +44,7 @@ class CameraStatus(TypedDict, total=False):
     """path of what is replayed, whether it is whole, and how fast"""
     whole: bool
     speed: float
+    light_sequence: LightSequenceStatus
 
 
 class PressStatus(TypedDict):

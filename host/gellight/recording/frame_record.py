@@ -12,7 +12,7 @@ from pydantic import Field
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import InputError
 from gellight.base.png import is_whole
-from gellight.frames.frames import CameraFrame, CaptureStamp, ExposureSeries
+from gellight.frames.frames import CameraFrame, CaptureStamp, ExposureSeries, LightLabel
 from gellight.frames.jpeg import CorruptPictureError
 from gellight.frames.shear import DotFigures, DotsSeen
 from gellight.recording.ros_messages import RosImage, decode_compressed, encode_compressed
@@ -50,8 +50,7 @@ class FrameInfo(StrictModel):
     height: Size
     line_bytes: int = Field(ge=0, le=4 * MOST_PX)
     light: tuple[tuple[Byte, Byte, Byte], ...] | None
-    label: dict[str, object] | None = None
-    """under which light of a sequence; GelLight before 1.0 recorded such"""
+    label: LightLabel | None
     zero: str
     """identity of the calibration bundle with the zero that was in use; an attachment holds it"""
     dots: DotFigures | None = None
@@ -84,6 +83,7 @@ class FrameRecord:
             height=height,
             line_bytes=encoded.line_bytes if encoded else 0,
             light=None if frame.light is None else tuple(map(tuple, frame.light.tolist())),
+            label=frame.label,
             zero=stamp.zeroed.identity,
             dots=DotFigures.of(frame.dots) if frame.dots else None,
         )
@@ -114,12 +114,10 @@ class FrameRecord:
     def camera_frame(self, source: str) -> CameraFrame:
         """Return the frame as it was live, without its stamp; InputError, naming `source`, where it is damaged."""
         info = self.info
-        if info.label is not None:
-            raise InputError(f"{source} was recorded under a sequence of lights, which nothing feels any more")
         light = None if info.light is None else np.array(info.light, np.uint8).reshape(-1, 3)
         return CameraFrame(
             image=self.image(source), time_s=info.time_s, sequence=info.sequence, source=source, light=light,
-            dots=self._dots(source),
+            label=info.label, dots=self._dots(source),
         )  # fmt: skip
 
     def _dots(self, source: str) -> DotsSeen | None:

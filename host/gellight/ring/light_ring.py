@@ -9,7 +9,7 @@ import logging
 import threading
 import time
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf
 from typing import Self
@@ -47,6 +47,18 @@ class Step:
     repeat: int = 1
 
 
+@dataclass(frozen=True, kw_only=True)
+class Ping:
+    """Times on both clocks around one request: it was sent before the board received it, and answered after that."""
+
+    host_sent_s: float
+    """`time.monotonic` before the request was first sent"""
+    board_received_us: int
+    board_sent_us: int
+    host_received_s: float
+    """`time.monotonic` when the reply was there"""
+
+
 def connect(url: str) -> "LightRing":
     """Open the board at a URL and check that it speaks our protocol."""
     return LightRing(open_transport(url))
@@ -58,6 +70,8 @@ class LightRing(BoardLink):
     def __init__(self, transport: Transport, *, timeout_s: float = 0.25, attempts: int = 4,
                  keep_alive_s: float | None = 0.25) -> None:  # fmt: skip
         """Say hello; `keep_alive_s` None: the caller sends something every second, or the LEDs go dark."""
+        self.ping_listeners: list[Callable[[Ping], None]] = []
+        """called with the clocks after every `clock` and `status`, in the thread that asked"""
         self.still: NDArray[np.uint8] | None = None
         """(n, 3) colours of the last `set_leds`; None before it and after a sequence, a step or `blank`"""
         self.lit_s = -inf
@@ -205,14 +219,18 @@ class LightRing(BoardLink):
 
     def clock(self) -> protocol.ClockReply:
         """Return the times of the board's clock (us) around this request."""
+        sent_s = time.monotonic()
         reply = self._request("CLOCK", protocol.ClockReply, protocol.ClockRequest(0))
-        self._note_answer()
+        self._tell_ping(sent_s, reply.received_us, reply.sent_us)
         return reply
 
-    def _note_answer(self) -> None:
-        now_s = time.monotonic()
-        self._doubted = self._doubted or now_s - self._heard_s > SILENCE_S
-        self._heard_s = now_s
+    def _tell_ping(self, host_sent_s: float, board_received_us: int, board_sent_us: int) -> None:
+        ping = Ping(host_sent_s=host_sent_s, board_received_us=board_received_us, board_sent_us=board_sent_us,
+                    host_received_s=time.monotonic())  # fmt: skip
+        self._doubted = self._doubted or ping.host_received_s - self._heard_s > SILENCE_S
+        self._heard_s = ping.host_received_s
+        for listener in tuple(self.ping_listeners):
+            listener(ping)
 
     def set_leds(self, colours: NDArray[np.uint8]) -> protocol.LightReply:
         """Light the LEDs: colours (n, 3) uint8 RGB; the reply tells current and scale."""
@@ -318,9 +336,10 @@ class LightRing(BoardLink):
 
     def status(self) -> protocol.StatusReply:
         """Return what the board is doing."""
+        sent_s = time.monotonic()
         reply = self._request("STATUS", protocol.StatusReply)
         self.heat.note(reply)
-        self._note_answer()
+        self._tell_ping(sent_s, reply.time_us, reply.time_us)
         return reply
 
     def counters(self) -> protocol.CountersReply:

@@ -10,7 +10,7 @@ from gellight.base.errors import BoardError, CameraError
 from gellight.frames.camera import Camera, ReconnectingError
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame, ExposureSeries
-from gellight.sensor.hold import Hold
+from gellight.sensor.lighting.hold import Hold
 from gellight.sensor.set_and_light import set_and_settle
 
 EXPOSURE = "exposure_us"
@@ -48,7 +48,7 @@ class SeriesCamera(CameraWrapper):
 
     def _expose(self, hold: Hold, index: int) -> tuple[CameraFrame, ...]:
         """Take the frames of one group; the light stays on after that."""
-        return hold.expose(self._groups[index], self._frames)
+        return hold.expose(self._groups[index], index, self._frames)
 
     def _set_exposure(self, exposure_us: float | None) -> float | None:
         """Set it, wait until frames show it, and return what holds now; None where the camera does not tell."""
@@ -86,7 +86,7 @@ class SeriesCamera(CameraWrapper):
         first = (self._next,) if self._next and self._frames == 1 else self._expose(hold, 0)
         opening = first[0]
         frames = (first, *(self._expose(hold, index) for index in range(1, len(self._groups))))
-        self._next = closing = hold.expose(self._groups[0])[0]
+        self._next = closing = hold.expose(self._groups[0], 0)[0]
         self._taken += 1
         return as_series(opening, closing, frames, self._groups, number=self._taken, exposure_us=self._exposure_us)
 

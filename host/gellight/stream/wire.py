@@ -18,7 +18,7 @@ from pydantic import AliasChoices, Field, FiniteFloat, TypeAdapter, ValidationEr
 from gellight.base.allowed import StrictModel, in_words
 from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import CameraFrame, Contact, ExposureReport, Patch, Provenance, TactileFrame
+from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Patch, Provenance, TactileFrame
 from gellight.frames.measures import Confidence, Force, MapOnRequest
 from gellight.frames.pose import ObjectPose, PoseFigures
 from gellight.frames.shear import DotFigures, DotsSeen, Shear, ShearFigures, Slip
@@ -80,6 +80,7 @@ class Details(StrictModel):
 
     source: str
     light: tuple[tuple[Byte, Byte, Byte], ...] | None
+    label: LightLabel | None
     stage_seconds: dict[str, float]
     exposures: ExposureFigures | None
     force: ForceFigures | None = None
@@ -185,6 +186,7 @@ def _details(frame: TactileFrame) -> bytes:
         Details.model_construct(
             source=camera_frame.source,
             light=None if camera_frame.light is None else tuple(map(tuple, camera_frame.light.tolist())),
+            label=camera_frame.label,
             stage_seconds=frame.stage_seconds,
             exposures=figures,
             force=_figures(frame.force),
@@ -227,7 +229,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
     ages_s = {**provenance.ages_s, "received": time.time() - unix_s}
     dots = _dots(details)
     camera_frame = CameraFrame(
-        image=maps["image"], time_s=time_s, sequence=sequence, source=details.source, light=light,
+        image=maps["image"], time_s=time_s, sequence=sequence, source=details.source, light=light, label=details.label,
         dots=dots,
     )  # fmt: skip
     contact = Contact(

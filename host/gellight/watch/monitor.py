@@ -145,6 +145,8 @@ class SensorWatch:
 
     def _under_other_light(self, frame: CameraFrame) -> bool:
         """Whether the ring was set to other colours than when the sensor was calibrated."""
+        if frame.label is not None:
+            return True
         calibrated = self.bundle.colours
         return calibrated is not None and frame.light is not None and not np.array_equal(frame.light, calibrated)
 

@@ -187,6 +187,26 @@ def test_a_verb_that_is_not_here_is_named_with_its_remedy() -> None:
     assert {"optimize", "scan"} <= set(get_command(known).commands), "by the entry points of those that are here"
 
 
+@pytest.mark.parametrize(
+    ("typed", "now"),
+    [
+        ("replay press.mcap", "`gellight run FILE`"),
+        ("sim", "--url sim://"),
+        ("selfcheck", "`python -m tests.benchmarks.selfcheck`"),
+        ("calibrate starter", "`fit --like`"),
+        ("calibrate synthetic", "`python -m tests.helpers.simulated_bundle`"),
+        ("ring group 0-2", "`gellight ring set COLOUR --leds 0-3,8`"),
+        ("ring off", "`gellight ring set off`"),
+        ("ring sequence", "`gellight run --sequence rgb`"),
+        ("config path", "`gellight config show`"),
+        ("demo --mode photometric", "give --set reconstruction.mode=VALUE"),
+        ("run --host=0.0.0.0", "give --set dashboard.host=VALUE"),
+    ],
+)
+def test_what_was_typed_before_is_answered_with_what_is_typed_now(typed: str, now: str) -> None:
+    assert now in refused(invoke(*typed.split()))
+
+
 def test_a_setting_is_given_as_an_option() -> None:
     told = RunOptions(port=1, settings=["stream.lan=true", "dashboard.port=2"]).flags()
     settings = load_settings(told)

@@ -1,6 +1,7 @@
 """What runs is exchanged as one: camera, frame path and watch always belong together."""
 
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 import gellight
-from gellight.base.errors import GellightError
+from gellight.base.errors import ConfigError, GellightError
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle
 from gellight.daemon import active_pipeline, assembly
@@ -73,6 +74,17 @@ def test_two_who_change_what_runs_at_once_take_turns(ordinary: Bundle, monkeypat
         first.join(30)
         second.join(30)
         assert session.bundle.source == "single lights"
+        assert fits(session)
+        goes_on(session)
+
+
+def test_a_light_that_moves_on_needs_lights_to_move(ordinary: Bundle, monkeypatch: pytest.MonkeyPatch) -> None:
+    with opened(with_lights_of_its_own(ordinary), monkeypatch) as session:
+        settings = session._active.config.settings
+        moving = settings.model_copy(update={"lighting": settings.lighting.model_copy(update={"light_mode": "free"})})
+        session._active = replace(session._active, config=replace(session._active.config, settings=moving))
+        with pytest.raises(ConfigError, match="free"):
+            session.replace_bundle(ordinary)
         assert fits(session)
         goes_on(session)
 

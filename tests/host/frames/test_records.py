@@ -14,7 +14,7 @@ import gelnet
 import sim_reference
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.frames.frames import CameraFrame, Contact, GroundTruth, TactileFrame
+from gellight.frames.frames import CameraFrame, Contact, GroundTruth, LightLabel, LightState, TactileFrame
 from gellight.frames.pose import ObjectPose, PoseFigures
 from gellight.frames.shear import DotsSeen, Shear
 from gellight.opening import open_camera
@@ -56,12 +56,14 @@ def felt() -> TactileFrame:
 
 def test_frames_are_shown_in_one_line_and_compared_without_an_error(felt: TactileFrame) -> None:
     frame, again = felt.camera_frame, dataclasses.replace(felt)
-    for item in (felt, frame, felt.contact, frame.truth, load_bundle("synthetic")):
+    lit = dataclasses.replace(frame, label=LightLabel(state=LightState.CLEAN, group=1))
+    for item in (felt, frame, lit, felt.contact, frame.truth, load_bundle("synthetic")):
         assert "\n" not in repr(item)
         assert len(repr(item)) < 120, repr(item)
     assert f"640x480, sequence {frame.sequence}, {frame.time_s:.3f} s, {felt.contact.indentation_mm:.3f} mm" in repr(
         felt
     )
+    assert repr(lit).endswith("s, clean light>")
     assert felt == felt
     assert felt != again
     assert len({felt, again, frame, felt.contact}) == 4, "they can be kept in sets"

@@ -17,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 from gellight.bundle.bundle import REFERENCE, Bundle, load_bundle, packed_bundle, save_bundle, unpack_bundle
 from gellight.bundle.contents import encoded_reference
 from gellight.frames.camera import EndOfStream
-from gellight.frames.frames import CameraFrame, CaptureStamp
+from gellight.frames.frames import CameraFrame, CaptureStamp, LightLabel, LightState
 from gellight.opening import open_camera
 from gellight.recording.recording_file import Recording, RecordingWriter
 from gellight.tracking.rigid import inverse, pose_of, twist_of
@@ -79,9 +79,10 @@ def test_the_zero_of_a_zero_is_the_last_one(tmp_path_factory, data: st.DataObjec
 
 frames = st.lists(
     st.builds(
-        lambda image, light: (image, light),
+        lambda image, light, label: (image, light, label),
         arrays(np.uint8, (6, 8, 3)),
         st.none() | arrays(np.uint8, (12, 3)),
+        st.none() | st.builds(LightLabel, state=st.sampled_from(LightState), group=st.none() | st.integers(0, 11)),
     ),
     min_size=1,
     max_size=4,
@@ -94,8 +95,8 @@ def test_a_replay_of_a_replay_is_what_was_recorded(tmp_path_factory, taken: list
     folder = tmp_path_factory.mktemp("replays")
     bundle = linear_bundle(folder / "bundle", (6, 8))
     sent = [
-        CameraFrame(image=image, time_s=number / 30, sequence=2 * number, light=light)
-        for number, (image, light) in enumerate(taken)
+        CameraFrame(image=image, time_s=number / 30, sequence=2 * number, light=light, label=label)
+        for number, (image, light, label) in enumerate(taken)
     ]
     for name in ("first.mcap", "second.mcap"):
         with RecordingWriter(folder / name, "finger") as writer:
@@ -113,6 +114,7 @@ def test_a_replay_of_a_replay_is_what_was_recorded(tmp_path_factory, taken: list
             assert np.array_equal(one.image, other.image)
             assert (one.light is None) == (other.light is None)
             assert one.light is None or np.array_equal(one.light, other.light)
+            assert one.label == other.label
         sent = [replace(one, time_s=other.time_s) for one, other in zip(got, sent, strict=True)]
     first, second = (list(Recording(folder / name).frames()) for name in ("first.mcap", "second.mcap"))
     assert [(one.info, one.data) for one in first] == [(one.info, one.data) for one in second]

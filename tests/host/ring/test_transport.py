@@ -13,7 +13,7 @@ import pytest
 
 from gellight.base.errors import BoardError
 from gellight.lab.core_board.simulated_board import SimulatedBoard
-from gellight.ring.enumerations import SyncMode
+from gellight.ring.enumerations import Edge, SyncMode
 from gellight.ring.light_ring import LightRing, Step, colour_bytes, connect
 from gellight.ring.transport import SilentError, find_port, open_transport
 from tests.helpers.terminal_board import TerminalBoard
@@ -83,6 +83,21 @@ def test_a_host_that_is_silent_leaves_the_leds_dark_though_nobody_looks_at_the_b
     assert not dark.colours.any()
     assert 1.0e6 < dark.time_us - lit.time_us < 1.02e6
     ring.close()
+
+
+def test_a_strobe_is_an_edge_that_rises_and_one_that_falls() -> None:
+    with connect("sim://") as ring:
+        board = ring.transport
+        for edge, after_us in ((Edge.RISING, 0), (Edge.FALLING, 500)):
+            ring.set_sync(SyncMode.EXT, edge=edge)
+            ring.load_sequence([RED, RED // 2], [Step(group=0, dwell_us=0), Step(group=1, dwell_us=0)])
+            ring.start()
+            risen_us = board.virtual_us(board.strobe())
+            eventually(lambda: board.timeline.shining)
+            event = ring.wait_for_light(ring.status().light_id)
+            assert event.first_bit_us == pytest.approx(risen_us + after_us, abs=1)
+            ring.blank()
+            eventually(lambda: not board.timeline.shining)
 
 
 def test_a_board_that_starts_anew_is_gone_for_its_host_and_keeps_its_flash(terminal: TerminalBoard) -> None:

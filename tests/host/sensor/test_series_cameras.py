@@ -9,15 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.base.errors import BoardError, BundleError, CameraError
-from gellight.base.settings import ReconstructionSettings, Settings
+from gellight.base.errors import BoardError, BundleError, CameraError, ConfigError
+from gellight.base.settings import LightingSettings, ReconstructionSettings, Settings
 from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.daemon import switched_camera
 from gellight.daemon.configuration import PathKind, mode_config
 from gellight.daemon.switched_camera import bright_exposure_us, camera_for
-from gellight.frames.camera import ReconnectingError
+from gellight.frames.camera import ReconnectingError, timing_of
 from gellight.frames.frames import CameraFrame
 from gellight.photometric.light_model import LightGroups
+from gellight.sensor.lighting.lock import hold_frames
+from gellight.sensor.lighting.sequenced import LightMode, clock_error_s
 from gellight.sensor.series_cameras import SeriesCamera
+from gellight.sensor.window_camera import WindowCamera
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.scripted_camera import ScriptedCamera, ScriptedControls
 from tests.helpers.scripted_ring import ScriptedRing
@@ -41,6 +45,7 @@ def test_a_series_has_every_light_once_and_the_first_again(kind: LightGroups, fr
         shown = camera.ring.shown
         assert [light.tolist() for light in shown] == [*groups.tolist(), groups[0].tolist()]
         assert [len(taken) for taken in series.frames] == [frames] * len(groups)
+        assert [taken[0].label.group for taken in series.frames if taken[0].label] == list(range(len(groups)))
         assert series.opening.sequence < series.closing.sequence
     assert camera.closed
 
@@ -153,8 +158,8 @@ def test_the_exposure_is_as_bright_as_the_camera_can_show_and_no_longer_than_a_f
     assert bright_exposure_us(fake_camera(), replace(model, exposure_us=None)) is None
 
 
-def in_mode(mode: Any, bundle: Bundle | None = None) -> Any:
-    settings = Settings(reconstruction=ReconstructionSettings(mode=mode))
+def in_mode(mode: Any, bundle: Bundle | None = None, **lighting: Any) -> Any:
+    settings = Settings(reconstruction=ReconstructionSettings(mode=mode), lighting=LightingSettings(**lighting))
     return mode_config(bundle or load_bundle("synthetic"), settings)
 
 
@@ -166,6 +171,32 @@ def test_network_mode_leaves_the_camera_alone_and_photometric_mode_needs_the_lig
         in_mode("photometric", linear_bundle(tmp_path / "bundle"))
 
 
-def test_photometric_mode_needs_a_ring() -> None:
+@pytest.mark.parametrize(
+    ("mode", "lighting", "said"),
+    [
+        ("network", {"light_mode": "free"}, "--light-mode free moves a sequence on"),
+        ("photometric", {"sequence": "lights.json"}, "does not go with --mode photometric: photometric mode takes rgb"),
+    ],
+)
+def test_a_sequence_that_does_not_go_with_the_mode_is_refused(mode: Any, lighting: Any, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        in_mode(mode, **lighting)
+
+
+def test_the_window_is_exposed_as_long_as_each_frame_can_be_of_another_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    inner = fake_camera()
+    inner.mode = LightMode.EXT  # type: ignore[attr-defined]
+    monkeypatch.setattr(switched_camera, "SequencedCamera", lambda camera, groups, mode: camera)
+    camera = camera_for(inner, in_mode("photometric", light_mode="ext").light)
+    assert isinstance(camera, WindowCamera)
+    timing = timing_of(inner)
+    assert 8000 < inner.controls.read("exposure_us") < 16000
+    assert hold_frames(timing, locked=True, clock_error_s=clock_error_s(LightMode.EXT)) == 1
+    longer = replace(timing, exposure_s=timing.exposure_s + 2e-4)
+    assert hold_frames(longer, locked=True, clock_error_s=clock_error_s(LightMode.EXT)) == 2
+
+
+@pytest.mark.parametrize("mode", ["network", "photometric"])
+def test_a_sequence_needs_a_ring(mode: str) -> None:
     with pytest.raises(CameraError, match="no light ring"):
-        camera_for(fake_camera(ring=None), in_mode("photometric").light)
+        camera_for(fake_camera(ring=None), in_mode(mode, sequence="rgb", light_mode="free").light)

@@ -1,6 +1,7 @@
 """What was felt live a replay and an export feel too, of every kind of bundle and light; else nothing is recorded."""
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -45,7 +46,11 @@ def _session(kind: str, folder: Path, synthetic: Bundle) -> SensorSession:
     url = "sim://?programme=0&object=BALL&depth=1" + ("&dots=9x7" if kind == "dots" else "")
     if kind == "lens":
         return SensorSession(open_camera(url), with_lens(synthetic), load_settings({}), every=True)
-    return open_session(load_settings({"sensor.url": url}), every=True)
+    sequence, _, light_mode = kind.partition(" ")
+    settings: Mapping[str, object] = (
+        {"lighting.sequence": sequence, "lighting.light_mode": light_mode} if light_mode else {}
+    )
+    return open_session(load_settings({"sensor.url": url, **settings}), every=True)
 
 
 def figures(frame: TactileFrame) -> tuple[object, ...]:
@@ -54,7 +59,7 @@ def figures(frame: TactileFrame) -> tuple[object, ...]:
         frame.depth_mm.tobytes(), frame.gradient_map.tobytes(),
         frame.contact.indentation_mm if frame.contact.area_mm2 > 0 else None,
         frame.shear and frame.shear.unknown, frame.force and frame.force.normal_n,
-        None if light is None else light.tobytes(),
+        None if light is None else light.tobytes(), frame.camera_frame.label,
     )  # fmt: skip
 
 
@@ -63,7 +68,7 @@ def fields(frame: TactileFrame) -> object:
     return frame.shear and pytest.approx(frame.shear.field_mm, abs=2e-4, nan_ok=True)
 
 
-@pytest.mark.parametrize("kind", ["plain", "view", "dots", "lens"])
+@pytest.mark.parametrize("kind", ["plain", "view", "dots", "lens", "rgb hold", "rgb free", "single hold"])
 def test_live_is_replay_is_export(kind: str, tmp_path: Path, synthetic: Bundle) -> None:
     path, sequence, live = tmp_path / "one.mcap", -1, dict[int, TactileFrame]()
     daemon = _session(kind, tmp_path, synthetic)
@@ -85,10 +90,12 @@ def test_live_is_replay_is_export(kind: str, tmp_path: Path, synthetic: Bundle) 
                 assert again.shear.field_mm == fields(live[number])
 
 
+@pytest.mark.parametrize("light_mode", ["hold", "free"])
 @pytest.mark.parametrize("groups", ["triples", pytest.param("singles", marks=pytest.mark.nightly)])
-def test_series_of_exposures_are_refused_before_the_first_frame(groups: str, tmp_path: Path) -> None:
+def test_series_of_exposures_are_refused_before_the_first_frame(light_mode: str, groups: str, tmp_path: Path) -> None:
+    """However the light goes on, and of however many exposures."""
     mode = {"reconstruction.mode": "photometric", "reconstruction.light_groups": groups}
-    settings = load_settings({"sensor.url": "sim://?programme=0", **mode})
+    settings = load_settings({"sensor.url": "sim://?programme=0", **mode, "lighting.light_mode": light_mode})
     with open_session(settings) as daemon, pytest.raises(InputError, match="a recording does not hold: record in mode"):
         Recorder(daemon, tmp_path / "series.mcap")
     assert not list(tmp_path.iterdir())

@@ -10,6 +10,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
+from gellight.frames.frames import LightLabel, LightState
 from gellight.lab.simulator.scene import Press, Scene
 from tests.helpers.watched_sensor import WatchedSensor, dusty, torn
 
@@ -141,11 +142,13 @@ def test_frames_under_another_light_are_not_judged(new_sensor: New, halved: Bund
     sensor.leds = {0: 0.0}
     told = np.array([led.rgb for led in halved.manifest.led], np.uint8)
     told[0] = 0
-    for _ in range(20):
-        frame = sensor.frame()
-        object.__setattr__(frame.camera_frame, "light", told)
-        sensor.watch.note(frame)
-    assert sensor.watch.status()["state"] == "other light"
+    for light, label in ((told, None), (None, LightLabel(state=LightState.CLEAN, group=1))):
+        for _ in range(20):
+            frame = sensor.frame()
+            object.__setattr__(frame.camera_frame, "light", light)
+            object.__setattr__(frame.camera_frame, "label", label)
+            sensor.watch.note(frame)
+        assert sensor.watch.status()["state"] == "other light"
     assert sensor.watch.status()["looks"] == looks
     assert sensor.watch.findings() == []
 

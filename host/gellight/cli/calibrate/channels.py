@@ -19,7 +19,7 @@ from gellight.lab.optics.lights.channel_fit import fit_channels
 from gellight.lab.optics.lights.live_series import take_series
 from gellight.opening import open_camera
 from gellight.photometric.ring_geometry import RingGeometry
-from gellight.ring.light_groups import chosen_groups
+from gellight.sensor.lighting.sequence_choice import chosen_groups
 
 
 @dataclass(frozen=True)

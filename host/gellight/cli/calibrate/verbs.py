@@ -36,6 +36,10 @@ VERBS = lazy_group(
             "Put an earlier bundle of the sensor into service again; its board remembers it.",
         ),
     },
+    gone={
+        "starter": "is no more: `fit --like` begins with the presses of another unit",
+        "synthetic": "is `python -m tests.helpers.simulated_bundle` in a checkout now",
+    },
 )
 app = typer.Typer(cls=VERBS)
 app.callback(invoke_without_command=True)(routine.command)

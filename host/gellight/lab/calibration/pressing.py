@@ -6,7 +6,6 @@ from pydantic import ValidationError
 
 from gellight.base.errors import BundleError, InputError
 from gellight.frames.image_files import read_image
-from gellight.lab.calibration import ball_radius
 from gellight.lab.calibration.coverage import advice, coverage, coverage_picture
 from gellight.lab.calibration.display import Picture, Progress
 from gellight.lab.calibration.live_error import LiveError
@@ -20,6 +19,8 @@ from gellight.lab.training.labelling import find_circle
 from gellight.lab.training.labelling.pixel_ratio import pixel_ratio
 from gellight.lab.training.presses import Ball, Press
 
+_SHAPE_PRESSES = 8
+"""after which it is first asked whether pixels are square"""
 _PATIENCE = 0.5
 """an automatic routine gives up when more than this share of its presses is refused"""
 
@@ -111,7 +112,7 @@ class _Collector:
         self.show_press(image, circle)
         self.show_progress()
         count, until_um = len(run.folder.state.presses), run.options.until_um
-        if count == ball_radius.LEAST_PRESSES:
+        if count == _SHAPE_PRESSES:
             self.check_pixels()
         if until_um is not None and count >= run.options.least_presses and self.live.reached(until_um):
             self.enough = True

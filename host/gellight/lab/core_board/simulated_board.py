@@ -60,6 +60,8 @@ def record_of(configuration: Configuration) -> bytes:
 UNIQUE_ID = bytes.fromhex("e6605838833a5d2f")
 HEAT_KNOWN_US = 300_000
 """after which a board surely has measured its ring"""
+STROBE_US = 500
+"""as long a strobe is high"""
 DARK_US = 20_000
 """after which a board whose port was closed is dark"""
 SLICE_US = 1_000_000
@@ -89,6 +91,8 @@ class SimulatedBoard:
         self._there = True
         self._timeline, self._leds = LightTimeline(leds), leds
         self._lock = threading.Condition()
+        self._falls_us: int | None = None
+        """when the trigger pin falls after a strobe"""
         self._unique_id = unique_id
         self._past_us = 0
         """virtual time before the core was started last: not 0 where `_restart` starts it anew"""
@@ -193,7 +197,11 @@ class SimulatedBoard:
 
     def _advance_to(self, end_us: int) -> None:
         while (now_us := self._now_us) < end_us:
-            self._core.advance(min(end_us, now_us + SLICE_US) - now_us)
+            falls_us = end_us if self._falls_us is None else self._falls_us
+            self._core.advance(min(end_us, falls_us, now_us + SLICE_US) - now_us)
+            if self._falls_us is not None and self._now_us >= self._falls_us:
+                self._falls_us = None
+                self._core.edge(falling=True)
             for light in self._core.latched(self._seen):
                 self._timeline.append(Light(self._past_us + light.latched_us, light.rgb(self._leds)))
                 self._seen += 1
@@ -204,6 +212,16 @@ class SimulatedBoard:
         with self._lock:
             self._advance()
             return self._timeline
+
+    def strobe(self) -> float:
+        """Pulse the trigger pin, as a camera's strobe does, and return when (`time.monotonic`) it rose."""
+        with self._lock:
+            now_s = self._advance()
+            self._check_there()
+            self._core.edge()
+            self._falls_us = self._now_us + STROBE_US
+            self._lock.notify_all()
+            return now_s
 
     def virtual_us(self, monotonic_s: float) -> float:
         """Return the board's virtual time at a time of `time.monotonic`."""

@@ -2,18 +2,21 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from gellight.base.errors import GellightError
+from gellight.frames.camera import Camera
 from gellight.frames.jpeg import CorruptPictureError
+from gellight.lab.doctor.shutter_meter import ShutterEstimate, measure_shutter
 from gellight.ring.heat import hot_text, ring_temperature_c
 from gellight.ring.light_ring import LightRing
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.discovery import Sensor
-from gellight.sensor.findings import Finding, failure, judged, ok, problem, warning
+from gellight.sensor.findings import Finding, Level, failure, judged, ok, problem, warning
 from gellight.sensor.v4l2.decoding import decode
-from gellight.sensor.v4l2.stamps import cadence
+from gellight.sensor.v4l2.stamps import StampMeaning, cadence
 from gellight.sensor.v4l2.stream import Picture
 from gellight.sensor.v4l2.video_camera import V4l2Camera
 
@@ -27,6 +30,8 @@ SEEN_GREY = 2.0
 """mean grey levels by which the LEDs have to brighten the picture"""
 TEST_BRIGHTNESS = 40
 SLOW_ROUND_TRIP_S = 0.02
+MOST_LIT = 5
+"""LEDs of one colour: fewer than a calibration lights, so that nothing dazzles the camera"""
 
 
 def check_sensor(sensor: Sensor, surroundings: Surroundings) -> Iterator[Finding]:
@@ -44,7 +49,10 @@ def check_sensor(sensor: Sensor, surroundings: Surroundings) -> Iterator[Finding
                 with surroundings.open_ring(sensor.ring.path) as ring:
                     yield check_board(ring)
                     yield check_ring_clock(ring, surroundings)
-                    yield check_leds(ring, camera)
+                    yield (leds := check_leds(ring, camera))
+                    if leds.level is Level.OK:
+                        camera.ring = ring
+                        yield check_shutter(camera, camera.stamp_meaning, pictures[-1])
     except GellightError as error:
         yield failure("sensor", error)
 
@@ -171,6 +179,33 @@ def check_leds(ring: LightRing, camera: V4l2Camera) -> Finding:
     if lit - dark < SEEN_GREY:
         return problem("leds", text, "check the ring's 5 V and data wire, and that this camera looks at this ring")
     return ok("leds", text)
+
+
+def check_shutter(camera: Camera, meaning: StampMeaning, picture: Picture) -> Finding:
+    """Measure when the rows are exposed, by the light of the ring; without that, light sequences assume the worst.
+
+    `picture` is any of the camera: it tells what kind of stamp it gives.
+    """
+    assert camera.ring is not None
+    count = camera.ring.led_count
+    groups = np.zeros((2, count, 3), np.uint8)
+    lit = min(max(count // 4, 1), MOST_LIT)
+    groups[0, :lit, 0] = groups[1, count // 2 : count // 2 + lit, 2] = 255  # opposite each other, for all can dazzle
+    try:
+        measured = measure_shutter(camera, groups, timing=camera.timing)
+    except GellightError as error:
+        remedy = "run this again with nothing at the gel, and end what keeps the processor busy"
+        return warning("shutter", f"exposure and readout cannot be measured: {error}", remedy)
+    options = _shutter_options(measured, meaning, picture)
+    text = f"exposure {measured.exposure_s * 1e3:.1f} ms, readout {measured.readout_s * 1e3:.1f} ms"
+    return ok("shutter", f"{text}: give {options} so that each light of a sequence can be short")
+
+
+def _shutter_options(measured: ShutterEstimate, meaning: StampMeaning, picture: Picture) -> str:
+    """Return what to add to the camera's URL, so that its frames begin when they were measured to begin."""
+    undelayed = replace(meaning, readout_s=measured.readout_s, delay_s=0.0)
+    delay_s = undelayed.start_s(picture) - meaning.start_s(picture) - measured.delay_s
+    return f"?readout_us={measured.readout_s * 1e6:.0f}&delay_us={max(delay_s, 0.0) * 1e6:.0f}"
 
 
 def _mean_grey(camera: V4l2Camera) -> float:

@@ -7,12 +7,13 @@ while the scene rests; a scene that changes takes as long as it takes to compute
 it was ready, so their age is true.
 
 Parameters of the URL, all optional: `fps`, `seed`, `noise` (grey levels), `object`, `depth`, `x`, `y` (mm; a press held
-from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board), `ring_c` (the ring has
-an NTC of so many degrees Celsius; by default it has none); and what makes one sensor differ from another: `crosstalk`
-(share of the other colours in a channel), `led_spread` (standard deviation of the LEDs' brightness, as a share), `dim`
-(all LEDs darker by this share). `dots=9x7` prints columns and rows of marker dots on the gel, `dot_pitch` and
-`dot_diameter` mm, of `dot_albedo`, of which the share `dots_missing` has come off; `friction` is its coefficient for
-what is dragged over such a gel.
+from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board), `strobe=1` (each frame
+begins with a strobe on the trigger pin of the board, for `--light-mode ext`), `ring_c` (the ring has an NTC of so many
+degrees Celsius; by default it has none); and what makes one sensor differ from another: `crosstalk` (share of the other
+colours in a channel), `led_spread` (standard deviation of the LEDs' brightness, as a share), `dim` (all LEDs darker by
+this share). `dots=9x7` prints columns and rows of marker dots on the gel, `dot_pitch` and `dot_diameter` mm, of
+`dot_albedo`, of which the share `dots_missing` has come off; `friction` is its coefficient for what is dragged over
+such a gel.
 `camera=parallel` sees the gel along parallel rays, not from the height of the camera, and `window=none` lights and
 sees it straight, not through gel and acrylic, which bend light.
 `sequence=FILE` moves an object as the file says, a step a frame, there and back: see `sequence.py`.
@@ -69,11 +70,13 @@ class SimulatedCamera(Camera):
     """A camera on the simulated gel; a context manager like every camera."""
 
     def __init__(self, scene: Scene, stage: Stage, *, ring: LightRing | None = None, url: str = "sim://",
-                 fps: float = 30.0, seed: int = 0, bundle: Bundle | None = None) -> None:  # fmt: skip
+                 fps: float = 30.0, seed: int = 0, strobe: bool = False,
+                 bundle: Bundle | None = None) -> None:  # fmt: skip
         """Look at `scene` while `stage` presses objects into it, `fps` times a second at most.
 
         `ring` lights the scene through its simulated board, and is closed with the camera; without it the light is
-        steady. bundle: of the real unit whose light the scene shows; its pictures are drawn as after preparing.
+        steady. With `strobe` each frame begins with an edge on the trigger pin of that board. bundle: of the real
+        unit whose light the scene shows; its pictures are drawn as they are after preparing.
         """
         self.url, self.ring = url, ring
         self.stage: Stage = stage
@@ -89,9 +92,9 @@ class SimulatedCamera(Camera):
         self._response = scene.response
         self.bundle = bundle
         self.controls = CalibratedControls(bundle.controls) if bundle else SimulatedControls(self._take_controls)
-        self._period_s = 1 / fps
-        self.waiting = BUFFERS
-        """frames that wait for who reads late"""
+        self._period_s, self._strobe = 1 / fps, strobe
+        self.waiting = 0 if strobe else BUFFERS
+        """frames that wait for who reads late: none with a strobe, whose frames begin when they are read"""
         self._noise = ReadNoise(np.random.default_rng(seed))
         self._phases_us = self._shutter.pulse_period_us * np.random.default_rng([seed, 1]).random(len(scene.light))
         self._shown: tuple[Press | None, bytes, NDArray[np.float32], GroundTruth] | None = None
@@ -149,9 +152,14 @@ class SimulatedCamera(Camera):
         return CameraTiming(
             exposure_s=shutter.exposure_us * 1e-6,
             readout_s=shutter.readout_us * 1e-6,
-            period_s=max(self._period_s, shutter.exposure_us * 1e-6),
+            period_s=max(self._period_s, self._least_period_s()),
             pulse_period_s=shutter.pulse_period_us * 1e-6,
         )
+
+    def _least_period_s(self) -> float:
+        """Rows are exposed while others are read; a frame that a strobe begins starts when the last one has come."""
+        shutter = self._shutter
+        return (shutter.duration_us + shutter.transfer_us if self._strobe else shutter.exposure_us) * 1e-6
 
     def read(self) -> CameraFrame:
         """Wait until the next frame is due, expose it and return it with its truth.
@@ -212,11 +220,18 @@ class SimulatedCamera(Camera):
         """Wait for the next frame. The schedule stays: `waiting` frames wait for who reads late, no others."""
         late = int((time.monotonic() - self._due_s) / self._period_s) - self.waiting
         self._due_s += self._period_s * max(late, 1)
+        if not self.waiting:
+            self._due_s = max(self._due_s, time.monotonic())
         time.sleep(max(self._due_s - time.monotonic(), 0.0))
 
     def _begin(self) -> float:
-        """Return when the frame that now is due began (`time.monotonic`)."""
-        return self._due_s - (self._shutter.duration_us + self._shutter.transfer_us) * 1e-6
+        """Return when the frame that now is due began (`time.monotonic`); with a strobe, begin it and wait."""
+        taken_s = (self._shutter.duration_us + self._shutter.transfer_us) * 1e-6
+        if not self._strobe:
+            return self._due_s - taken_s
+        begun_s = self._board().strobe()
+        time.sleep(max(begun_s + taken_s - time.monotonic(), 0.0))
+        return begun_s
 
     def _board(self) -> SimulatedBoard:
         """Return the board of the ring; CameraError where it is gone."""
@@ -271,6 +286,8 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
     if wanted.sequence:
         stage.play(read_sequence(Path(wanted.sequence), sensor).presses)
     scene = _scene(wanted, sensor, unit)
+    if wanted.strobe and not wanted.board:
+        raise InputError(f"{url}: a strobe needs the board whose light it moves on: leave out board=0, or strobe=1")
     if wanted.ring_c is not None and not wanted.board:
         raise InputError(f"{url}: it is the board that reads the ring's temperature: leave out board=0, or ring_c")
     if wanted.board and unit is None:
@@ -278,7 +295,7 @@ def open_simulated(url: str, geometry: Mapping[str, float | int | str] | None = 
     colours = np.round(scene.light * 255).astype(np.uint8)
     ring = lit_ring(colours, wanted.ring_c) if wanted.board and unit is None else None
     return SimulatedCamera(scene, stage, ring=ring, url=url, fps=wanted.fps, seed=wanted.seed,
-                           bundle=unit.bundle if unit else None)  # fmt: skip
+                           strobe=wanted.strobe, bundle=unit.bundle if unit else None)  # fmt: skip
 
 
 def _scene(wanted: SimulatedUrl, sensor: SensorGeometry, unit: Unit | None) -> Scene:

@@ -14,7 +14,7 @@ from gellight.lab.simulator.scene import Array, Printed
 from gellight.lab.simulator.unit import Unit
 from sim_reference.camera import CameraResponse
 
-OF_A_RING = "board", "ring_c", "crosstalk", "led_spread", "dim", "camera", "window"
+OF_A_RING = "board", "strobe", "ring_c", "crosstalk", "led_spread", "dim", "camera", "window"
 """parameters of simulated light, which a real unit's measured light is not"""
 
 
@@ -32,6 +32,7 @@ class SimulatedUrl(BaseModel):
     y: float = 0.0
     programme: bool = True
     board: bool = True
+    strobe: bool = False
     ring_c: float | None = Field(None, ge=COLDEST_C, le=HOTTEST_C)
     crosstalk: float = Field(0.1, ge=0, le=0.5)
     led_spread: float = Field(0.0, ge=0, le=0.5)

@@ -6,8 +6,10 @@ from unittest.mock import Mock
 
 import pytest
 
+from gellight.base.errors import CameraError
 from gellight.lab.doctor import examination, sensor_checks
 from gellight.lab.doctor.examination import check_power
+from gellight.lab.doctor.sensor_checks import check_shutter
 from gellight.sensor.findings import Finding, Level
 from tests.helpers.clinic import Clinic
 from tests.helpers.usb_tree import UsbTree
@@ -72,6 +74,17 @@ def test_leds_brighten_the_picture_by_two_grey_levels(
     monkeypatch.setattr(sensor_checks, "_mean_grey", lambda camera: next(grey))
     assert level_of(sensor_checks.check_leds(ring, Mock())) == level
     assert (ring.light.call_args.args[0] == 40).all()
+
+
+@pytest.mark.parametrize(("leds", "lit"), [(3, 1), (12, 3), (20, 5), (24, 5)])
+def test_the_shutter_is_measured_by_few_leds_on_opposite_sides(
+    leds: int, lit: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measure = Mock(side_effect=CameraError("none"))
+    monkeypatch.setattr(sensor_checks, "measure_shutter", measure)
+    check_shutter(Mock(ring=Mock(led_count=leds)), Mock(), Mock())
+    red, blue = (group.any(axis=1).nonzero()[0].tolist() for group in measure.call_args.args[1])
+    assert (red, blue) == (list(range(lit)), list(range(leds // 2, leds // 2 + lit)))
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """The doctor: every finding with its remedy, on a computer made of nothing."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -7,17 +8,20 @@ from unittest.mock import Mock
 
 import pytest
 
-from gellight.base.errors import BoardError
-from gellight.lab.doctor import examination
-from gellight.lab.doctor.sensor_checks import check_stamps
+from gellight.base.errors import BoardError, CameraError
+from gellight.lab.doctor import examination, sensor_checks
+from gellight.lab.doctor.sensor_checks import check_shutter, check_stamps
 from gellight.sensor.discovery import discover
 from gellight.sensor.findings import Level
 from gellight.sensor.v4l2 import controls as c
 from gellight.sensor.v4l2 import structures as v
 from gellight.sensor.v4l2.options import parse_url
+from gellight.sensor.v4l2.stamps import StampMeaning
+from gellight.sensor.v4l2.stream import Picture
 from gellight.sensor.v4l2.video_camera import V4l2Camera
-from tests.helpers.clinic import WEBCAM, Clinic, TalkingRing, wrong
+from tests.helpers.clinic import MEASURED, WEBCAM, Clinic, TalkingRing, wrong
 from tests.helpers.v4l2_pictures import jpeg, scene
+from tests.helpers.virtual_sensor import virtual_sensor
 
 
 def test_a_healthy_sensor_has_no_finding_that_needs_a_remedy(clinic: Clinic, tmp_path: Path) -> None:
@@ -26,7 +30,7 @@ def test_a_healthy_sensor_has_no_finding_that_needs_a_remedy(clinic: Clinic, tmp
     assert wrong(findings) == {}
     checks = {finding.check for finding in findings}
     assert checks >= {"udev rule", "disk", "clock", "sensors", "usb", "permission", "formats", "settings", "rate",
-                      "stamps", "bandwidth", "frames", "board", "leds"}  # fmt: skip
+                      "stamps", "bandwidth", "frames", "board", "leds", "shutter"}  # fmt: skip
     text = {finding.check: finding.text for finding in findings}
     assert "30.00 frames/s by the kernel's stamps" in text["rate"]
     assert clinic.all_dark()
@@ -110,6 +114,45 @@ def test_leds_that_the_camera_does_not_see_are_found(clinic: Clinic, tmp_path: P
     found = wrong(clinic.examine(tmp_path))["leds"]
     assert found.level is Level.PROBLEM
     assert "data wire" in found.remedy
+    assert clinic.all_dark()
+
+
+@pytest.mark.parametrize("of_start", [True, False], ids=["stamps of the first packet", "stamps of the end"])
+@pytest.mark.parametrize("told", [True, pytest.param(False, marks=pytest.mark.nightly)], ids=["told", "measured"])
+def test_the_shutter_is_measured_and_what_is_to_be_given_is_right(
+    monkeypatch: pytest.MonkeyPatch, told: bool, of_start: bool
+) -> None:
+    """With the options that it names, frames begin when they did."""
+    late_s = 0.006
+    if told:
+        camera, shutter = Mock(ring=Mock(led_count=12)), replace(MEASURED, delay_s=-late_s)
+        monkeypatch.setattr(sensor_checks, "measure_shutter", lambda camera, groups, timing: shutter)
+    else:
+        camera = virtual_sensor(monkeypatch, late_s=late_s, jitter_s=2e-4)
+    meaning = StampMeaning(hardware_stamps=False, period_s=1 / 30, exposure_s=0.008)
+    picture = Picture(data=b"", sequence=1, stamp_s=50.0, stamp_is_start=of_start, stamp_is_sound=True, arrived_s=51.0,
+                      absent_s=49.0, repeats=False)  # fmt: skip
+    true_start_s = meaning.start_s(picture) - late_s
+    finding = check_shutter(camera, meaning, picture)
+    assert (finding.level, finding.check) == (Level.OK, "shutter")
+    options = parse_url("v4l2://x" + finding.text.split("give ")[1].split()[0])[1]
+    assert options.readout_us == pytest.approx(12_000, abs=1000)
+    given = replace(meaning, readout_s=options.readout_us * 1e-6, delay_s=options.delay_us * 1e-6)
+    assert given.start_s(picture) == pytest.approx(true_start_s, abs=1e-3)
+    assert given.camera_timing().stamp_error_s < meaning.camera_timing().stamp_error_s / 10
+    camera.close()
+
+
+def test_a_shutter_that_cannot_be_measured_is_a_warning(
+    clinic: Clinic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        sensor_checks, "measure_shutter", Mock(side_effect=CameraError("only 3 row bands saw the light change"))
+    )
+    clinic.plug("1-2", "GL0001")
+    found = wrong(clinic.examine(tmp_path))["shutter"]
+    assert found.level is Level.WARNING
+    assert "only 3 row bands" in found.text
     assert clinic.all_dark()
 
 

@@ -12,7 +12,7 @@ from gellight.opening import open_camera
 from gellight.ring.firmware.targets import committed_image
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.ring.light_ring import LightRing, connect
-from gellight.sensor.hold import exposures
+from gellight.sensor.lighting.hold import exposures
 from tests.firmware.emulator.configured import with_configuration
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 from tests.helpers.waiting import eventually

@@ -1,14 +1,23 @@
-"""Pulsed light under a rolling shutter, against averages and brute force."""
+"""Pulsed light under a rolling shutter, against averages and brute force; the strobe on an emulated board's trigger."""
 
 import numpy as np
 import pytest
 
+from gellight.base.errors import InputError
+from gellight.frames.camera import Camera
+from gellight.frames.camera_wrapper import CameraWrapper
+from gellight.frames.frames import CameraFrame, LightState
 from gellight.lab.core_board.light_timeline import Light
 from gellight.lab.simulator.shutter import Shutter, row_weights
+from gellight.opening import open_camera
+from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
+from tests.helpers.virtual_sensor import RING
 
 SHUTTER = Shutter(exposure_us=8000.0, readout_us=12000.0, pulse_period_us=500.0)
 PHASES = np.random.default_rng(0).random(12) * 500.0
 ROWS = 40
+GROUPS = [np.roll(RING, 4 * turn, axis=0) for turn in range(3)]
+CHANGES, MOST_FRAMES = 12, 300
 
 
 def colours(value: int) -> np.ndarray:
@@ -67,3 +76,38 @@ def test_it_agrees_with_brute_force() -> None:
             duty = np.array([lights[i].colours[led] for i in latched]) / 255.0
             on = (times - cycle)[:, None] < duty * 500.0
             assert weights[row, led] == pytest.approx(on.mean(axis=0), abs=0.002)
+
+
+class Watched(CameraWrapper):
+    """Keeps what the board had latched when the frame began."""
+
+    def __init__(self, camera: Camera) -> None:
+        super().__init__(camera)
+        self.latched = np.zeros((12, 3), np.uint8)
+
+    def read(self) -> CameraFrame:
+        frame = self._camera.read()
+        self.latched = frame.light
+        return frame
+
+
+def test_each_strobe_moves_the_light_on_and_every_sure_frame_is_of_the_light_it_says() -> None:
+    """How many frames are sure depends on the computer: a command takes the emulator 2 to 20 ms, busy or slow."""
+    camera = Watched(open_camera("sim://?strobe=1&fps=10&programme=0"))
+    shown: list[int] = []
+    with SequencedCamera(camera, GROUPS, mode=LightMode.EXT) as sequenced:
+        for _ in range(MOST_FRAMES):
+            label = sequenced.read().label
+            on = [group for group, colours in enumerate(GROUPS) if np.array_equal(camera.latched, colours)]
+            shown += [group for group in on if group not in shown[-1:]]
+            if label.state is LightState.CLEAN:
+                assert [label.group] == on
+            if len(shown) >= CHANGES:
+                break
+    assert shown == [(shown[0] + number) % 3 for number in range(CHANGES)]
+    assert sequenced.counters.mixed == 0
+
+
+def test_a_strobe_without_a_board_is_refused() -> None:
+    with pytest.raises(InputError, match="a strobe needs the board"):
+        open_camera("sim://?strobe=1&board=0")

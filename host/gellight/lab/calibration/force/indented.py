@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
+from gellight.frame_path.sequence_path import SequencePath
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import ImageCamera
 from gellight.frames.picture import prepared
@@ -77,7 +78,7 @@ class _Feeling:
     """The frame path of one bundle, asked for the integral of the pressure."""
 
     def __init__(self, bundle: Bundle, layers: Sequence[Layer]) -> None:
-        self._reconstructor, self._layers = Reconstructor(bundle), layers
+        self._reconstructor, self._layers = SequencePath(Reconstructor(bundle)), layers
         self._manifest = bundle.manifest
 
     def integral_mm2(self, frame: CameraFrame) -> list[float]:

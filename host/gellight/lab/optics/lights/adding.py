@@ -25,7 +25,7 @@ from gellight.photometric.ring_geometry import RingGeometry
 from gellight.photometric.solver import flat_gel, light_rows, slopes, solve_robustly
 from gellight.reconstruction.integration import normals
 from gellight.ring.light_groups import colour_triples, single_leds
-from gellight.sensor.hold import Hold
+from gellight.sensor.lighting.hold import Hold
 from gellight.sensor.series_cameras import EXPOSURE
 
 
@@ -128,7 +128,10 @@ def _pictures_of_ball(
         else:
             press_ball()
         with Hold(camera) as hold:
-            return [[frame.image for frame in hold.expose(group, frames)] for group in single_leds(colours)]
+            return [
+                [frame.image for frame in hold.expose(group, index, frames)]
+                for index, group in enumerate(single_leds(colours))
+            ]
 
 
 @contextmanager
@@ -158,7 +161,7 @@ def _take_pictures(
     with Hold(camera) as hold:
         for index, group in enumerate(groups):
             taking(index, len(groups))
-            images = [frame.image for frame in hold.expose(group, frames)]
+            images = [frame.image for frame in hold.expose(group, index, frames)]
             # The dark by its median: noise that is cut off at 0 would lift the mean.
             taken.append(np.median(images, axis=0) if index == 0 else np.mean(images, axis=0))
     return ReferencePictures(

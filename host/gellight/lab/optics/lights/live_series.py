@@ -14,7 +14,7 @@ from gellight.lab.training.labelling import find_circle
 from gellight.lab.training.presses import Ball, Press
 from gellight.photometric.directions import levels_of
 from gellight.reconstruction.image_noise import noise_of_one
-from gellight.sensor.hold import Hold
+from gellight.sensor.lighting.hold import Hold
 
 Floats = NDArray[np.float32]
 Say = Callable[[str], object]
@@ -67,7 +67,7 @@ def take_series(
 
 def _exposed(camera: Camera, groups: NDArray[np.uint8], frames: int) -> Floats:
     with Hold(camera) as hold:
-        taken = [hold.expose(group, frames) for group in groups]
+        taken = [hold.expose(group, index, frames) for index, group in enumerate(groups)]
     return levels_of([[frame.image for frame in shown] for shown in taken], groups)
 
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, GellightError, InputError
-from gellight.base.settings import Settings
+from gellight.base.errors import BundleError, ConfigError, GellightError, InputError
+from gellight.base.settings import LightingSettings, Settings
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.daemon.assembly import open_session
 from gellight.frame_path.pipeline import Reconstructor
@@ -198,6 +198,8 @@ def test_a_sensor_runs_with_the_lights_of_its_bundle(live: Bundle, mode: str, sa
 
 
 def test_what_does_not_go_with_such_a_bundle_is_told(live: Bundle, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--sequence rgb does not go with it"):
+        open_session(settings(live).model_copy(update={"lighting": LightingSettings(sequence="rgb")}))
     with pytest.raises(GellightError, match="no light ring"):
         open_session(
             settings(live).model_copy(

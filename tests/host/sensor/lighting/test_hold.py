@@ -1,4 +1,4 @@
-"""One frame wholly under each light, whatever the queue still had."""
+"""HOLD: one clean frame for each light, whatever the queue still had; and the smallest hold, by brute force."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -8,14 +8,15 @@ import pytest
 
 from gellight.base.errors import BoardError, CameraError, InputError
 from gellight.frames.camera import CameraTiming
-from gellight.frames.frames import CameraFrame
+from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.lab.simulator.simulated_camera import SimulatedCamera
 from gellight.opening import open_camera
 from gellight.ring.enumerations import Dark, SyncMode
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.ring.light_ring import Step
 from gellight.sensor import set_and_light
-from gellight.sensor.hold import exposures
+from gellight.sensor.lighting.hold import exposures
+from gellight.sensor.lighting.lock import hold_frames, settle_s
 from tests.helpers.scripted_camera import ScriptedCamera
 from tests.helpers.scripted_ring import ScriptedRing
 
@@ -23,6 +24,7 @@ RING = np.zeros((12, 3), np.uint8)
 for third in range(3):
     RING[4 * third : 4 * third + 4, third] = 255
 TRIPLES = colour_triples(RING)
+PHASES = np.linspace(0, 1, 2001)[:-1]
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +35,9 @@ def sensor() -> Iterator[SimulatedCamera]:
 
 def test_four_exposures_of_the_simulated_sensor_show_four_triples(sensor: SimulatedCamera) -> None:
     frames = exposures(sensor, TRIPLES)
-    for frame, group in zip(frames, TRIPLES, strict=True):
+    for index, (frame, group) in enumerate(zip(frames, TRIPLES, strict=True)):
         pure, _ = sensor._scene.show(None, group / 255)
+        assert frame.label == LightLabel(state=LightState.CLEAN, group=index)
         assert np.abs(frame.image - pure).max() < 8 * 0.5 + 0.5, "every row under this light alone"
 
 
@@ -128,7 +131,7 @@ def test_a_camera_whose_stamps_never_pass_the_light_is_named(fake: FakeRing) -> 
 def test_a_light_that_went_out_under_the_frame_is_taken_again(fake: FakeRing) -> None:
     fake.lost.extend([False, True, True, False])
     (frame,) = exposures(queued_camera(fake, 0), LEVELS[:1])
-    assert int(frame.image[0, 0, 0]) == 10
+    assert frame.label.group == 0
     fake.lost.extend([False, True, True, True])
     with pytest.raises(BoardError, match="another program"):
         exposures(queued_camera(fake, 0), LEVELS[:1])
@@ -159,3 +162,49 @@ def test_a_camera_without_a_ring_is_told() -> None:
 def test_times_that_no_camera_has_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(InputError):
         CameraTiming(**wrong)
+
+
+def clean_frames(timing: CameraTiming, frames: int) -> np.ndarray:
+    """Count, for each phase, the frames between the settling of a light and the end of its hold, `frames` periods.
+
+    The phase is when the first frame after the settling begins, in periods.
+    """
+    begins = (PHASES[:, None] + np.arange(frames + 1)) * timing.period_s + settle_s(timing)
+    return np.asarray((begins + timing.duration_s <= frames * timing.period_s + 1e-12).sum(axis=1))
+
+
+@pytest.fixture(scope="module")
+def cameras() -> list[CameraTiming]:
+    rng = np.random.default_rng(0)
+    return [
+        CameraTiming(
+            period_s=(period := 1 / rng.uniform(10, 240)),
+            exposure_s=rng.uniform(0.01, 1) * period,
+            readout_s=rng.uniform(0, 1) * period,
+            stamp_error_s=rng.choice([0.0, 1e-3]),
+            pulse_period_s=rng.choice([5e-4, 2.5e-3]),
+        )
+        for _ in range(300)
+    ]
+
+
+def test_at_an_unknown_phase_every_light_has_a_clean_frame_and_not_with_one_less(cameras: list[CameraTiming]) -> None:
+    for timing in cameras:
+        frames = hold_frames(timing, locked=False)
+        assert clean_frames(timing, frames).min() >= 1
+        assert clean_frames(timing, frames - 1).min() == 0
+
+
+def test_when_locked_some_phase_gives_every_light_a_clean_frame_and_with_one_less_none_does(
+    cameras: list[CameraTiming],
+) -> None:
+    for timing in cameras:
+        frames = hold_frames(timing, locked=True)
+        assert clean_frames(timing, frames).max() >= 1
+        assert clean_frames(timing, frames - 1).max() == 0
+
+
+def test_an_uncertain_clock_takes_longer() -> None:
+    timing = CameraTiming(readout_s=0.020, exposure_s=0.008)
+    assert hold_frames(timing, locked=True) == 1
+    assert hold_frames(timing, locked=True, clock_error_s=0.001) == 2

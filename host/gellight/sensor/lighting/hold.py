@@ -5,13 +5,14 @@ images = [frame.image for frame in exposures(camera, colour_triples(colours))]
 
 import logging
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, CameraError
 from gellight.frames.camera import Camera, CameraTiming
-from gellight.frames.frames import CameraFrame
+from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.ring.enumerations import State
 from gellight.sensor.set_and_light import set_and_light
 
@@ -23,12 +24,13 @@ def exposures(
 ) -> list[CameraFrame]:
     """Return one clean frame for each light group, in order; afterwards the light is again what it was before.
 
-    `groups` is (n, 12, 3) uint8 RGB, or an iterable of (12, 3). A frame that is read directly afterwards may show two
-    lights. Raises CameraError where the camera has no ring or delivers no frame of the new light; BoardError where the
-    board does not do it (also: a sequence is running, or the current limit scales a light).
+    `groups` is (n, 12, 3) uint8 RGB, or an iterable of (12, 3). Each frame carries the label `clean` with its index.
+    A frame that is read directly afterwards may be mixed: it has no label. Raises CameraError where the camera has no
+    ring or delivers no frame of the new light; BoardError where the board does not do it (also: a sequence is running,
+    or the current limit scales a light).
     """
     with Hold(camera, timing=timing) as hold:
-        return [hold.expose(colours)[0] for colours in groups]
+        return [hold.expose(colours, index)[0] for index, colours in enumerate(groups)]
 
 
 class Hold:
@@ -60,6 +62,8 @@ class Hold:
         except BoardError as error:
             logger.warning("the light of before could not be given back: %s", error)
 
-    def expose(self, colours: NDArray[np.uint8], frames: int = 1) -> tuple[CameraFrame, ...]:
-        """Show (12, 3) uint8 and return frames taken wholly under it."""
-        return set_and_light(self._camera, {}, colours, timing=self._timing, frames=frames)
+    def expose(self, colours: NDArray[np.uint8], index: int, frames: int = 1) -> tuple[CameraFrame, ...]:
+        """Show (12, 3) uint8 and return frames taken wholly under it, labelled clean with `index`."""
+        label = LightLabel(state=LightState.CLEAN, group=index)
+        taken = set_and_light(self._camera, {}, colours, timing=self._timing, frames=frames)
+        return tuple(replace(frame, label=label) for frame in taken)

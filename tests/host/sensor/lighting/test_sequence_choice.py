@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, InputError
-from gellight.ring.light_groups import chosen_groups, colour_triples, single_leds
+from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.ring.light_ring import connect
-from tests.helpers.simulated_gel import RING as BUILT
+from gellight.sensor.lighting.sequence_choice import chosen_groups
+from tests.helpers.virtual_sensor import RING
 
-RING = BUILT.colours
 RED, DARK = ["ff0000"] * 12, ["000000"] * 12
 
 
