@@ -3,7 +3,7 @@
 Presses balls into the simulated gel all over the view, photographs their slopes with a simulated camera, as if all of
 the gel lay at the depth of the gel at rest, trains on them, and writes DIR/network.onnx, training.json, reference.npy
 and provenance.json, all or none. The host takes off what depth and shadows do to the light, and makes the bundle:
-`gellight calibrate synthetic`.
+`python -m tests.helpers.simulated_bundle`.
 """
 
 import argparse

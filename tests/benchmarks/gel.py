@@ -21,7 +21,7 @@ import numpy as np
 import platformdirs
 from numpy.typing import NDArray
 
-from gellight.lab.simulator.gel_models import source_digest
+from gellight_design.simulating.gel_models import source_digest
 from sim_reference import gel
 from sim_reference.deformation import Deformation, NotConverged, grid
 from sim_reference.fem.gel import FemGel, FemPress, coated, solver_of

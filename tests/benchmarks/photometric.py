@@ -18,7 +18,6 @@ from gellight.daemon.switched_camera import bright_exposure_of
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, ExposureSeries
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.training.synthetic import NOISE_GREY, ball_presses
 from gellight.photometric.light_model import LightGroups
 from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
@@ -27,6 +26,7 @@ from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import AS_BUILT
 from sim_reference.objects import OBJECT_NAMES
 from sim_reference.surface import Surface
+from tests.helpers.simulated_bundle import NOISE_GREY, ball_presses
 
 SEED = 2024
 BALLS = 20

@@ -12,12 +12,12 @@ import numpy as np
 
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.lab.training.synthetic import TEST_SEED, ball_presses, evaluate_simulated
 from gellight.opening import open_camera
 from gellight.reconstruction.error_bounds import FILE_NAME
 from gellight.reconstruction.integration import angle_deg, normals
 from sim_reference.geometry import AS_BUILT
 from tests.helpers.pixel_bound import bound_on_balls_deg
+from tests.helpers.simulated_bundle import TEST_SEED, ball_presses, evaluate_simulated
 
 DEPTHS_MM = (0.5, 1.0, 1.5, 2.0)
 

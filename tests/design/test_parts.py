@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from gellight.base.errors import ConfigError, InputError
-from gellight.lab.simulator.geometry_file import design_file, read_geometry
 from gellight.opening import open_camera
 from gellight_design import parts
+from gellight_design.simulating.geometry_file import design_file, read_geometry
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.settings import loaded
 

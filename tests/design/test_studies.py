@@ -14,9 +14,9 @@ import pytest
 
 from gellight.base.errors import ConfigError, GellightError, InputError
 from gellight.frames.point_cloud import STL_RECORD, solid_stl
-from gellight.lab.simulator.geometry_file import read_geometry
 from gellight_design import benchmark_files, studies, sweep
 from gellight_design.output import write_all
+from gellight_design.simulating.geometry_file import read_geometry
 from gellight_design.sweep import run_study
 from sim_reference.objects import BENCHMARK_NAMES, ObjectParameters
 from sim_reference.optimizer.exposing import LightGroups

@@ -21,7 +21,6 @@ from gellight.lab.calibration.force.record import ForceReadings
 from gellight.lab.calibration.state import STATE, state_in
 from gellight.lab.simulator.sequence import read_sequence
 from gellight.lab.simulator.simulated_url import SimulatedUrl
-from gellight.lab.simulator.solids import height_map, read_stl
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball
 from gellight.reconstruction.force_file import FILE_NAME as FORCE_FILE
@@ -31,6 +30,7 @@ from gellight.ring.firmware import image as firmware
 from gellight.sensor.v4l2.options import parse_url
 from gellight.stream.shared_memory import FrameMemory, MappedMemory, OverwrittenError
 from gellight.stream.subscription import endpoint_and_name, read_status
+from gellight_design.simulating.solids import height_map, read_stl
 from gellight_scan.height_map import HeightMap, load_height_map
 from sim_reference.geometry import SensorGeometry
 from tests.fuzz.parser import Parser, by_file

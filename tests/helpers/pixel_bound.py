@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.lab.simulator.scene import Scene
-from gellight.lab.training.synthetic import NOISE_GREY, TEST_SEED, ball_presses
 from sim_reference.camera import CameraResponse, linear_grey
 from sim_reference.geometry import AS_BUILT, WHOLE, Box
 from sim_reference.imaging import around, ring_irradiance
 from sim_reference.surface import Surface
+from tests.helpers.simulated_bundle import NOISE_GREY, TEST_SEED, ball_presses
 
 Array = NDArray[np.float64]
 

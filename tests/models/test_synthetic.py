@@ -13,7 +13,6 @@ import pytest
 from gellight.bundle.bundle import load_bundle
 from gellight.lab.simulator import scene as gellight_scene
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.training.synthetic import evaluate_simulated
 from gelnet import synthetic
 from gelnet.recipes import RECIPES
 from gelnet.synthetic import Options, geometry_hash, main, simulated_sensor, table_of_presses
@@ -24,6 +23,7 @@ from sim_reference.geometry import AS_BUILT, SensorGeometry
 from sim_reference.imaging import ring_irradiance
 from sim_reference.surface import Surface
 from tests.helpers.pixel_bound import bound_on_balls_deg, pixel_bound_deg
+from tests.helpers.simulated_bundle import evaluate_simulated
 from tests.helpers.trainers import TRAINERS
 
 SMALL = SensorGeometry(image_width_px=160, image_height_px=120, pixel_size_mm=0.2352)
@@ -145,7 +145,7 @@ def test_the_shipped_bundle_was_made_for_this_simulator() -> None:
     bundle = load_bundle("synthetic")
     provenance = json.loads(bundle.files["provenance.json"])
     now = Scene(AS_BUILT, CameraResponse())
-    remedy = "the simulated sensor has changed: gellight calibrate synthetic --overwrite --out models/gelnet/synthetic"
+    remedy = "the simulated sensor has changed: python -m tests.helpers.simulated_bundle --overwrite --out ..."
     assert provenance["sensor_sha256"] == geometry_hash(now.geometry, now.response), remedy
     assert np.abs(bundle.reference - now.show(None)[0]).mean() < 0.1, remedy
     assert bundle.pixel_size_mm == (0.0588, 0.0588)

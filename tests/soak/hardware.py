@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, GellightError
-from gellight.lab.core_board.terminal import TerminalBoard
 from gellight.lab.simulator.shutter import Shutter
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import open_transport
@@ -25,6 +24,7 @@ from gellight.ring.wire import LED_COUNT
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.v4l2 import structures as v
 from tests.helpers.simulated_kernel import CameraDevice, SimulatedKernel
+from tests.helpers.terminal_board import TerminalBoard
 from tests.helpers.usb_tree import UsbTree
 from tests.soak.marks import marked
 from tests.soak.pressed_gel import SHAPE, PressedGel

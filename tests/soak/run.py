@@ -26,8 +26,8 @@ import numpy as np
 
 from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import Bundle, write_bundle
-from gellight.lab.core_board.terminal import TerminalBoard
 from tests.helpers.small_bundles import ordinary
+from tests.helpers.terminal_board import TerminalBoard
 from tests.soak.faults import FaultKind, PlannedFault, plan
 from tests.soak.hardware import SERIAL, SHUTTER, SoakSensor, digitised
 from tests.soak.judging import DARK_WITHIN_S, RECOVERY_S, Invariant, Judge, Patience, Violation

@@ -80,5 +80,5 @@ def test_every_record_is_quoted() -> None:
 
 
 def test_a_figure_that_was_not_printed_is_noticed() -> None:
-    assert printed("gellight selfcheck", "0.008")
+    assert printed("python -m tests.benchmarks.selfcheck", "0.008")
     assert not printed("python -m tests.benchmarks.presses", "0.253")

@@ -24,9 +24,7 @@ RUN = [room for room in [*ROOMS, "reconstruction.native"] if not room.startswith
 TORCH_FILES = {"gelnet.network", "gelnet.torch_trainer"}
 """everything else of gelnet works without torch"""
 DOORS = {
-    "sim_reference": (
-        "lab/simulator/", "lab/training/synthetic.py", "cli/simulate.py", "cli/sweeping.py",
-    ),
+    "sim_reference": ("lab/simulator/",),
     "cv2": (
         "bundle/contents.py", "lab/optics/lens/pins.py", "dashboard/view.py",
         "frames/dots.py", "frames/dot_places.py",

@@ -10,13 +10,13 @@ from math import inf
 from gellight.base.allowed import query_of
 from gellight.base.errors import CameraError, InputError
 from gellight.frames.camera import Camera
-from gellight.lab.core_board.terminal import TerminalBoard
 from gellight.lab.simulator.simulated_camera import built, open_simulated
 from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.ring import usb_numbers as numbers
 from gellight.ring.heat import HeardHeat
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import LED_COUNT
+from tests.helpers.terminal_board import TerminalBoard
 from tests.virtual_usb import descriptors
 from tests.virtual_usb.cable import CablePulledError, UsbCable
 from tests.virtual_usb.faults import NO_FAULTS, Faults

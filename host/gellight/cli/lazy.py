@@ -29,7 +29,7 @@ PANELS = {
     "Other tools": "cylinder-diameter-mm balls-to-press",
     "Grids": "grid spacing-px pitch-mm pin-pitch-mm several",
     "Pictures": "view dots white overlay depth-scale-um",
-    "Training": "recipe trainer width epochs folds previous like fit/lights fit/keep",
+    "Training": "recipe trainer width epochs like fit/lights fit/keep",
     "Limits": "largest-depth-error-um largest-normal-error-deg verifications until-um calibrate/presses",
     "Files": "surface/frame folder resume restart overwrite install",
     "Simulation": "gel resolution-mm friction path noise coarse/size design/size",

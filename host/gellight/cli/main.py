@@ -13,20 +13,21 @@ from gellight.cli.lazy import MARKUP, open_group
 
 ELSEWHERE = {
     verb: f"comes with {home}, which is not installed: pip install ./host/{home} from a clone of GelLight"
-    for verb, home in (("optimize", "gellight_design"), ("scan", "gellight_scan"), ("surface", "gellight_scan"))
+    for home, verbs in (("gellight_design", ("optimize", "simulate")), ("gellight_scan", ("scan", "surface")))
+    for verb in verbs
 }
 """verbs of distributions beside this one"""
 MOVED = {
     "replay": "is `gellight run FILE` now",
     "virtual-sensor": "is an instrument of the tests now: tests/virtual_usb",
-    "sim": "is `gellight simulate board` now",
+    "sim": "is an instrument of the tests now: tests/helpers/terminal_board.py; verbs of the ring take --url sim://",
+    "selfcheck": "is `python -m tests.benchmarks.selfcheck` in a checkout now",
 }
 """what to type instead of verbs of before 2.0"""
 VERBS = open_group(
     {
         "Try": {
             "demo": ("demo:command", "Press objects into a simulated sensor, and see what it feels."),
-            "simulate": ("simulate:app", "Press objects into the simulated gel, as files."),
         },
         "Run": {
             "run": ("run:command", "Stream depth from a sensor, or from a recording."),
@@ -36,7 +37,6 @@ VERBS = open_group(
         },
         "Calibrate": {
             "calibrate": ("calibrate.verbs:app", "Calibrate a sensor, and keep its bundles."),
-            "selfcheck": ("selfcheck:command", "Compare the simulated sensor with the reference simulator."),
         },
         "Look after": {
             "find": ("find:command", "List the sensors, cameras and light rings that are there."),

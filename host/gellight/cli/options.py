@@ -19,12 +19,6 @@ LONGEST_S = 1e6
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_default="as in the settings, or auto")]
 Calibration = Annotated[str, typer.Option(help="Bundle: a folder, a .gelcal file, or 'synthetic'.")]
-GeometryFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--geometry", metavar="FILE", help="Settings file with a section `geometry`.", show_default="the default sensor"
-    ),
-]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is there.")]
 
 

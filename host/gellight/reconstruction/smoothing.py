@@ -204,7 +204,7 @@ def _energies(narrowest: int) -> tuple[float, ...]:
 
     Before the filters the noise passes the narrowest filter and the integration. The integration leaves half of its
     energy: the part without curl. Differentiating damps the shortest waves too, which makes 0.7 of the first number;
-    that is left out, because with it normals are up to 4 % worse (`gellight selfcheck`).
+    that is left out, because with it normals are up to 4 % worse (`python -m tests.benchmarks.selfcheck`).
     """
     frequencies = np.fft.fftfreq(_PERIOD)
     answers = [_answer(width, frequencies) for width in half_widths(narrowest)]

@@ -5,8 +5,8 @@ from math import degrees
 from typing import Any
 
 from gellight.base.errors import InputError
-from gellight.lab.simulator.geometry_file import STRIP_WIDTH_MM, outer_radius_mm, ring_colours
 from gellight_design import parts
+from gellight_design.simulating.geometry_file import STRIP_WIDTH_MM, outer_radius_mm, ring_colours
 from gellight_design.studies import StudySetup, design_study, given_study
 from gellight_design.sweep import Study
 from sim_reference.geometry import SensorGeometry

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import cos, pi, sin
 
 from gellight.base.errors import InputError
-from gellight.lab.simulator.geometry_file import STRIP_WIDTH_MM, check
+from gellight_design.simulating.geometry_file import STRIP_WIDTH_MM, check
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions
 
 LED_SIDE_MM = 5.0

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
-from gellight.lab.simulator.gel_models import gel_model
+from gellight_design.simulating.choices import RESOLUTION_MM, GelKind
+from gellight_design.simulating.gel_models import gel_model
 from gellight_design.sweep import Study, Task
 from sim_reference.deformation import GelModel
 from sim_reference.geometry import SensorGeometry, pixel_grid

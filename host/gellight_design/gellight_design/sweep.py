@@ -14,7 +14,7 @@ from joblib import Memory
 import sim_reference
 from gellight.base.errors import InputError
 from gellight.lab import simulator
-from gellight.lab.simulator.processes import Progress, call_all
+from gellight_design.simulating.processes import Progress, call_all
 
 ResultT = TypeVar("ResultT")
 

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.lab.simulator.choices import GelKind
-from gellight.lab.simulator.sequence import read_sequence, write_sequence
+from gellight.lab.simulator.sequence import read_sequence
+from gellight_design.simulating.choices import GelKind
+from gellight_design.simulating.written_sequence import write_sequence
 from sim_reference.geometry import AS_BUILT
 
 Array = NDArray[np.float64]

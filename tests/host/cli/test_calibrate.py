@@ -17,7 +17,7 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.calibrate import training
 from gellight.cli.calibrate.detect import Pressed
 from gellight.cli.calibrate.told_ball import told_ball
-from gellight.cli.calibrate.training import Recorded, ball_warning, which_ball
+from gellight.cli.calibrate.training import Recorded
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames import view
 from gellight.frames.image_files import ImageCamera
@@ -61,14 +61,6 @@ def test_fit_writes_a_bundle_that_says_how_it_came_about(bundle: Path, pressed: 
     assert record["losses"][-1] < record["losses"][0]
     assert set(written.presses()) == {"rows", "image", "image_size", "depth_mm"}
     assert [path.name for path in bundle.parent.iterdir()] == [bundle.name]
-
-
-@pytest.mark.parametrize(("named", "warned"), [(3.0, True), (4.0, False), (5.0, True)])
-def test_a_ball_that_the_light_contradicts_is_warned_of(pressed: Path, named: float, warned: bool) -> None:
-    recorded = Recorded(pressed / "presses.csv", str(pressed / "untouched"), named, 0.2352)
-    warning = "".join(ball_warning(which_ball(*recorded.read(), None)["likely_ball_radius_mm"], named))
-    assert bool(warning) is warned
-    assert not warned or float(warning.split("about ")[1].split(" mm")[0]) == pytest.approx(4.0, rel=0.1)
 
 
 def test_fit_tells_that_pixels_are_not_square(bundle: Path) -> None:
@@ -115,22 +107,6 @@ def test_a_bundle_of_large_pictures_takes_them_as_they_are(pressed: Path, tmp_pa
         frame = Reconstructor(small).reconstruct(camera.read())
     assert frame.depth_mm.shape == (60, 80)
     assert frame.contact.indentation_mm == pytest.approx(1.5, rel=0.15)
-
-
-def test_the_warning_names_a_small_ball_by_its_size() -> None:
-    (warning,) = ball_warning(0.2954, 0.2465)
-    assert "named as 0.2465 mm" in warning
-    assert "about 0.295 mm" in warning
-
-
-def test_a_ball_of_another_size_is_noticed_by_the_earlier_bundle(bundle: Path, pressed: Path, tmp_path: Path) -> None:
-    wrong = ["--ball-radius-mm", "5", "--pixel-size-mm", "0.2352", "--previous", bundle]
-    given = ["--presses", pressed / "others.csv", "--reference", pressed / "untouched"]
-    result = run("fit", *given, *wrong, "--out", tmp_path / "out")
-    assert isinstance(result.exception, InputError)
-    assert "said to have a radius of 5 mm" in str(result.exception)
-    assert float(str(result.exception).split("a ball of ")[1].split()[0]) == pytest.approx(4.0, rel=0.1)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_refined_labels_are_in_the_bundle(pressed: Path, tmp_path: Path) -> None:
@@ -182,7 +158,7 @@ def test_a_label_beside_its_ball_is_told_and_left_out_unless_it_is_kept(
         return Mock(metrics=extra_metrics)
 
     monkeypatch.setattr(training, "fit_judged", learning)
-    monkeypatch.setattr(training, "which_ball", lambda *_: {})
+    monkeypatch.setattr(training, "_pixels", lambda *_: {})
     monkeypatch.setattr(training, "_fit_lines", lambda written: training.contradicted_lines(written.metrics))
     options = ["--presses", pressed / "one_moved.csv", "--reference", pressed / "untouched", *BALL]
     result = run("fit", *options, "--out", tmp_path / "out", *keep)
@@ -243,10 +219,9 @@ def test_a_unit_of_another_kind_is_refused(pressed: Path, tmp_path: Path) -> Non
 
 
 def test_an_unknown_recipe_is_refused(pressed: Path, tmp_path: Path) -> None:
-    result = run("fit", *sources(pressed), "--out", tmp_path / "out", "--recipe", "slow")
-    for found in (result, run("synthetic", "--out", tmp_path / "out", "--recipe", "slow")):
-        assert isinstance(found.exception, InputError)
-        assert "recipe 'slow': give one of fast, thorough, fine, paper" in str(found.exception)
+    found = run("fit", *sources(pressed), "--out", tmp_path / "out", "--recipe", "slow")
+    assert isinstance(found.exception, InputError)
+    assert "recipe 'slow': give one of fast, thorough, fine, paper" in str(found.exception)
 
 
 @pytest.mark.parametrize(

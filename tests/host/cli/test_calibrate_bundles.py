@@ -8,11 +8,10 @@ import pytest
 from click.testing import Result
 
 from gellight.base.errors import BundleError, CameraError
-from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
-from gellight.cli.calibrate import training
-from gellight.photometric.light_model import LightModel
-from gellight.photometric.lights_file import read_lights, write_lights
+from gellight.bundle.bundle import load_bundle, write_bundle
+from gellight.photometric.lights_file import read_lights
 from gellight.sensor.discovery import discover
+from tests.helpers import simulated_bundle
 from tests.helpers.command_line import invoke
 
 
@@ -87,20 +86,10 @@ def test_without_a_sensor_no_verb_takes_the_simulated_one(
     assert "are plugged in: check the cable, or take the simulated sensor (--sensor sim://)" in str(refused)
 
 
-def test_the_bundle_of_the_simulated_sensor_is_made_with_its_lights(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Its network takes minutes, so here it is the shipped one."""
-
-    def trained_before(out: Path, *, lights: LightModel, **_: object) -> Bundle:
-        return write_lights(load_bundle(made(tmp_path / "trained", "simulated", "no lights")), lights, out)
-
-    monkeypatch.setattr(training, "make_synthetic", trained_before)
-    monkeypatch.setattr(training, "LIGHT_FRAMES", 2)
-    done = gellight("synthetic", "--out", str(tmp_path / "written"))
-    assert done.exit_code == 0, done.output
-    written, shipped = (read_lights(load_bundle(source)) for source in (tmp_path / "written", "synthetic"))
+def test_the_bundle_of_the_simulated_sensor_has_its_lights(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(simulated_bundle, "LIGHT_FRAMES", 2)
+    now, shipped = simulated_bundle.lights_of_simulated_sensor(), read_lights(load_bundle("synthetic"))
     for kind, pattern in shipped.patterns.items():
-        apart = written.patterns[kind] - pattern
+        apart = now.patterns[kind] - pattern
         # The shipped LEDs are dimmed to one grey, and the first coefficient is the brightness.
         np.testing.assert_allclose(apart[:, 1:], 0, atol=0.05)  # of two frames each

@@ -1,22 +1,24 @@
-"""What a bundle is worth: `gellight calibrate evaluate`, and `fit --folds`."""
+"""What a bundle is worth: `gellight calibrate evaluate`, and networks that did not see what judges them."""
 
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.training import cross_validation, folds
-from gellight.lab.training.cross_validation import cross_validate
+from gellight.lab.training import folds
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.training import Learning, TrainingOptions, read_reference
 from sim_reference.camera import CameraResponse
+from tests.helpers import cross_validation
+from tests.helpers.cross_validation import cross_validate
 from tests.helpers.places import real
-from tests.helpers.pressed_pictures import GEOMETRY, photograph, run, sources
+from tests.helpers.pressed_pictures import GEOMETRY, photograph, run
 
 
 def test_the_bundle_feels_balls_it_was_not_trained_on(bundle: Path, pressed: Path) -> None:
@@ -64,17 +66,6 @@ def test_wrong_circles_make_a_larger_error(bundle: Path, pressed: Path, tmp_path
     assert errors[0] > errors[1] + 5
 
 
-def test_folds_measure_every_press_once(pressed: Path, tmp_path: Path) -> None:
-    how = ["--folds", "2", "--epochs", "100", "--width", "8", "--refine", "--out", tmp_path / "out", "--json"]
-    result = run("fit", *sources(pressed), *how)
-    assert result.exit_code == 0, result.output
-    figures = json.loads(result.stdout)["metrics"]["cross_validation"]
-    assert len(figures["refined"]["images"]) == 10
-    assert [image["image"] for image in figures["images"]] == [f"{number:02}.png" for number in range(10)]
-    assert len(figures["training_cpu_seconds"]) == figures["folds"] == 2
-    assert 0 < figures["normal_error_deg"]["mean"] < 14  # answering "flat" gives 25
-
-
 def test_each_fold_is_measured_by_a_network_that_never_saw_it(pressed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[tuple[set[str], set[str]]] = []
     fit, errors_of = folds.fit, cross_validation.press_errors
@@ -108,13 +99,12 @@ REAL = real("gelsight_mini_ball")
 @pytest.mark.nightly
 @pytest.mark.timeout(900)
 @pytest.mark.real_images("gelsight_mini_ball")
-def test_on_real_presses_the_error_is_what_it_is_worth(tmp_path: Path) -> None:
+def test_on_real_presses_the_error_is_what_it_is_worth() -> None:
     """33 hand-labelled presses of a GelSight Mini, whose light drifts by tens of grey levels between frames."""
-    given = ["--presses", REAL / "presses.csv", "--reference", REAL / "background.png", "--refine", "--folds", "3"]
-    size = ["--ball-radius-mm", "2.35", "--pixel-size-mm", "0.05107"]
-    result = run("fit", *given, *size, "--out", tmp_path / "out", "--json")
-    assert result.exit_code == 0, result.output
-    figures = json.loads(result.stdout)["metrics"]["cross_validation"]
+    ball, reference = Ball(radius_mm=2.35, pixel_size_mm=0.05107), read_reference(str(REAL / "background.png"))
+    presses = read_presses(REAL / "presses.csv", ball=ball, image_shape=reference.image_shape)
+    how = Learning(options=TrainingOptions(recipe="thorough", width=32), refine=True)
+    figures: Any = cross_validate(presses, reference, ball, folds=3, how=how).as_json()
     assert len(figures["images"]) == 33
     assert max(figures["training_cpu_seconds"]) < 60
     assert figures["normal_error_deg"]["mean"] < 6.8

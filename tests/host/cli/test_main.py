@@ -66,7 +66,7 @@ NEEDS = {
     **{
         f"{verb} --help": HEAVY - {"numpy"}
         for verb in (
-            "ring", "run", "demo", "record", "export", "scan", "reconstruct", "surface", "selfcheck",
+            "ring", "run", "demo", "record", "export", "scan", "reconstruct", "surface",
             "calibrate", "simulate press", "optimize design",
         )
     },
@@ -191,7 +191,10 @@ def test_a_verb_that_is_not_here_is_named_with_its_remedy() -> None:
     ("typed", "now"),
     [
         ("replay press.mcap", "`gellight run FILE`"),
-        ("sim", "`gellight simulate board`"),
+        ("sim", "--url sim://"),
+        ("selfcheck", "`python -m tests.benchmarks.selfcheck`"),
+        ("calibrate starter", "`fit --like`"),
+        ("calibrate synthetic", "`python -m tests.helpers.simulated_bundle`"),
         ("ring group 0-2", "`gellight ring set COLOUR --leds 0-3,8`"),
         ("ring off", "`gellight ring set off`"),
         ("ring sequence", "`gellight run --sequence rgb`"),

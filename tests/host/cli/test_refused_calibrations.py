@@ -34,21 +34,15 @@ BAD = {
         "--presses presses.csv --reference untouched.png --ball-radius-mm nan --pixel-size-mm 0.1",
         "--presses presses.csv --reference untouched.png --ball-radius-mm 0.5 --pixel-size-mm 0.1",
         *(f"{LEARNT} {wrong}" for wrong in (
-            "--recipe none", "--trainer none", "--width 0", "--threads 0", "--epochs 0", "--folds -1",
+            "--recipe none", "--trainer none", "--width 0", "--threads 0", "--epochs 0",
             "--largest-normal-error-deg -1", "--like none", "--like old", "--lights none",
-            "--lights old", "--previous none", "--previous old", "--view none.json", "--view presses.csv",
-            "--folds 3 --recipe fast",
+            "--lights old", "--view none.json", "--view presses.csv",
         )),
     ],
     "adapt": [
         "--calibration none --reference untouched.png", "--calibration old --reference none.png",
         "--calibration old --reference small.png", "--calibration old --reference untouched.png",
         "--calibration old --reference untouched.png --frames 0", "--sensor none.png",
-    ],
-    "synthetic": ["--recipe none", "--trainer none", "--width 0", "--threads 0", "--seed x"],
-    "starter": [
-        "none --reference untouched.png --pixel-size-mm 0.1", "old --reference untouched.png --pixel-size-mm 0.1",
-        "old --reference none.png --pixel-size-mm 0.1", "old --reference untouched.png --pixel-size-mm 0",
     ],
     "lens": [
         "none.png --pitch-mm 1 --calibration old", "untouched.png --pitch-mm 1 --calibration old",

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import time
 import uuid
 from collections.abc import Callable
@@ -63,11 +64,8 @@ CASES = [
     (("demo", "--port", "0", "--frames", "100000"), BEFORE_DONE, printed("dashboard: ")),
     (("run", "--sensor", "sim://?board=0", "--no-dashboard", "--json"), UNTIL_THEN, printed('"frames"')),
     (("ring", "set", "ff0000", "--url", "sim://"), UNTIL_THEN, printed("lit")),
-    (("simulate", "board"), UNTIL_THEN, printed("a simulated board at")),
-    (("selfcheck", "--sensor", "sim://?board=0"), BEFORE_DONE, printed("ok")),
     (("optimize", "coarse", "--workers", "2"), BEFORE_DONE, children(4)),
     (("calibrate", "--auto", "--sensor", "sim://?board=0"), BEFORE_DONE, written("calibration.state/presses")),
-    (("calibrate", "synthetic", "--out", "made"), BEFORE_DONE, children(1)),
 ]  # fmt: skip
 
 
@@ -127,9 +125,12 @@ def test_a_signal_ends_a_verb(
 def test_a_signal_makes_the_leds_of_a_board_dark(number: int, tmp_path: Path) -> None:
     """The board is another process, which prints what its LEDs show."""
     shown = tmp_path / "shown"
-    with shown.open("wb") as output, started([*GELLIGHT, "simulate", "board"], stdout=output) as board:
-        eventually(lambda: "a simulated board at " in shown.read_text() and "\n" in shown.read_text())
-        path = shown.read_text().split()[4].rstrip(":")
+    with (
+        shown.open("wb") as output,
+        started([sys.executable, "-m", "tests.helpers.terminal_board"], stdout=output) as board,
+    ):
+        eventually(lambda: "\n" in shown.read_text())
+        path = shown.read_text().split()[0]
         with started([*GELLIGHT, "ring", "set", "102030", "--url", path], stdout=PIPE, text=True) as ring:
             eventually(lambda: lit(shown))
             assert "Ctrl-C ends" in ring.stdout.readline()
@@ -137,8 +138,7 @@ def test_a_signal_makes_the_leds_of_a_board_dark(number: int, tmp_path: Path) ->
             assert ring.wait(GUARD_S) == 0
         # Not by the rule that a board darkens its LEDs when the computer is silent: that takes a second.
         eventually(lambda: not lit(shown))
-        board.send_signal(signal.SIGTERM)
-        assert board.wait(GUARD_S) == 0
+        board.kill()
 
 
 def lit(shown: Path) -> bool:

@@ -23,13 +23,13 @@ from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
-from gellight.lab.training.synthetic import ball_presses
 from gellight.stream.publisher import Publisher
 from gellight.stream.subscription import subscribe
 from sim_reference.geometry import AS_BUILT
 from tests.benchmarks.photometric import Bench
 from tests.helpers.children import gellight
 from tests.helpers.scripted_camera import ScriptedCamera
+from tests.helpers.simulated_bundle import ball_presses
 
 HELD = "sim://?object=BALL&depth=1.0&x=3&y=-2"
 

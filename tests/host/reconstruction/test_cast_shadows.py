@@ -13,7 +13,6 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.pixel_grid import block_means
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.training.synthetic import ball_presses
 from gellight.photometric.lights_file import FILE_NAME, read_lights
 from gellight.photometric.solver import Points
 from gellight.photometric.window import bent
@@ -28,6 +27,7 @@ from sim_reference.imaging import ring_irradiance, ring_light
 from sim_reference.surface import Surface
 from sim_reference.view import seen_height_mm
 from tests.helpers.native_forms import agree, both
+from tests.helpers.simulated_bundle import ball_presses
 from tests.helpers.simulated_light import PARALLEL, WHOLE, WORLDS, simulated_light
 
 SYNTHETIC = load_bundle("synthetic")

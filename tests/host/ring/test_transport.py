@@ -13,10 +13,10 @@ import pytest
 
 from gellight.base.errors import BoardError
 from gellight.lab.core_board.simulated_board import SimulatedBoard
-from gellight.lab.core_board.terminal import TerminalBoard
 from gellight.ring.enumerations import Edge, SyncMode
 from gellight.ring.light_ring import LightRing, Step, colour_bytes, connect
 from gellight.ring.transport import SilentError, find_port, open_transport
+from tests.helpers.terminal_board import TerminalBoard
 from tests.helpers.waiting import eventually
 
 RED = np.tile(np.array([200, 0, 0], np.uint8), (12, 1))

@@ -12,12 +12,13 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, Provenance, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.frames.pose import ObjectPose, PoseFigures
-from gellight.lab.simulator.sequence import read_sequence, write_sequence
+from gellight.lab.simulator.sequence import read_sequence
 from gellight.tracking.following import ObjectFollower
 from gellight.tracking.registration import Loss
 from gellight.tracking.rigid import inverse, twist_of
 from gellight.tracking.tracker import Tracker
 from gellight.tracking.view import touching
+from gellight_design.simulating.written_sequence import write_sequence
 from sim_reference.geometry import AS_BUILT
 from tests.helpers.moving import Height, ball, bar, faint, moved, nothing, other, relief, seen
 from tests.helpers.small_bundles import PIXEL_MM, SHAPE, ordinary

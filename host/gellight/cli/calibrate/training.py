@@ -1,4 +1,4 @@
-"""`gellight calibrate fit`, `evaluate` and `synthetic`: train GelNet, and measure what it is worth."""
+"""`gellight calibrate fit` and `evaluate`: train GelNet, and measure what it is worth."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -9,23 +9,19 @@ import typer
 
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.calibrate.told_ball import told_ball, told_layer
-from gellight.cli.calibrate.training_options import Like, SizedTraining, Threads, Trainer, check_training
+from gellight.cli.calibrate.training_options import Like, SizedTraining
 from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
 from gellight.cli.showing import progress, show
 from gellight.frames.picture import steps_of
 from gellight.frames.view import View, read_view
-from gellight.lab.calibration.ball_radius import is_another, likely_radius_mm
-from gellight.lab.optics.lights.adding import lights_of_simulated_sensor
 from gellight.lab.training import validation
-from gellight.lab.training.cross_validation import CrossValidation, cross_validate
 from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.label_file import read_presses
-from gellight.lab.training.labelling.ball_size import check_ball, felt_radius_mm
+from gellight.lab.training.labelling.ball_size import felt_radius_mm
 from gellight.lab.training.labelling.pixel_ratio import PixelRatio, pixel_ratio
 from gellight.lab.training.level_light import lights_of_unit
 from gellight.lab.training.presses import Ball, Press
-from gellight.lab.training.synthetic import PIXEL_SIZE_MM, make_synthetic
 from gellight.lab.training.training import Learning, Reference, like_words, read_reference
 from gellight.lab.training.validation import AngleFigures, ImageFigures, IndentationFigures, PressFigures
 from gellight.lab.training.wrong_labels import contradicted_lines, sorted_out
@@ -36,8 +32,6 @@ LARGEST_ERROR_DEG = 14.0
 way between, as all sets but one would choose it (docs/figures.md)"""
 SMALLER = "smaller_view"
 """in the metrics: of the labelled pictures, where they were too large"""
-LIGHT_FRAMES = 64
-"""averaged under each LED of the simulated sensor"""
 Given = tuple[list[Press], Reference, Ball]
 """what a network is trained on"""
 Labels = Annotated[
@@ -84,11 +78,6 @@ def fit(
     how: SizedTraining,
     sensor: Annotated[str, typer.Option(help="serial number or name of the sensor")] = "unnamed",
     view: Annotated[Path | None, typer.Option(help="view.json that `calibrate view` wrote with these images")] = None,
-    folds: Annotated[int, typer.Option(min=0, help="also measure the error by this many folds; 0: do not")] = 0,
-    previous: Annotated[
-        str | None,
-        typer.Option(help="earlier bundle of this sensor; refuses presses of a ball that it feels as another one"),
-    ] = None,
     largest_normal_error_deg: Annotated[
         float, typer.Option(min=0, help="exit with 1 where the mean error of the normals is beyond, degrees")
     ] = LARGEST_ERROR_DEG,
@@ -106,12 +95,9 @@ def fit(
     presses, contradicted = sorted_out(labelled, untouched, ball, keep=keep)
     given = presses, untouched, ball
     learning = recorded.learning(given[1], how)
-    extra = {**contradicted, **which_ball(*given, previous)}
-    crossed = _cross_validated(given, folds, learning) if folds else None
+    extra = {**contradicted, **_pixels(*given)}
     if given[1].view:
         extra[SMALLER] = given[1].view.model_dump()
-    if crossed:
-        extra["cross_validation"] = crossed.as_json()
     with progress("training") as report:
         written = fit_judged(
             *given,
@@ -125,7 +111,7 @@ def fit(
             progress=report,
         )
     bad = _bad_verdict(written, largest_normal_error_deg)
-    lines = [*_fit_lines(written), *(_cross_lines(crossed) if crossed else []), *bad]
+    lines = [*_fit_lines(written), *bad]
     _print_written(written, bundle.out, as_json, lines)
     if bad:
         raise typer.Exit(Ending.JUDGED_BAD)
@@ -163,55 +149,10 @@ def evaluate(
     show({**errors.as_json(), **balls}, as_json, text)
 
 
-@with_options
-def synthetic(
-    bundle: NewBundle,
-    width: Annotated[int, typer.Option(min=1, help="units in each hidden layer")] = 32,
-    recipe: Annotated[str, typer.Option(help="fine: as of the shipped bundle; fast; thorough; paper")] = "fine",
-    seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0,
-    threads: Threads = 1,
-    trainer: Trainer = "numpy",
-    as_json: AsJson = False,
-) -> None:
-    """Make the bundle of the simulated sensor that comes with GelLight."""
-    check_training(recipe, trainer)
-    lights = lights_of_simulated_sensor(PIXEL_SIZE_MM, frames=LIGHT_FRAMES)
-    with progress("training") as report:
-        written = make_synthetic(
-            bundle.out,
-            lights=lights,
-            width=width,
-            recipe=recipe,
-            seed=seed,
-            threads=threads,
-            trainer=trainer,
-            overwrite=bundle.overwrite,
-            progress=report,
-        )
-    test = [f"{name:<28}{value:>10.4g}" for name, value in written.metrics["test"].items()]
-    lines = ["measured on simulated presses it was not trained on:", *test]
-    _print_written(written, bundle.out, as_json, lines)
-
-
-def which_ball(labelled: list[Press], untouched: Reference, ball: Ball, previous: str | None) -> dict[str, object]:
-    """Return, for the metrics, the radius that fits the light in the imprints, and that an earlier bundle feels.
-
-    With it goes by how much pixels are higher than wide (`pixel_ratio`).
-
-    Raises InputError where the earlier bundle feels another ball than the one that was named.
-    """
-    images = [press.picture() for press in labelled]
-    found: dict[str, object] = {"likely_ball_radius_mm": likely_radius_mm(images, labelled, untouched.image, ball)}
-    if shape := pixel_ratio(labelled, untouched.image, ball):
-        found["pixel_ratio"] = asdict(shape)
-    if previous is not None:
-        found["felt_ball_radius_mm"] = check_ball(load_bundle(previous), labelled, ball)
-    return found
-
-
-def _cross_validated(given: Given, folds: int, how: Learning) -> CrossValidation:
-    with progress("folds") as report:
-        return cross_validate(*given, folds=folds, how=how, progress=report)
+def _pixels(labelled: list[Press], untouched: Reference, ball: Ball) -> dict[str, object]:
+    """Return, for the metrics, by how much pixels are higher than wide, where presses tell."""
+    shape = pixel_ratio(labelled, untouched.image, ball)
+    return {"pixel_ratio": asdict(shape)} if shape else {}
 
 
 def _ball_of(bundle: Bundle, radius_mm: float | None) -> Ball:
@@ -243,7 +184,6 @@ def _fit_lines(written: Bundle) -> list[str]:
         *like_words(metrics),
         f"balls {Ball.seen_by(written, metrics['ball_radius_mm']).seen_from()}",
         *depth_line(written),
-        *ball_warning(metrics.get("likely_ball_radius_mm"), metrics["ball_radius_mm"]),
         *_pixel_warning(metrics.get("pixel_ratio"), written.image_shape),
         *radius_line(metrics.get("refinement")),
     ]
@@ -308,16 +248,6 @@ def radius_line(refinement: Mapping[str, Any] | None) -> list[str]:
     return lines
 
 
-def ball_warning(likely_mm: float | None, named_mm: float) -> list[str]:
-    """Return a warning where the light in the imprints fits another ball than the one that was named."""
-    if likely_mm is None or not is_another(likely_mm, named_mm):
-        return []
-    return [
-        f"WARNING: the ball was named as {named_mm:g} mm in radius, but the light in its imprints fits one of about "
-        f"{likely_mm:.3g} mm: measure the ball, and train again with its radius"
-    ]
-
-
 def _pixel_warning(found: Mapping[str, float] | None, image_shape: tuple[int, int]) -> list[str]:
     """Return a warning where the presses show that pixels are not square."""
     wrong = PixelRatio(**found).remedy(image_shape) if found else ""
@@ -358,16 +288,6 @@ def _never_seen_lines(errors: PressFigures) -> list[str]:
         f"the calibration never saw the place or colour of {errors.not_learnt:.1%} of these pixels: there normals are "
         f"off by {errors.not_learnt_deg:.2f} deg; presses there would mend it"
     ]
-
-
-def _cross_lines(errors: CrossValidation) -> list[str]:
-    ways = (("as labelled", errors.given), ("labels refined", errors.refined))
-    return _error_lines(errors.given) + [_way_line(labels, figures) for labels, figures in ways if figures]
-
-
-def _way_line(labels: str, way: PressFigures) -> str:
-    figures = f"{_angles(way.normal_error_deg)} deg{way.depth_mae_mm:>10.4f} mm{way.contact_iou:>7.2f} IoU"
-    return f"{labels:<36}{figures}"
 
 
 def _angles(angles: AngleFigures) -> str:

@@ -15,11 +15,6 @@ VERBS = lazy_group(
         "fit": ("calibrate.training:fit", "Train on presses of a ball, and write a calibration bundle."),
         "evaluate": ("calibrate.training:evaluate", "Measure the error of a bundle on labelled presses."),
         "adapt": ("calibrate.adapt:command", "Adapt a bundle to light that has changed, without a press."),
-        "starter": ("calibrate.starter:command", "Learn on other units, for one that nobody calibrated: rough."),
-        "synthetic": (
-            "calibrate.training:synthetic",
-            "Make the bundle of the simulated sensor that comes with GelLight.",
-        ),
         "lens": ("calibrate.lens:command", "Measure the distortion of the lens and write the bundle with it."),
         "lights": ("calibrate.lights:command", "Measure the light of each LED on the untouched gel."),
         "directions": ("calibrate.directions:command", "Find the direction of each light on balls of known radius."),
@@ -41,7 +36,10 @@ VERBS = lazy_group(
             "Put an earlier bundle of the sensor into service again; its board remembers it.",
         ),
     },
-    gone={"crossvalidate": "is `gellight calibrate fit --folds N` now, which says the same and writes a bundle"},
+    gone={
+        "starter": "is no more: `fit --like` begins with the presses of another unit",
+        "synthetic": "is `python -m tests.helpers.simulated_bundle` in a checkout now",
+    },
 )
 app = typer.Typer(cls=VERBS)
 app.callback(invoke_without_command=True)(routine.command)

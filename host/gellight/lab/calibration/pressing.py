@@ -6,7 +6,6 @@ from pydantic import ValidationError
 
 from gellight.base.errors import BundleError, InputError
 from gellight.frames.image_files import read_image
-from gellight.lab.calibration import ball_radius
 from gellight.lab.calibration.coverage import advice, coverage, coverage_picture
 from gellight.lab.calibration.display import Picture, Progress
 from gellight.lab.calibration.live_error import LiveError
@@ -20,6 +19,8 @@ from gellight.lab.training.labelling import find_circle
 from gellight.lab.training.labelling.pixel_ratio import pixel_ratio
 from gellight.lab.training.presses import Ball, Press
 
+_SHAPE_PRESSES = 8
+"""after which it is first asked whether pixels are square"""
 _PATIENCE = 0.5
 """an automatic routine gives up when more than this share of its presses is refused"""
 
@@ -64,7 +65,7 @@ class _Collector:
                         self.take(capture.image)
             wait_free(run, self.detector)
             self.attend()
-        self.check_radius()
+        self.check_pixels()
         if run.hand:
             self.drop_outliers()
         run.folder.finish(self.figures())
@@ -111,8 +112,8 @@ class _Collector:
         self.show_press(image, circle)
         self.show_progress()
         count, until_um = len(run.folder.state.presses), run.options.until_um
-        if count == ball_radius.LEAST_PRESSES:
-            self.check_radius()
+        if count == _SHAPE_PRESSES:
+            self.check_pixels()
         if until_um is not None and count >= run.options.least_presses and self.live.reached(until_um):
             self.enough = True
 
@@ -156,23 +157,11 @@ class _Collector:
             self.forget(number)
             self.refused += 1
 
-    def check_radius(self) -> None:
-        """Ask whether pixels are square, and the ball is the one that was named, where the light tells."""
-        presses = self.run.folder.presses()
-        images = [read_image(press.image) for press in presses]
-        self.radius_mm = ball_radius.likely_radius_mm(images, presses, self.reference, self.ball)
-        named = self.run.options.tools.ball_radius_mm
-        problems = (
-            [shape.remedy(self.run.camera.image_shape)]
-            if (shape := pixel_ratio(presses, self.reference, self.ball))
-            else []
-        )
-        if self.radius_mm is not None and ball_radius.is_another(self.radius_mm, named):
-            problems.append(
-                f"the ball was named as {named:g} mm in radius, but the light in its imprints fits a ball of about "
-                f"{self.radius_mm:.3g} mm: measure the ball, and begin again with its radius"
-            )
-        for problem in filter(None, problems):
+    def check_pixels(self) -> None:
+        """Ask whether pixels are square."""
+        shape = pixel_ratio(self.run.folder.presses(), self.reference, self.ball)
+        problem = shape.remedy(self.run.camera.image_shape) if shape else ""
+        if problem:
             if self.run.hand:
                 raise BundleError(problem)
             self.run.wait_for_acceptance(problem)
@@ -210,7 +199,6 @@ class _Collector:
             coverage=found,
             held_out=tuple(self.live.history),
             held_out_um=self.held_out_um,
-            likely_radius_mm=self.radius_mm,
             press_error_deg=self.live.by_press,
         )
 

@@ -167,7 +167,7 @@ class BallPresses(StepFigures):
     held_out_um: float | None = None
     """see `LiveCoverage`; None in records of before"""
     likely_radius_mm: float | None = None
-    """of the ball, by the light; None where the light does not tell"""
+    """in records of before; nothing asks for it"""
     press_error_deg: dict[int, float]
     """by number of the press"""
 

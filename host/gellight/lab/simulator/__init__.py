@@ -3,12 +3,9 @@
 simulated_camera.py    the camera of sim://
 simulated_url.py       its parameters
 stage.py               what presses objects into its gel
-gel_models.py          the gel as a layer or by finite elements, whose presses are kept, if it fits the memory
-one_press.py           one object pressed, as files
-dataset.py             many presses as files, for training other networks
-processes.py           many calls of one function, spread over processes
 objects.py             objects by name: those of the reference, probes, and plates of known roughness
-bodies.py, solids.py   bodies that can be turned, and STL files, as objects
+bodies.py              bodies that can be turned, as objects
+sequence.py            an object that moves as a file says
 scene.py               what it looks at, computed once for a press
 unit.py                a real unit as its bundle tells of it
 measured_light.py      what the camera of a real unit shows of a slope

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.lab.simulator.objects import check_name, object_height
-from gellight.lab.simulator.solids import highest
 from sim_reference.deformation import NO_OBJECT, grid
 
 Array = NDArray[np.float64]
@@ -153,3 +152,49 @@ def _unit_ball(steps: int) -> tuple[Array, NDArray[np.int64]]:
     square = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
     faces = np.concatenate([square + side * count * count for side in range(6)])
     return points / np.linalg.norm(points, axis=1, keepdims=True), faces
+
+
+CHUNK = 2_000_000
+"""grid points that are looked at together"""
+
+
+def highest(placed: Array, size: int, spacing_mm: float) -> Array:
+    """Return the z (size, size) in mm of the highest of the triangles (T, 3, 3) over each point of a grid.
+
+    The triangles are in the axes of the grid: x right, y down, its middle at 0, 0. NO_OBJECT where there is none.
+    """
+    start = grid(size, spacing_mm)[0]
+    at = (placed[..., :2] - start) / spacing_mm
+    first = np.clip(np.ceil(at.min(axis=1) - 1e-9), 0, size).astype(np.int64)
+    last = np.clip(np.floor(at.max(axis=1) + 1e-9), -1, size - 1).astype(np.int64)
+    counts = np.maximum(last - first + 1, 0)
+    heights = np.full(size * size, NO_OBJECT)
+    points = counts.prod(axis=1)
+    chunks = np.cumsum(points) // CHUNK
+    for chunk in np.unique(chunks):
+        some = np.flatnonzero((chunks == chunk) & (points > 0))
+        _raise(heights, size, at[some], placed[some, :, 2], first[some], counts[some])
+    return heights.reshape(size, size)
+
+
+def _raise(heights: Array, size: int, at: Array, z: Array, first: NDArray[np.int64], counts: NDArray[np.int64]) -> None:
+    """Lift the points of the grid that lie under triangles with corners `at` (T, 3, 2), in grid steps, and z (T, 3)."""
+    points = counts.prod(axis=1)
+    triangle = np.repeat(np.arange(len(at)), points)
+    number = np.arange(points.sum()) - np.repeat(np.cumsum(points) - points, points)
+    column = first[triangle, 0] + number % counts[triangle, 0]
+    row = first[triangle, 1] + number // counts[triangle, 0]
+    a, b, c = np.swapaxes(at, 0, 1)
+    area = _cross(b - a, c - a)
+    upright = np.abs(area) > 1e-12
+    inverse = np.where(upright, 1 / np.where(upright, area, 1), 0)[triangle]
+    offset = np.column_stack([column, row]) - a[triangle]
+    of_b = _cross(offset, (c - a)[triangle]) * inverse
+    of_c = _cross((b - a)[triangle], offset) * inverse
+    inside = upright[triangle] & (of_b >= -1e-9) & (of_c >= -1e-9) & (of_b + of_c <= 1 + 1e-9)
+    height = (1 - of_b - of_c) * z[triangle, 0] + of_b * z[triangle, 1] + of_c * z[triangle, 2]
+    np.maximum.at(heights, (row * size + column)[inside], height[inside])
+
+
+def _cross(one: Array, other: Array) -> Array:
+    return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])

@@ -11,7 +11,6 @@ Three comparisons, each against something the host did not compute:
 The pictures are compared at a quarter of the resolution, so that a check costs a fraction of a frame's time a second.
 """
 
-from collections.abc import Iterator
 from dataclasses import replace
 from math import isfinite
 
@@ -19,8 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.frame_path.pipeline import Reconstructor
-from gellight.frames.camera import Camera
 from gellight.frames.frames import SelfCheckResult, TactileFrame
 from gellight.frames.pixel_grid import block_means
 from gellight.lab.simulator.scene import Scene
@@ -35,36 +32,6 @@ from sim_reference.view import seen_height_mm
 
 SHRINK = 4
 """pictures and integrals are compared on blocks of 4 x 4 pixels"""
-CHECKED_PRESSES = (
-    ("BALL", 1.0, 0.0, 0.0),
-    ("BALL", 1.0, -9.0, 4.0),
-    ("BALL", 1.0, 8.0, -6.0),
-    ("BALL", 0.5, 5.0, 5.0),
-    *((name, 0.8, 0.0, 0.0) for name in ("TSTEP", "SCROWN", "BALLVEX", "BALLCAVE", "WAVE")),
-    *((name, 0.8, 0.0, 0.0) for name in ("SINWAVE", "BSWAVE", "PCONVEX", "CCONVEX", "QUCAVE")),
-)
-"""object, depth, x, y in mm"""
-
-
-def check_presses(camera: Camera, reconstructor: Reconstructor) -> Iterator[tuple[str, SelfCheckResult]]:
-    """Press what `CHECKED_PRESSES` lists into a simulated sensor; yield each press and how well it was measured.
-
-    Raises InputError for a sensor into which nothing can be pressed.
-    """
-    refuse_unknown_truth(camera)
-    judge, stage = camera.selfcheck(reconstructor.bundle.pixel_size_mm), camera.stage
-    assert judge is not None
-    assert stage is not None
-    for name, depth, x, y in CHECKED_PRESSES:
-        stage.press(name, depth, x, y)
-        result = judge.compare(reconstructor.reconstruct(camera.read()))
-        yield f"{name} {depth:g} mm at ({x:g}, {y:g})", result
-
-
-def refuse_unknown_truth(camera: Camera) -> None:
-    """Raise InputError for a sensor into which nothing can be pressed, or whose truth nobody knows."""
-    if camera.stage is None or camera.selfcheck((1.0, 1.0)) is None:
-        raise InputError(f"{camera.url} cannot be checked: only a simulated sensor (sim:// without bundle) can be")
 
 
 class SelfCheck:

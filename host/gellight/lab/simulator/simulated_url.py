@@ -1,6 +1,7 @@
 """The parameters of a `sim://` URL; the top of `simulated_camera.py` says what they mean."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -8,7 +9,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import SYNTHETIC, load_bundle
 from gellight.lab.core_board.simulated_board import COLDEST_C, HOTTEST_C
-from gellight.lab.simulator.choices import CameraKind, WindowKind
 from gellight.lab.simulator.printed_dots import PrintedDots
 from gellight.lab.simulator.scene import Array, Printed
 from gellight.lab.simulator.unit import Unit
@@ -38,8 +38,8 @@ class SimulatedUrl(BaseModel):
     led_spread: float = Field(0.0, ge=0, le=0.5)
     dim: float = Field(0.0, ge=0, le=0.9)
     bundle: str = Field("", min_length=1)
-    camera: CameraKind | None = None
-    window: WindowKind | None = None
+    camera: Literal["parallel", "pinhole"] | None = None
+    window: Literal["none", "acrylic"] | None = None
     sequence: str = ""
     dots: str = Field(
         "", pattern=r"^(\d{1,2}x\d{1,2})?$", json_schema_extra={"allowed": "columns x rows, such as `9x7`"}

@@ -14,7 +14,6 @@ wrong_labels.py      labels that the other presses and their picture contradict
 votes.py             which labels of the same presses are better
 folds.py             networks that never saw some of the presses
 judged_fit.py        a calibration that tells its errors by them
-cross_validation.py  the same on presses that were not trained on
 light_change.py      how the light has changed, by the untouched gel alone
 adapting.py          a bundle for that light, without a press
 synthetic.py         the bundle of the simulated sensor; balls pressed into it

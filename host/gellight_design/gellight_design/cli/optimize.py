@@ -8,20 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
-from gellight.cli.lazy import lazy_group
-from gellight.cli.options import AsJson, GeometryFile, check_out, with_options
+from gellight.cli.options import AsJson, check_out, with_options
 from gellight.cli.showing import show
-from gellight.cli.sweeping import Workers, many
-from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
 from gellight_design.boards.catalogue import CARRIERS, LAMPS
+from gellight_design.cli.sweeping import GeometryFile, Workers, many
+from gellight_design.simulating.choices import RESOLUTION_MM, GelKind
 
 if TYPE_CHECKING:
     from gellight_design.studies import StudySetup
     from gellight_design.sweep import Study as ToRun
 
 ResultT = TypeVar("ResultT")
-GONE = {kind: f"is `gellight optimize make {kind}` now" for kind in ("boards", "housing", "benchmark")}
-app = typer.Typer(cls=lazy_group({}, GONE), help="Find the best illumination and make its parts.", no_args_is_help=True)
+app = typer.Typer(help="Find the best illumination and make its parts.", no_args_is_help=True)
 
 OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results and figures here.")]
 Package = Annotated[str, typer.Option("--package", help=f"Package of the LEDs: {', '.join(LAMPS)}.")]
@@ -63,10 +61,10 @@ class Study(OutputOptions):
 
     def setup(self) -> "StudySetup":
         """Return what is studied; raises ConfigError or InputError for what cannot be, or cannot be written."""
-        from gellight.lab.simulator.gel_models import check_memory
-        from gellight.lab.simulator.geometry_file import read_geometry
-        from gellight.lab.simulator.processes import available_cores
         from gellight_design import output
+        from gellight_design.simulating.gel_models import check_memory
+        from gellight_design.simulating.geometry_file import read_geometry
+        from gellight_design.simulating.processes import available_cores
         from gellight_design.studies import study_setup
 
         if self.out is not None:
@@ -79,7 +77,7 @@ class Study(OutputOptions):
 
     def run(self, title: str, study: "ToRun[ResultT]") -> "ResultT":
         """Return the result of a study."""
-        from gellight.lab.simulator.processes import available_cores
+        from gellight_design.simulating.processes import available_cores
         from gellight_design.sweep import kept_in, run_study
 
         with many(title, kept_in()) as tell:
@@ -107,8 +105,8 @@ def fine(
     gamma: Annotated[float, typer.Option("--gamma", min=1, max=3, help="Of the camera's picture; 1: linear.")] = 1.0,
 ) -> None:
     """Mounting height, as the paper has it: how even and how coloured the gel is lit (equations 6 and 7)."""
-    from gellight.lab.simulator.geometry_file import read_geometry
     from gellight_design import output
+    from gellight_design.simulating.geometry_file import read_geometry
 
     result = output.fine_study(read_geometry(geometry, as_built=False), diameter, gamma)
     answering.answer(
@@ -129,8 +127,8 @@ def design(
     ] = 1.0,
 ) -> None:
     """Angle, height, number of LEDs and exposure at once, by the error; with --out, the sensor as gellight.toml."""
-    from gellight.lab.simulator.geometry_file import design_file
     from gellight_design import designs
+    from gellight_design.simulating.geometry_file import design_file
 
     setup = study.setup()
     sensor, numbers = setup.geometry, tuple(lights or (12,))
@@ -153,8 +151,8 @@ def ball(
     ] = None,
 ) -> None:
     """Calibration ball: which radius and press record slopes of 60 degrees."""
-    from gellight.lab.simulator.geometry_file import read_geometry
     from gellight_design import output
+    from gellight_design.simulating.geometry_file import read_geometry
 
     result = output.ball_study(read_geometry(geometry, as_built=False), press, radius)
     charts = {"ball.svg": output.ball_chart(result)}
@@ -179,8 +177,8 @@ def make(
     ] = 15.0,
 ) -> None:
     """Make parts: boards to order, a housing to print (STL, STEP), the objects as height maps and solids to print."""
-    from gellight.lab.simulator.geometry_file import read_geometry
     from gellight_design import output
+    from gellight_design.simulating.geometry_file import read_geometry
 
     check_out(out / "any", overwrite=True)
     sensor = read_geometry(geometry, as_built=False)

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from math import cos, hypot, radians, sin, tan
 
 from gellight.base.errors import InputError
-from gellight.lab.simulator.geometry_file import STRIP_WIDTH_MM, check
 from gellight_design.boards.catalogue import find_lamp
 from gellight_design.parts import Point
+from gellight_design.simulating.geometry_file import STRIP_WIDTH_MM, check
 from sim_reference.geometry import ACRYLIC_MM, SensorGeometry
 
 WALL_MM = 3.0

@@ -12,7 +12,6 @@ import pytest
 from gellight.base.errors import BoardError, BundleError, CameraError, GellightError, InputError
 from gellight.frames.frames import CameraFrame
 from gellight.lab.calibration import cylinder, lights, preparing
-from gellight.lab.calibration.ball_radius import is_another
 from gellight.lab.calibration.coverage import advice, coverage
 from gellight.lab.calibration.cylinder import Imprint
 from gellight.lab.calibration.force.fit import fit_force
@@ -255,11 +254,6 @@ def test_the_error_has_settled_that_fell_by_less_than_a_twentieth_in_eight_press
     live = LiveError(GREY.astype(np.float32), BALL)
     live.history = list(enumerate([*[1.0] * 4, *[0.97] * (count - 8), *[last] * 4]))
     assert live.settled() is settled
-
-
-@pytest.mark.parametrize(("likely_mm", "another"), [(4.59, False), (4.61, True), (3.41, False), (3.39, True)])
-def test_a_ball_that_the_light_sees_a_seventh_larger_is_another(likely_mm: float, another: bool) -> None:
-    assert is_another(likely_mm, 4.0) is another
 
 
 @pytest.mark.parametrize(

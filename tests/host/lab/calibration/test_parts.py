@@ -9,7 +9,6 @@ import pytest
 from gellight.base.errors import ConfigError, InputError
 from gellight.bundle.limits import Limits
 from gellight.frames.frames import CameraFrame
-from gellight.lab.calibration.ball_radius import likely_radius_mm
 from gellight.lab.calibration.choices import RoutineOptions
 from gellight.lab.calibration.coverage import advice, coverage
 from gellight.lab.calibration.display import Display
@@ -149,20 +148,6 @@ def test_the_depth_of_a_press_is_judged_as_its_slopes_say(bend: float) -> None:
     _, depth_mm = exact.errors((1 + bend) * np.eye(2), np.arange(2))
     cap_mm = cap_depth_mm(press, BALL, SHAPE)[contact_circle(press, SHAPE)]
     assert depth_mm == pytest.approx(bend * np.abs(cap_mm - cap_mm.mean()).mean(), rel=0.1)
-
-
-@pytest.mark.parametrize("named_mm", [3.0, 4.0, 6.0])
-def test_the_light_says_which_radius_the_ball_has(named_mm: float) -> None:
-    presses = [at(60 + 20 * i, 60 + 10 * i, 16 + i) for i in range(10)]
-    images = [photograph(press, BALL, REFERENCE, number) for number, press in enumerate(presses)]
-    named = Ball(radius_mm=named_mm, pixel_size_mm=0.1176)
-    assert likely_radius_mm(images, presses, REFERENCE, named) == pytest.approx(4.0, rel=0.06)
-
-
-def test_pictures_that_no_matt_ball_explains_say_nothing_of_a_radius() -> None:
-    presses = [at(60 + 20 * i, 60 + 10 * i, 20) for i in range(10)]
-    images = [np.random.default_rng(i).integers(60, 200, (*SHAPE, 3)).astype(np.uint8) for i in range(10)]
-    assert likely_radius_mm(images, presses, REFERENCE, BALL) is None
 
 
 def test_the_places_of_the_virtual_hand_fill_the_view_evenly() -> None:

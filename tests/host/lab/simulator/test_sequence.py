@@ -12,8 +12,9 @@ from gellight.base.errors import InputError
 from gellight.frames.image_files import read_image
 from gellight.lab.simulator.bodies import body
 from gellight.lab.simulator.scene import Press
-from gellight.lab.simulator.sequence import read_sequence, write_sequence
+from gellight.lab.simulator.sequence import read_sequence
 from gellight.opening import open_camera
+from gellight_design.simulating.written_sequence import write_sequence
 from sim_reference.geometry import SensorGeometry
 
 SMALL = SensorGeometry(image_width_px=160, image_height_px=120, pixel_size_mm=0.2352)

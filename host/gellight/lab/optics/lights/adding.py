@@ -65,13 +65,6 @@ def add_lights(
     return {"calibration": str(out), "ring_used": "light" if ring_from_light else "settings"} | _facts(model, fit)
 
 
-def lights_of_simulated_sensor(pixel_size_mm: float, *, frames: int) -> LightModel:
-    """Return the light of each LED of the simulated sensor as designed; frames: averaged under each light."""
-    ring = RingGeometry()
-    with open_camera("sim://?programme=0") as camera:
-        return take_lights(camera, ring, ring.colours, (pixel_size_mm, pixel_size_mm), frames)
-
-
 def _facts(model: LightModel, fit: RingFit) -> dict[str, object]:
     """What was found, ready for JSON."""
     return {

@@ -12,11 +12,9 @@ import numpy as np
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.lab.training.presses import Ball, Floats, Press, distance_px
+from gellight.lab.training.presses import Floats, Press, distance_px
 from gellight.lab.training.validation import frame_of
 
-TOLERANCE = 0.12
-"""relative difference of radii from which a ball counts as another one"""
 _INNER, _OUTER = 0.3, 0.85
 """in contact radii: where slopes are steep enough to measure, and clear of the rim"""
 
@@ -30,17 +28,6 @@ def felt_radius_mm(bundle: Bundle, presses: Sequence[Press]) -> float:
         raise InputError("there are no presses to measure the ball by: give at least one")
     reconstructor = Reconstructor(bundle, masked=False, undistorted=False)
     return float(np.median([_radius_px(reconstructor, press) for press in presses])) * bundle.pixel_size_mm[0]
-
-
-def check_ball(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> float:
-    """Return `felt_radius_mm`, and raise InputError if it is not the radius of the ball that was named."""
-    measured = felt_radius_mm(bundle, presses)
-    if abs(measured / ball.radius_mm - 1) > TOLERANCE:
-        raise InputError(
-            f"the ball is said to have a radius of {ball.radius_mm:g} mm, but to {bundle.source} the presses look "
-            f"like a ball of {measured:.3g} mm: give that radius, press the right ball, or check the pixel size"
-        )
-    return measured
 
 
 def _radius_px(reconstructor: Reconstructor, press: Press) -> float:

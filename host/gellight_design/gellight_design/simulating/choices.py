@@ -6,9 +6,5 @@ GelKind = Literal["layer", "fem"]
 """how the gel is computed: as an elastic layer of small strain, a second a press; or by finite elements, a minute"""
 RESOLUTION_MM = 0.3
 """of the finite elements"""
-CameraKind = Literal["parallel", "pinhole"]
-"""how the gel is seen: along parallel rays, or from the height of the camera"""
-WindowKind = Literal["none", "acrylic"]
-"""what the gel is lit and seen through"""
 LightKind = Literal["ring", "singles"]
 """one picture under the whole ring in its colours; or one a LED, all in white"""

@@ -20,8 +20,8 @@ import platformdirs
 import sim_reference
 from gellight.base.errors import InputError, first_line
 from gellight.base.writing import write_file
-from gellight.lab.simulator.choices import RESOLUTION_MM, GelKind
 from gellight.lab.simulator.scene import Array
+from gellight_design.simulating.choices import RESOLUTION_MM, GelKind
 from sim_reference import gel
 from sim_reference.deformation import Deformation, GelModel, NotConverged
 from sim_reference.fem.gel import FemGel

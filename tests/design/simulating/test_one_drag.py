@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.simulator.one_drag import drag_once, read_path
-from gellight.lab.simulator.one_press import PressRequest
+from gellight_design.simulating.one_drag import drag_once, read_path
+from gellight_design.simulating.one_press import PressRequest
 from sim_reference.fem.dragging import Pose
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.command_line import invoke, refused

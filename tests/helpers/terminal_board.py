@@ -63,3 +63,20 @@ class TerminalBoard(SimulatedBoard):
         if data := self.read(0.0):
             with contextlib.suppress(OSError):
                 os.write(self._ours, data)
+
+
+def main() -> None:
+    """Print the path of a board, then its light whenever it changes, until the process is ended."""
+    board, shown = TerminalBoard(), 0
+    print(board.path, flush=True)
+    while True:
+        lights = board.timeline
+        while shown < len(lights):
+            light = lights[shown]
+            print(f"{light.time_us / 1e6:10.6f} s  {light.colours.tobytes().hex(' ', 3)}", flush=True)
+            shown += 1
+        time.sleep(0.01)
+
+
+if __name__ == "__main__":
+    main()

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.simulator.dataset import DatasetRequest, make_dataset
-from gellight.lab.simulator.processes import call_all
+from gellight_design.simulating.dataset import DatasetRequest, make_dataset
+from gellight_design.simulating.processes import call_all
 from sim_reference import gel
 from sim_reference.geometry import SensorGeometry
 from sim_reference.surface import press_object
@@ -177,7 +177,7 @@ def linger(folder: str) -> None:
 
 CALLS = """
 import sys
-from gellight.lab.simulator.processes import call_all
+from gellight_design.simulating.processes import call_all
 from tests.host.lab.simulator.test_dataset import linger
 if __name__ == "__main__":
     call_all(linger, [(sys.argv[1] + f"/{at}",) for at in range(2)], 2)

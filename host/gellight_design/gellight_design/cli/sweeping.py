@@ -1,4 +1,4 @@
-"""What verbs share that compute many independent things: processes, a progress bar, and how they end."""
+"""What the verbs share: the sensor, processes, a progress bar, and how they end."""
 
 import sys
 from collections.abc import Iterator
@@ -12,8 +12,14 @@ from gellight.base.errors import InputError
 from gellight.cli.showing import progress
 
 if TYPE_CHECKING:
-    from gellight.lab.simulator.processes import Progress
+    from gellight_design.simulating.processes import Progress
 
+GeometryFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--geometry", metavar="FILE", help="Settings file with a section `geometry`.", show_default="the default sensor"
+    ),
+]
 Workers = Annotated[int, typer.Option("--workers", min=0, max=1024, help="Processes; 0: one for each core.")]
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.frames.point_cloud import solid_stl
-from gellight.lab.simulator.one_press import PressRequest, object_heights, press_once
+from gellight_design.simulating.one_press import PressRequest, object_heights, press_once
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.command_line import invoke, refused
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gellight.lab.simulator.solids import RECORD, height_map, read_stl
+from gellight_design.simulating.solids import RECORD, height_map, read_stl
 from sim_reference.deformation import NO_OBJECT, grid
 
 SIZE, SPACING = 65, 0.125

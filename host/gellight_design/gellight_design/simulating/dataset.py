@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 import gellight
 from gellight.base.errors import InputError
 from gellight.base.writing import make_folder, write_file
-from gellight.lab.simulator.choices import GelKind, LightKind
-from gellight.lab.simulator.gel_models import check_memory, gel_model
-from gellight.lab.simulator.processes import Progress, call_all
 from gellight.lab.simulator.scene import BRIGHTEST_GREY, Press, Scene
+from gellight_design.simulating.choices import GelKind, LightKind
+from gellight_design.simulating.gel_models import check_memory, gel_model
+from gellight_design.simulating.processes import Progress, call_all
 from sim_reference.camera import WHITE, CameraResponse, digitise
 from sim_reference.deformation import Deformation
 from sim_reference.fem.gel import FemGel

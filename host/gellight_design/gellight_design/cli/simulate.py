@@ -6,21 +6,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gellight.base.errors import InputError
-from gellight.cli.lazy import MARKUP, lazy_group
-from gellight.cli.options import AsJson, GeometryFile, Overwrite, check_out
+from gellight.cli.lazy import MARKUP
+from gellight.cli.options import AsJson, Overwrite, check_out
 from gellight.cli.showing import progress, show
-from gellight.cli.sweeping import Workers, many
-from gellight.lab.simulator.choices import GelKind, LightKind
+from gellight_design.cli.sweeping import GeometryFile, Workers, many
+from gellight_design.simulating.choices import GelKind, LightKind
 
 if TYPE_CHECKING:
-    from gellight.lab.simulator.one_drag import DragReport
-    from gellight.lab.simulator.one_press import PressReport, PressRequest
+    from gellight_design.simulating.one_drag import DragReport
+    from gellight_design.simulating.one_press import PressReport, PressRequest
     from sim_reference.fem.newton import Step
     from sim_reference.geometry import SensorGeometry
 
 TAKES = "about a minute by finite elements 0.3 mm apart, longer with finer ones"
-BOARD = {"board": ("simulated_board:command", "Run a simulated board behind a pseudo-terminal.")}
-app = typer.Typer(cls=lazy_group(BOARD), rich_markup_mode=MARKUP, no_args_is_help=True)
+app = typer.Typer(rich_markup_mode=MARKUP, no_args_is_help=True)
 
 
 @app.callback()
@@ -50,8 +49,10 @@ def press(
     as_json: AsJson = False,
 ) -> None:
     """Press one object into the gel, to a depth or with a force, or drag it along a path."""
-    from gellight.lab.simulator.geometry_file import read_geometry  # this and what is below: not for the help, a second
-    from gellight.lab.simulator.one_press import PressRequest
+    from gellight_design.simulating.geometry_file import (
+        read_geometry,  # this and what is below: not for the help, a second
+    )
+    from gellight_design.simulating.one_press import PressRequest
 
     if (depth is None) == (force is None):
         raise InputError("give --depth-mm or --force-n, one of the two")
@@ -64,8 +65,8 @@ def press(
 def _pressed(
     request: "PressRequest", path: Path | None, out: Path, sensor: "SensorGeometry"
 ) -> "DragReport | PressReport":
-    from gellight.lab.simulator.one_drag import drag_once, read_path
-    from gellight.lab.simulator.one_press import press_once
+    from gellight_design.simulating.one_drag import drag_once, read_path
+    from gellight_design.simulating.one_press import press_once
 
     with progress(request.object_name, TAKES if request.gel == "fem" else "") as tell:
 
@@ -99,9 +100,9 @@ def dataset(
 
     The same command goes on where it was interrupted; with more --presses it adds to what is there.
     """
-    from gellight.lab.simulator.dataset import DatasetRequest, make_dataset
-    from gellight.lab.simulator.geometry_file import read_geometry
-    from gellight.lab.simulator.processes import available_cores
+    from gellight_design.simulating.dataset import DatasetRequest, make_dataset
+    from gellight_design.simulating.geometry_file import read_geometry
+    from gellight_design.simulating.processes import available_cores
     from sim_reference.objects import OBJECT_NAMES
 
     request = DatasetRequest(
@@ -134,8 +135,9 @@ def sequence(
     as_json: AsJson = False,
 ) -> None:
     """Move one object through the gel as a file says: a picture a step, and poses.csv with the true pose of each."""
-    from gellight.lab.simulator.geometry_file import read_geometry
-    from gellight.lab.simulator.sequence import read_sequence, write_sequence
+    from gellight.lab.simulator.sequence import read_sequence
+    from gellight_design.simulating.geometry_file import read_geometry
+    from gellight_design.simulating.written_sequence import write_sequence
 
     check_out(out / "poses.csv", overwrite)
     sensor = read_geometry(geometry)

@@ -1,5 +1,9 @@
-"""The calibration bundle of the simulated sensor: made by `gelnet.synthetic`, measured on the simulated camera."""
+"""The calibration bundle of the simulated sensor: `python -m tests.helpers.simulated_bundle --out DIR` makes it anew.
 
+Its network is that of `gelnet.synthetic`, which takes minutes; it is measured on the simulated camera.
+"""
+
+import argparse
 import json
 import tempfile
 from collections.abc import Iterator
@@ -12,12 +16,15 @@ from numpy.typing import NDArray
 from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
+from gellight.lab.optics.lights.adding import take_lights
 from gellight.lab.simulator.printed_dots import known_force
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.child import Progress, run_module, silent
 from gellight.lab.training.trainer import TrainerName, checked_trainer
+from gellight.opening import open_camera
 from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import lights_file
+from gellight.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.errors import surface_errors
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import AS_BUILT, SensorGeometry
@@ -29,6 +36,8 @@ NOISE_GREY = 1.0
 PIXEL_SIZE_MM = AS_BUILT.pixel_size_mm
 DEPTH_MM = 1.0
 """of the presses that are measured"""
+LIGHT_FRAMES = 64
+"""averaged under each LED"""
 MARGIN_MM = 3.0
 """of the centre of a ball from the edge of the view: its contact is then whole"""
 
@@ -134,3 +143,28 @@ def _leds(colours: str, light: list[list[float]]) -> tuple[LedSetting, ...]:
         LedSetting.model_validate({"colour": colour, "rgb": [round(255 * share) for share in shares]})
         for colour, shares in zip(colours, light, strict=True)
     )
+
+
+def lights_of_simulated_sensor() -> LightModel:
+    """Return the light of each LED of the simulated sensor as designed."""
+    ring = RingGeometry()
+    with open_camera("sim://?programme=0") as camera:
+        return take_lights(camera, ring, ring.colours, (PIXEL_SIZE_MM, PIXEL_SIZE_MM), LIGHT_FRAMES)
+
+
+def main() -> None:
+    """Make the bundle, and print what was measured on presses that it was not trained on."""
+    parser = argparse.ArgumentParser("python -m tests.helpers.simulated_bundle")
+    parser.add_argument("--out", type=Path, required=True, help="folder or .gelcal file that is written")
+    parser.add_argument("--width", type=int, default=32, help="units in each hidden layer")
+    parser.add_argument("--recipe", default="fine", help="fine: as of the shipped bundle; fast; thorough; paper")
+    parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same network")
+    parser.add_argument("--threads", type=int, default=1, help="of its matrix products")
+    parser.add_argument("--trainer", choices=("numpy", "torch"), default="numpy")
+    parser.add_argument("--overwrite", action="store_true", help="replace what is there")
+    written = make_synthetic(**vars(parser.parse_args()), lights=lights_of_simulated_sensor())
+    print(json.dumps(written.metrics["test"], indent=2))
+
+
+if __name__ == "__main__":
+    main()
