@@ -178,7 +178,7 @@ def linger(folder: str) -> None:
 CALLS = """
 import sys
 from gellight_design.simulating.processes import call_all
-from tests.host.lab.simulator.test_dataset import linger
+from tests.design.simulating.test_dataset import linger
 if __name__ == "__main__":
     call_all(linger, [(sys.argv[1] + f"/{at}",) for at in range(2)], 2)
 """
@@ -188,7 +188,9 @@ def test_workers_end_with_the_program_that_is_killed(tmp_path: Path) -> None:
     for at in range(2):
         (tmp_path / str(at)).mkdir()
     (tmp_path / "calls.py").write_text(CALLS)
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(CHECKOUT), str(CHECKOUT / "host")])}
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(str(CHECKOUT / at) for at in ("", "host", "host/gellight_design"))
+    }
     with started([sys.executable, tmp_path / "calls.py", tmp_path], env=environment) as program:
         eventually(lambda: len(list(tmp_path.glob("[01]/*"))) == 2, 60)
         program.kill()

@@ -13,12 +13,13 @@ from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.picture import PictureSteps, PreparedCamera
 from gellight.frames.view import View
-from gellight.lab.simulator import gel_models, stage
+from gellight.lab.simulator import stage
 from gellight.lab.simulator.printed_dots import known_force
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.simulator.simulated_camera import open_simulated
 from gellight.opening import open_camera
 from gellight.reconstruction.force_file import FILE_NAME, ForceRecord, read_force
+from gellight_design.simulating import gel_models
 from gellight_design.simulating.gel_models import KeptPresses, check_memory, free_memory
 from sim_reference.deformation import NotConverged, grid
 from sim_reference.fem.gel import FemGel

@@ -51,7 +51,7 @@ def test_the_selfcheck_passes_on_the_shipped_calibration() -> None:
     done = run([sys.executable, "-m", "tests.benchmarks.selfcheck"], cwd=CHECKOUT)
     assert done.returncode == 0, done.stdout + done.stderr
     rows = {
-        tuple(words[:5]): [float(word) for word in words[5:13]]
+        tuple(words[:6]): [float(word) for word in words[6:14]]
         for words in map(str.split, done.stdout.splitlines()[1:])
     }
     balls = [figures for press, figures in rows.items() if press[:2] == ("BALL", "1")]

@@ -15,7 +15,7 @@ Two errors remain, and neighbouring cells i and j tell how large they may be. Wi
 (d - m) H (d - m) / 2; the bend |J_j - J_i| / |m_j - m_i| is how strong H is along one direction. The second is there
 where g is not even quadratic: then g_j - g_i differs from (J_i + J_j) (m_j - m_i) / 2, and by how much is the misfit.
 A slope that is wrong by e turns the normal by at most e / sqrt(1 + slope^2). A pixel for which that is too much
-(`Limits`) goes through the network itself.
+(`CellLimits`) goes through the network itself.
 
 The network is not asked at every cell either. Where a cell differs by at most 8 grey levels from the blocks of 2 x 2
 cells around, its own answer is blended from theirs by the same formula, with m_i of the cell in the place of d. Where
@@ -41,7 +41,7 @@ NEAREST_GREY = 4.0
 """Means that are nearer to each other do not tell how the answer bends."""
 
 
-class Limits(NamedTuple):
+class CellLimits(NamedTuple):
     """Beyond which the network is asked more closely."""
 
     grey: float
@@ -59,7 +59,7 @@ class Limits(NamedTuple):
         return cls(grey=8.0, bend=0.04, misfit=0.4, noise_grey=LIMIT_NOISE * network.at_rest.pixel_grey)
 
 
-EVERY_PIXEL = Limits(grey=0.0, bend=1e-6, misfit=1e-6, noise_grey=0.0)
+EVERY_PIXEL = CellLimits(grey=0.0, bend=1e-6, misfit=1e-6, noise_grey=0.0)
 """The network is asked about each touched pixel, as in NumPy, unless it is linear there."""
 
 

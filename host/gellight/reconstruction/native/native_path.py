@@ -25,7 +25,7 @@ from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
 from gellight.reconstruction.integration import far_cells, far_from_touch, level_of_sample, rest_level, sample_grid
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.light_drift import difference_of
-from gellight.reconstruction.native.cells import BLOCK_CELLS, NEAREST_GREY, CellAnswers, Limits
+from gellight.reconstruction.native.cells import BLOCK_CELLS, NEAREST_GREY, CellAnswers, CellLimits
 from gellight.reconstruction.native.cosine import CosineRows
 from gellight.reconstruction.native.library import Library, NativePathError
 from gellight.reconstruction.native.native_shadows import NativeShadows
@@ -81,7 +81,7 @@ class NativePath:
         self._masks = ArrayPool(shape, np.bool_)
         self._reference = np.ascontiguousarray(bundle.reference, np.float32)
         self._limits = np.array(self._network.limits_grey, np.float32)
-        self.limits = Limits.at_cells(network)
+        self.limits = CellLimits.at_cells(network)
         self._perspective = Perspective.of_bundle(bundle)
         self._plane = RestPlane() if bundle.manifest.level_plane else None
         self.network_rows = NetworkRows()

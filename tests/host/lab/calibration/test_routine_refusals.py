@@ -106,18 +106,6 @@ def test_leds_in_the_wrong_order_are_named(tmp_path: Path) -> None:
     assert "shines in another colour: check the colour order" in refused(tmp_path, swap, LIT)
 
 
-def test_a_ball_of_another_radius_is_noticed_and_the_right_one_named(tmp_path: Path) -> None:
-    with camera() as sensor:
-        routine = Routine(
-            sensor, options(tmp_path, ball_radius_mm=3.0), tmp_path / "state", hand=VirtualHand(sensor.stage)
-        )
-        snapshot = finished(routine)
-    assert snapshot["step"] == "failed"
-    assert "named as 3 mm" in snapshot["problem"]
-    fits = float(snapshot["problem"].split("about ")[1].split(" mm")[0])
-    assert fits == pytest.approx(4.0, rel=0.1)
-
-
 def test_recorded_pictures_cannot_be_calibrated_live(tmp_path: Path) -> None:
     write_png(tmp_path / "a.png", np.full((240, 320, 3), 120, np.uint8))
     routine = Routine(ImageCamera([tmp_path / "a.png"]), options(tmp_path), tmp_path / "state")
