@@ -69,9 +69,9 @@ def transmittance(angle_rad: Array, inside_rad: Array, medium: Medium) -> Array:
 
 def _passing(outer: Array, inner: Array, index: float) -> Array:
     """Return the share that passes for cosines of the angles in air and inside."""
-    across = ((outer - index * inner) / (outer + index * inner)) ** 2
-    along = ((inner - index * outer) / (inner + index * outer)) ** 2
-    return np.asarray(1 - (across + along) / 2)
+    across = (outer - index * inner) / (outer + index * inner)
+    along = (inner - index * outer) / (inner + index * outer)
+    return np.asarray(1 - (across * across + along * along) / 2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,5 +76,6 @@ def _bent(tangent: Floats) -> tuple[Floats, Floats]:
 
 def _passing(outer: Floats, inner: Floats) -> Floats:
     """Return the share of unpolarised light that enters, by the cosines of its angles in air and inside."""
-    across, along = outer + INDEX * inner, inner + INDEX * outer
-    return np.asarray(2 * INDEX * outer * inner * (1 / (across * across) + 1 / (along * along)))
+    across = (outer - INDEX * inner) / (outer + INDEX * inner)
+    along = (inner - INDEX * outer) / (inner + INDEX * outer)
+    return np.asarray(1 - (across * across + along * along) / 2)
