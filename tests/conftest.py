@@ -6,6 +6,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 from xdist.scheduler import LoadFileScheduling
 
 from tests.helpers.places import is_here
@@ -15,6 +16,8 @@ from tests.helpers.places import is_here
 for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(threads, "1")
 
+settings.register_profile("untimed", deadline=None)  # processors are shared: no example is timed
+settings.load_profile("untimed")
 ALLOWED_SKIPS = ("needs real hardware", "needs a GPU")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 NO_CHROMIUM = "needs Chromium: sudo apt-get install chromium"

@@ -9,7 +9,9 @@ from gellight.ring.light_ring import LightRing
 from tests.firmware.emulator.chip import VTOR
 from tests.helpers.bench_board import RED, BenchBoard, VirtualTransport
 
-WAITS_FOR_THE_CRYSTAL_US, COPIES_US, LATE_US = (1_500, 40_000), (64_700, 65_300), (65_800, 70_000)
+AFTER_US = 1_500, 64_700, 70_000
+"""it waits for the crystal, copies, and has begun; at night at the other end of each, too"""
+OTHER_ENDS_US = (pytest.param(us, marks=pytest.mark.nightly) for us in (40_000, 65_300, 65_800))
 FAULT_VECTOR = 12
 
 
@@ -26,7 +28,7 @@ def break_down(board: BenchBoard) -> None:
     board.chip.core.waiting = False
 
 
-@pytest.mark.parametrize("after_us", [*WAITS_FOR_THE_CRYSTAL_US, *COPIES_US, *LATE_US])
+@pytest.mark.parametrize("after_us", [*AFTER_US, *OTHER_ENDS_US])
 @pytest.mark.parametrize(
     ("disturb", "reason"), [(hang, ResetReason.WATCHDOG), (break_down, ResetReason.FAULT)], ids=["hang", "fault"]
 )

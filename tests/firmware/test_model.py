@@ -46,7 +46,7 @@ def prepared(count: int) -> list[tuple[str, object]]:
     return [*groups, *steps, ("COMMIT", (count, 0, False))]
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, 5), stories)
 def test_core_and_model_agree(core_library: ctypes.CDLL, count: int, story: list[tuple[str, object]]) -> None:
     board = VirtualBoard(core_library)

@@ -237,7 +237,5 @@ def test_whatever_changes_a_running_sensor(bundles: dict[str, Bundle], tmp_path:
     machine: Any = type("RunningSensor", (RunningSensor,), kept)
     run_state_machine_as_test(
         machine,
-        settings=settings(
-            max_examples=examples, stateful_step_count=12, deadline=None, suppress_health_check=list(HealthCheck)
-        ),
+        settings=settings(max_examples=examples, stateful_step_count=12, suppress_health_check=list(HealthCheck)),
     )

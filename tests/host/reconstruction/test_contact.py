@@ -116,7 +116,7 @@ def test_pixels_of_two_sizes_count_in_area_and_centroid() -> None:
     assert contact.centroid_mm == pytest.approx((1.5, 4.0), abs=0.02)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(16, 32), st.integers(16, 32), st.floats(-8, 8), st.floats(-8, 8))
 def test_mirroring_the_depth_mirrors_the_contact(height: int, width: int, x: float, y: float) -> None:
     depth = gaussian((2 * height, 2 * width), 6, (x, y)).depth

@@ -105,7 +105,6 @@ def test_where_nothing_is_at_rest_the_gel_keeps_its_volume(name: str) -> None:
     assert np.abs(integrate(truth.gradient_map, geometry.pixel_size_mm) - truth.depth_mm).mean() > 0.05
 
 
-@settings(deadline=None)
 @given(slope_maps, st.floats(0.25, 4))
 def test_integration_is_linear_in_slope_and_pixel_size(slopes: np.ndarray, factor: float) -> None:
     depth = integrate(slopes, 0.5)
@@ -115,7 +114,6 @@ def test_integration_is_linear_in_slope_and_pixel_size(slopes: np.ndarray, facto
     assert np.ptp(integrate(slopes + slopes[::-1], 0.5) - depth - integrate(slopes[::-1].copy(), 0.5)) <= tolerance
 
 
-@settings(deadline=None)
 @given(slope_maps)
 def test_a_mirrored_gradient_map_gives_the_mirrored_depth(slopes: np.ndarray) -> None:
     mirrored = slopes[:, ::-1] * [-1, 1]
@@ -124,14 +122,13 @@ def test_a_mirrored_gradient_map_gives_the_mirrored_depth(slopes: np.ndarray) ->
     assert np.ptp(integrate(transposed, 1.0) - integrate(slopes, 1.0).T) < 1e-9 * slopes.size
 
 
-@settings(deadline=None)
 @given(st.floats(-3, 3), st.floats(-3, 3), st.integers(2, 40), st.integers(2, 40))
 def test_every_plane_is_exact(slope_x: float, slope_y: float, height: int, width: int) -> None:
     tilted = plane((height, width), slope_x, slope_y)
     assert np.ptp(integrate(tilted.gradient_map, 1.0) - tilted.depth) < 1e-10
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(slope_maps)
 def test_no_other_surface_fits_the_edges_better(slopes: np.ndarray) -> None:
     """Least squares: the residual has no component along any small change of the surface."""

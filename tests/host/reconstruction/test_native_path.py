@@ -77,7 +77,7 @@ def test_every_library_computes_what_numpy_computes(name: str, seed: int, smooth
     slope=st.floats(0.05, 1.5),
     seed=st.integers(0, 99),
 )
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_press_anywhere_in_an_image_of_any_size(
     tmp_path_factory: pytest.TempPathFactory,
     height: int,

@@ -56,7 +56,7 @@ def bundles(draw: st.DrawFn, folder: Path) -> Bundle:
 
 
 @given(st.data())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_a_bundle_comes_back_from_a_file_and_from_a_folder(tmp_path_factory, data: st.DataObject) -> None:  # type: ignore[no-untyped-def]
     folder = tmp_path_factory.mktemp("bundles")
     bundle = data.draw(bundles(folder))
@@ -66,7 +66,7 @@ def test_a_bundle_comes_back_from_a_file_and_from_a_folder(tmp_path_factory, dat
 
 
 @given(st.data())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_the_zero_of_a_zero_is_the_last_one(tmp_path_factory, data: st.DataObject) -> None:  # type: ignore[no-untyped-def]
     plain = linear_bundle(tmp_path_factory.mktemp("zeros") / "bundle", (6, 8))
     first, second = data.draw(reference((6, 8))), data.draw(reference((6, 8)))
@@ -90,7 +90,7 @@ frames = st.lists(
 
 
 @given(frames)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_a_replay_of_a_replay_is_what_was_recorded(tmp_path_factory, taken: list) -> None:  # type: ignore[no-untyped-def,type-arg]
     folder = tmp_path_factory.mktemp("replays")
     bundle = linear_bundle(folder / "bundle", (6, 8))

@@ -221,7 +221,7 @@ def called(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[zenoh.Ses
 @given(st.binary(max_size=300) | calls)
 @example(b"[" * 50_000)
 @example(b'{"type": "light", "colours": [' + b"[1,2,3]," * 8000 + b"[1,2,3]]}")
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_daemon_answers_any_call_and_lives_on(called: tuple[zenoh.Session, str], content: bytes) -> None:
     caller, _ = called
     (reply,) = caller.get(key("finger", "call"), payload=content, timeout=20)
@@ -231,7 +231,7 @@ def test_a_daemon_answers_any_call_and_lives_on(called: tuple[zenoh.Session, str
 
 
 @given(st.binary(max_size=6000))
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_file_of_a_daemon_may_hold_anything(content: bytes) -> None:
     """Locked as by a daemon that lives: it is passed over."""
     folder().mkdir(parents=True, exist_ok=True)

@@ -32,7 +32,7 @@ def no_bundle(zero: str) -> Bundle:
 
 
 @given(tactile_frames())
-@settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=50, suppress_health_check=list(HealthCheck))
 def test_whatever_a_frame_has_arrives_as_it_was_sent(sent: TactileFrame) -> None:
     got = decode(encode(sent), no_bundle)
     check_same(sent, got, but=("ages_s", "difference", "measures"))
@@ -177,7 +177,7 @@ MESSAGE = encode(full_frame())
 
 
 @given(st.integers(0, len(MESSAGE)))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_message_that_is_cut_off_is_refused(length: int) -> None:
     if length > PREFIX.size:
         last = max(PLANE.unpack_from(MESSAGE, PREFIX.size + k * PLANE.size)[3] for k in range(5))
@@ -187,7 +187,7 @@ def test_a_message_that_is_cut_off_is_refused(length: int) -> None:
 
 
 @given(st.data())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_hostile_bytes_neither_crash_nor_take_memory(data: st.DataObject) -> None:
     """Bytes of the header are changed at random: what comes out is a frame that lies in the message, or a refusal."""
     message = bytearray(MESSAGE)
