@@ -25,7 +25,6 @@ class Fold:
     """What was learnt from a part of the presses, and the others."""
 
     bundle: Bundle
-    learnt: Sequence[Press]
     held_out: dict[str, list[Press]]
     """by labels: as given and, where circles were refined, as the light of those that were learnt from refines them"""
 
@@ -61,7 +60,7 @@ def trained_folds(
                 training, reference, ball, Path(folder) / f"fold-{fold}", sensor=f"fold {fold}",
                 how=replace(how, refine=False), progress=progress, check=check,
             )  # fmt: skip
-            yield Fold(bundle=bundle, learnt=training, held_out=held_out)
+            yield Fold(bundle=bundle, held_out=held_out)
 
 
 def _divided(

@@ -1,8 +1,7 @@
 """A calibration that knows its errors: networks that did not learn from some presses are judged on these.
 
 What is kept then learns from every press, for one that was never learnt from is lost to the sensor. So it is a little
-better than what was judged. At the border of the view it would be much better, for a network that did not learn from
-the outermost press has to guess beyond all others: such presses do not judge, where enough others do.
+better than what was judged.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay, QhullError
 
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
@@ -41,8 +39,6 @@ from gellight.reconstruction.integration import angle_deg, normals
 FOLDS = 3
 MOST_PIXELS = 2000
 """of a press: pixels beside each other are alike"""
-MANY = 12
-"""presses: of fewer each one judges"""
 _JUDGES, _CLEARLY = 4, 0.9
 """presses that decide on the plane at rest, and to which part it has to bring the error of the depth"""
 _RIDGE = 1e-5
@@ -81,8 +77,7 @@ def fit_judged(
     if folds:
         for fold in trained_folds(given, reference, ball, folds, how, first=first, progress=report, check=check):
             for one in found:
-                held_out = among(fold.held_out[REFINED if how.refine else GIVEN], fold.learnt)
-                one.add(fold.bundle, held_out, ball, layer)
+                one.add(fold.bundle, fold.held_out[REFINED if how.refine else GIVEN], ball, layer)
     best = found[found[1].better_than(found[0])]
     verdict = {"held_out": {"folds": folds, "depth_mm": _depth_errors(found), **_figures(best.errors)}} if folds else {}
     return fit(
@@ -116,19 +111,6 @@ class Found:
         """Tell whether the depth is better by a tenth, and in most presses."""
         ours, theirs = self.depth_mm(), other.depth_mm()
         return len(ours) >= _JUDGES and bool(ours.mean() < _CLEARLY * theirs.mean() and np.mean(ours < theirs) > 0.5)
-
-
-def among(presses: Sequence[Press], learnt: Sequence[Press]) -> Sequence[Press]:
-    """Return the presses that lie among those that were learnt from; all, where few were, or fewer than half lie so."""
-    if len(learnt) < MANY:
-        return presses
-    places, around = (np.array([[p.center_x_px, p.center_y_px] for p in some]) for some in (presses, learnt))
-    try:
-        inside = Delaunay(around).find_simplex(places) >= 0
-    except QhullError:  # all lie in one line
-        return presses
-    kept = [press for press, one in zip(presses, inside, strict=True) if one]
-    return kept if 2 * len(kept) >= len(presses) else presses
 
 
 def _depth_errors(found: Sequence[Found]) -> dict[str, float]:

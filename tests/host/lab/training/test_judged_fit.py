@@ -12,7 +12,7 @@ from scipy.stats import spearmanr
 
 from gellight.bundle.bundle import Bundle
 from gellight.lab.training import judged_fit
-from gellight.lab.training.judged_fit import Samples, among, fit_errors, fit_judged, in_parts
+from gellight.lab.training.judged_fit import Samples, fit_errors, fit_judged, in_parts
 from gellight.lab.training.polynomial import powers_up_to, ridge, terms_of
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
 from gellight.lab.training.training import Learning, Reference, TrainingOptions, fit
@@ -72,23 +72,6 @@ def test_each_press_is_judged_once_and_the_bundle_says_how(tmp_path: Path) -> No
     assert 0 < judged["normal_error_deg"]["mean"] < 90
     assert record.presses == 4
     assert bundle.metrics["training"]["images"] == 4, "what is kept learns from all"
-
-
-@pytest.mark.parametrize(("learnt", "left_out"), [(12, 1), (11, 0)])
-def test_of_many_presses_the_outermost_do_not_judge(learnt: int, left_out: int) -> None:
-    """Who did not learn from them has to guess there; who learnt from all need not."""
-
-    def at(x: float, y: float) -> Press:
-        return Press(image=Path("a"), center_x_px=x, center_y_px=y, contact_radius_px=5)
-
-    known = [at(*place) for place in np.random.default_rng(0).uniform(10, 50, (learnt - 4, 2)).tolist()]
-    known += [at(x, y) for x in (0, 60) for y in (0, 60)]
-    judges = [at(30, 30), at(59, 1), at(61, 30)]
-    assert list(among(judges, known)) == judges[: 3 - left_out]
-    beyond = [at(30, 30), at(-1, 20), at(61, 30)]
-    assert list(among(beyond, known)) == beyond, "two of three would be left out"
-    line = [at(x, 2 * x) for x in range(learnt)]
-    assert list(among(judges, line)) == judges, "all lie in one line"
 
 
 def test_of_one_press_nobody_knows_the_error(tmp_path: Path) -> None:
