@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.field_docs import with_field_docs
 from gellight.frames.shear import DotsSeen, Floats, Shear
 from gellight.frames.status import ForceFigures
 
@@ -18,6 +19,7 @@ HEAVIER = "heavier"
 """flag of a force: it is larger than any that the sensor was calibrated with"""
 
 
+@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Force:
     """The force that presses the gel, along its normal; found by depth, so shear is not in it."""
@@ -49,6 +51,7 @@ STEEP, DARK, CLIPPED, ELSEWHERE, STRANGE = 1, 2, 4, 8, 16
 every press that was learnt from; a colour that none of them had"""
 
 
+@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Confidence:
     """How far each pixel is to be believed."""
@@ -64,6 +67,7 @@ class Confidence:
         return self.quality_flags & (ELSEWHERE | STRANGE) > 0
 
 
+@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ErrorBounds:
     """What nine in ten pixels under a ball are off by at most, as far as presses that were not learnt from tell.
