@@ -10,6 +10,9 @@ this an integral equation of one variable (Lebedev and Ufliand 1958; Sneddon 196
 
 Where a smooth body lets go the pressure is 0, so phi(a) = 0, which tells d. In a half space, w = 0, that is Sneddon's
 d = a / 2 ln((R + a) / (R - a)); on a thin layer that is squeezed flat it falls to a^2 / (2 R).
+
+That is for small strains. Finite elements of a gel that yields without end (neo-Hookean, 4.25 mm thick, balls of 2.35
+to 4.7 mm) let a ball stand less deep in its circle: by .16 (a / R)^3, within 3 %.
 """
 
 from dataclasses import dataclass
@@ -24,6 +27,8 @@ from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_cir
 from gellight.reconstruction.force import Layer, bonded
 
 Array = NDArray[np.float64]
+LARGE_STRAIN = 0.16
+"""by finite elements, see above"""
 _NODES, _WAVES, _FARTHEST = 48, 400, 25.0
 """points of Gauss's rule along a and along k h, and the k h from which a layer answers as a half space to 1e-16"""
 
@@ -45,7 +50,7 @@ def expected_indentation_mm(contact_radius_mm: float, ball_radius_mm: float, lay
     system = np.eye(len(points)) - 2 / np.pi * ((cosines * softer) @ cosines.T) * share
     ball = points / 2 * np.log((radius + points) / (radius - points))
     flat, round_ = np.linalg.solve(system, np.stack([np.ones_like(points), ball], axis=1))[-1].tolist()
-    return float(round_ / flat)
+    return float(round_ / flat) * (1 - LARGE_STRAIN * (a / radius) ** 3)
 
 
 def _rule(count: int, end: float) -> tuple[Array, Array]:
