@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.frames.image_files import read_image
+from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training import folds
 from gellight.lab.training.label_file import read_presses
@@ -42,6 +45,21 @@ def test_evaluate_prints_a_line_an_image(bundle: Path, pressed: Path) -> None:
     known, kept = map(int, re.search(r"tell of (\d+)% .* at most; (\d+)% of those", result.stdout).groups())
     assert known > 60
     assert kept > 60
+
+
+def test_a_circle_without_a_ball_is_named_beside_the_others(
+    bundle: Path, pressed: Path, tmp_path: Path
+) -> None:
+    """In one picture the light changed the other way, as in a dent."""
+    shutil.copytree(pressed, tmp_path / "pressed")
+    labels, image = tmp_path / "pressed/others.csv", tmp_path / "pressed/12.png"
+    untouched = read_image(tmp_path / "pressed/untouched/0.png").astype(float)
+    write_png(image, np.clip(2 * untouched - read_image(image), 0, 255).astype(np.uint8))
+    given = ("evaluate", "--calibration", bundle, "--presses", labels)
+    figures = json.loads(run(*given, "--json").stdout)
+    assert figures["no_ball_felt"] == ["12.png"]
+    assert figures["felt_ball_radius_mm"] == pytest.approx(4.0, rel=0.1)
+    assert "WRONG LABEL: 12.png: no ball is felt in its circle" in run(*given).stdout
 
 
 def test_evaluate_says_where_nothing_was_pressed(bundle: Path, pressed: Path, tmp_path: Path) -> None:

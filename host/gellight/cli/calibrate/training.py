@@ -18,7 +18,7 @@ from gellight.frames.view import View, read_view
 from gellight.lab.training import validation
 from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.label_file import read_presses
-from gellight.lab.training.labelling.ball_size import felt_radius_mm
+from gellight.lab.training.labelling.ball_size import felt_ball
 from gellight.lab.training.labelling.pixel_ratio import PixelRatio, pixel_ratio
 from gellight.lab.training.level_light import lights_of_unit
 from gellight.lab.training.presses import Ball, Press
@@ -142,11 +142,16 @@ def evaluate(
     dots = steps.dots if steps else None
     labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape, dots=dots, view=smaller)
     errors = validation.evaluate(bundle, labelled, ball, told_layer(bundle))
-    felt_mm = felt_radius_mm(bundle, labelled)
-    balls = {"ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt_mm}
-    felt = f"ball of {ball.radius_mm:g} mm radius feels like {felt_mm:.3g} mm, {ball.seen_from()}"
-    text = "\n".join([*_error_lines(errors), *indentation_lines(errors.indentation), *_bounds_lines(errors), felt])
-    show({**errors.as_json(), **balls}, as_json, text)
+    felt = felt_ball(bundle, labelled)
+    balls = {"ball_radius_mm": ball.radius_mm, "felt_ball_radius_mm": felt.radius_mm, "no_ball_felt": felt.without}
+    lines = [
+        *_error_lines(errors),
+        *indentation_lines(errors.indentation),
+        *_bounds_lines(errors),
+        f"ball of {ball.radius_mm:g} mm radius feels like {felt.radius_mm:.3g} mm, {ball.seen_from()}",
+        *(f"WRONG LABEL: {name}: no ball is felt in its circle: correct it" for name in felt.without),
+    ]
+    show({**errors.as_json(), **balls}, as_json, "\n".join(lines))
 
 
 def _pixels(labelled: list[Press], untouched: Reference, ball: Ball) -> dict[str, object]:

@@ -6,6 +6,7 @@ calibration knows the response: the slope that it measures at a known distance g
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,22 +20,30 @@ _INNER, _OUTER = 0.3, 0.85
 """in contact radii: where slopes are steep enough to measure, and clear of the rim"""
 
 
-def felt_radius_mm(bundle: Bundle, presses: Sequence[Press]) -> float:
-    """Return the radius of the ball, mm, that fits the slopes inside the circles best: median over the presses.
+class FeltBall(NamedTuple):
+    """The ball by the slopes inside labelled circles."""
 
-    Needs square pixels. Raises InputError without presses, or for images of another size.
+    radius_mm: float
+    """that fits them best: median over the presses"""
+    without: tuple[str, ...]
+    """images in whose circle no ball is felt"""
+
+
+def felt_ball(bundle: Bundle, presses: Sequence[Press]) -> FeltBall:
+    """Return the ball that a bundle feels.
+
+    Needs square pixels. Raises InputError where no press shows a ball, or for images of another size.
     """
-    if not presses:
-        raise InputError("there are no presses to measure the ball by: give at least one")
-    reconstructor = Reconstructor(bundle, masked=False, undistorted=False)
-    return float(np.median([_radius_px(reconstructor, press) for press in presses])) * bundle.pixel_size_mm[0]
-
-
-def _radius_px(reconstructor: Reconstructor, press: Press) -> float:
-    radius = radius_by_slopes_px(reconstructor.reconstruct(frame_of(press)).normal_map, press, _INNER, _OUTER)
-    if not 0 < radius < np.inf:
-        raise InputError(f"{press.image}: no ball is felt inside the circle: check the circle and the calibration")
-    return radius
+    path, found, without = Reconstructor(bundle, masked=False, undistorted=False), [], []
+    for press in presses:
+        radius = radius_by_slopes_px(path.reconstruct(frame_of(press)).normal_map, press, _INNER, _OUTER)
+        if 0 < radius < np.inf:
+            found.append(radius)
+        else:
+            without.append(press.image.name)
+    if not found:
+        raise InputError("no ball is felt inside any circle: check the circles and the calibration")
+    return FeltBall(float(np.median(found)) * bundle.pixel_size_mm[0], tuple(without))
 
 
 def radius_by_slopes_px(normal_map: Floats, press: Press, inner: float, outer: float) -> float:
