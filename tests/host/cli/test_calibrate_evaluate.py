@@ -47,9 +47,7 @@ def test_evaluate_prints_a_line_an_image(bundle: Path, pressed: Path) -> None:
     assert kept > 60
 
 
-def test_a_circle_without_a_ball_is_named_beside_the_others(
-    bundle: Path, pressed: Path, tmp_path: Path
-) -> None:
+def test_a_circle_without_a_ball_is_named_beside_the_others(bundle: Path, pressed: Path, tmp_path: Path) -> None:
     """In one picture the light changed the other way, as in a dent."""
     shutil.copytree(pressed, tmp_path / "pressed")
     labels, image = tmp_path / "pressed/others.csv", tmp_path / "pressed/12.png"
