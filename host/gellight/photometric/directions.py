@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 FILE_NAME = "directions.npz"
 """in a bundle"""
-_REMEDY = "make it with `gellight calibrate channels`"
+_REMEDY = "make it with `gellight calibrate directions` or `gellight calibrate channels`"
 _BLOCK = 65536
 _SHADOW = 0.15
 """of what the untouched gel shows: a darker pixel is taken for shadowed"""

@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.frames import CameraFrame, TactileFrame
-from gellight.frames.measures import Confidence, ErrorBounds, Force
-from gellight.frames.shear import DotsSeen, Shear
-from gellight.reconstruction.confidence import confidence_of
+from gellight.frames.measures import Force
+from gellight.reconstruction.measures import LightMeasures
 from gellight.reconstruction.stages import Stages, tactile_frame
 from gellight_touch.layer import Floats
 from gellight_touch.touch_sensor import Felt, TouchSensor
@@ -39,37 +38,15 @@ def _nothing(felt: Felt) -> Felt:
     return Felt(np.zeros_like(felt.pressure_mpa), np.zeros_like(felt.depth_mm), felt.at_mm)
 
 
-class _Known:
-    """The measures of a simulated frame: the force is the layer's; nothing else is known."""
-
-    from_network = False
+class _Known(LightMeasures):
+    """The force is the layer's; nothing else is known of a simulated frame."""
 
     def __init__(self, untouched: Floats, sensor: TouchSensor, felt: Felt) -> None:
-        """Compare with the (H, W, 3) picture of the untouched gel, grey levels."""
-        self._untouched, self._sensor, self._felt = np.asarray(untouched, np.float32), sensor, felt
+        super().__init__(untouched)
+        self._sensor, self._felt = sensor, felt
 
-    def force(self, depth_mm: Floats) -> Force:
+    def force(self, depth_mm: NDArray[np.float32]) -> Force:
         """Return the force of the layer, which is exact in the simulation."""
         return Force(
             normal_n=self._felt.force_n, error_n=0.0, pressure_of=lambda: self._sensor.pressure_map_mpa(self._felt)
         )
-
-    def shear(self, depth_mm: Floats, dots: DotsSeen, force: Force | None) -> Shear | None:
-        """Nobody knows the gel."""
-        return None
-
-    def dot_motion(self, depth_mm: Floats, dots: DotsSeen) -> tuple[Floats, Floats] | None:
-        """Nobody knows the gel."""
-        return None
-
-    def confidence(self, image: NDArray[np.uint8], gradient_map: Floats) -> Confidence:
-        """Judge the pixels by their light."""
-        return confidence_of(image, self._untouched, gradient_map, None)
-
-    def never_seen(self, image: NDArray[np.uint8], pixels: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Nothing was learnt, so nothing is beyond it."""
-        return np.zeros(len(pixels), np.bool_)
-
-    def error_bounds(self, gradient_map: Floats, depth_mm: Floats, touched: NDArray[np.bool_]) -> ErrorBounds | None:
-        """Nobody knows them."""
-        return None

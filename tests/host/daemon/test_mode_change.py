@@ -180,4 +180,4 @@ def test_the_settings_say_whether_cast_shadows_are_made_good(wanted: bool) -> No
     settings = Settings(reconstruction=ReconstructionSettings(cast_shadows=wanted))
     bundle = load_bundle("synthetic")
     path = path_for(mode_config(bundle, settings), bundle)
-    assert path.cast_shadows is wanted
+    assert path._network.cast_shadows is wanted

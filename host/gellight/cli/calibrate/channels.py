@@ -84,11 +84,10 @@ class FewBalls(SizedTraining):
 def command(given: ChannelInput, new: NewBundle, how: FewBalls, as_json: AsJson = False) -> None:
     """Train GelNet on balls under three or more lights, a channel for each.
 
-    From recorded pictures, of any lights and of one channel and 16 bit too, as `directions` takes them;
-    `reconstruct --calibration` then takes one picture a light. Or from a sensor with a ring, which shows the groups
-    of --sequence: you are asked for one press after the other, on a simulated sensor a virtual hand presses; `run
-    --calibration` then shows these groups in turn. A quarter of the balls is held out and judges GelNet beside
-    least squares.
+    From recorded pictures, of any lights and of one channel and 16 bit too, as `directions` takes them; `reconstruct
+    --calibration` then takes one picture a light. Or from a sensor with a ring, which shows the groups of --sequence:
+    you are asked for one press after the other, on a simulated sensor a virtual hand presses; `run --calibration` then
+    shows these groups in turn. A quarter of the balls is held out and judges GelNet beside least squares.
     """
     with progress("training") as report:
         bundle = fit_channels(given.taken(), new.out, options=how.options(), overwrite=new.overwrite, progress=report)
