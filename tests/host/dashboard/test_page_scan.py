@@ -8,7 +8,6 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import save_bundle
 from gellight.daemon.assembly import open_session
 from gellight.dashboard.server import DashboardServer
 from gellight.lab.report.pictures import encode_png
@@ -17,7 +16,6 @@ from gellight_scan.scan import Scan
 from tests.helpers.browsing import opening
 from tests.helpers.dashboard_source import FormulaSource, two_bumps
 from tests.helpers.settings import loaded
-from tests.helpers.small_bundles import ordinary
 from tests.helpers.windows import SIZES, window, wrong
 
 pytestmark = pytest.mark.browser
@@ -31,11 +29,8 @@ def says(page: Page, words: str) -> None:
 
 
 def test_the_page_leads_a_scan_of_the_simulated_part(browser: Browser, tmp_path: Path) -> None:
-    small = {"image_width_px": 320, "image_height_px": 240, "pixel_size_mm": 2 * 0.0588}
-    bundle = save_bundle(ordinary(2), tmp_path / "small").source
-    settings = {"sensor.url": "sim://?board=0&fps=10", "sensor.calibration": str(bundle)}
     with (
-        open_session(loaded(settings | {f"geometry.{name}": value for name, value in small.items()})) as daemon,
+        open_session(loaded({"sensor.url": "sim://?board=0"})) as daemon,
         ScanBeside(daemon, root=tmp_path) as scan,
         DashboardServer(daemon, port=0, scan=scan) as server,
         opening(browser, server) as open_page,
