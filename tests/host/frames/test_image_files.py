@@ -253,3 +253,12 @@ def test_a_small_file_that_would_take_gigabytes_is_refused(suffix: str, tmp_path
     text, peak_mb = done.stdout.splitlines()
     assert str(path) in text
     assert int(peak_mb) < 1500
+
+
+def test_a_picture_of_more_than_8192_by_8192_pixels_is_refused(tmp_path: Path) -> None:
+    large, larger = tmp_path / "large.png", tmp_path / "larger.png"
+    for path, rows in ((large, 8192), (larger, 8193)):
+        cv2.imwrite(str(path), np.zeros((rows, 8192), np.uint8))
+    assert read_levels(large).shape == (8192, 8192)
+    with pytest.raises(InputError, match=r"larger\.png"):
+        read_levels(larger)

@@ -6,10 +6,10 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from gellight.frames.pose import ObjectPose
-from gellight.tracking.information import agreement, information
+from gellight.tracking.information import Agreement, agreement, information
 from gellight.tracking.registration import SCALE, Keyframe, hold, register
 from gellight.tracking.rigid import carried, inverse, moved_twists, orthonormal, pose_of, rotation_of, turn_of, twist_of
-from gellight.tracking.tracker import agrees
+from gellight.tracking.tracker import agrees, is_certain
 from tests.helpers.moving import Height, ball, bar, from_height, moved, noisy, other, relief, seen
 
 MOTIONS = [moved(0.3, -0.2, (0, 0, 0)), moved(0.1, 0.1, (2, -3, 5)), moved(0, 0, (-1, 2, -6), z=0.1)]
@@ -123,3 +123,42 @@ def test_another_object_does_not_agree() -> None:
 def test_a_motion_beyond_the_view_is_none() -> None:
     key = Keyframe(seen(relief))
     assert register(key, seen(relief), pose_of(np.array([30.0, 0, 0, 0, 0, 0]))) is None
+
+
+def agreed(**changes: float) -> Agreement:
+    """What two views of one textured place agree in, with `changes`."""
+    same = {"overlap": 1.0, "unlike": 0.0, "curvature": 1.0, "slope": 1.0, "residual": 0.5, "texture": 10.0}
+    return Agreement(**{**same, **changes})
+
+
+@pytest.mark.parametrize(
+    ("within", "beyond"),
+    [
+        ({"overlap": 0.351}, {"overlap": 0.349}),
+        ({"slope": 0.7, "curvature": 0.61}, {"slope": 0.7, "curvature": 0.59}),
+        ({"slope": 0.7, "unlike": 0.49}, {"slope": 0.7, "unlike": 0.51}),
+        ({"unlike": 0.6, "residual": 1.49}, {"unlike": 0.6, "residual": 1.51}),
+        ({"unlike": 0.24, "residual": 9, "curvature": 0.5}, {"unlike": 0.26, "residual": 9, "curvature": 0.5}),
+        ({"slope": 0.81, "curvature": 0.5}, {"slope": 0.79, "curvature": 0.5}),
+        ({"curvature": 0.41}, {"curvature": 0.39}),
+        ({"curvature": 0.3, "texture": 2.09}, {"curvature": 0.3, "texture": 2.11}),
+        ({"curvature": 0.3, "residual": 1.0, "texture": 2.99}, {"curvature": 0.3, "residual": 1.0, "texture": 3.01}),
+    ],
+)
+def test_where_two_views_cease_to_show_one_place(within: dict[str, float], beyond: dict[str, float]) -> None:
+    assert (agrees(agreed(**within)), agrees(agreed(**beyond))) == (True, False)
+
+
+@pytest.mark.parametrize(
+    ("within", "beyond"),
+    [
+        ({"unlike": 0.2, "residual": 1.49}, {"unlike": 0.2, "residual": 1.51}),
+        ({"unlike": 0.09, "residual": 1.55}, {"unlike": 0.11, "residual": 1.55}),
+        ({"curvature": 0.76, "residual": 1.55}, {"curvature": 0.74, "residual": 1.55}),
+        ({"residual": 1.59}, {"residual": 1.61}),
+        ({"overlap": 0.351}, {"overlap": 0.349}),
+    ],
+)
+def test_where_another_start_is_tried(within: dict[str, float], beyond: dict[str, float]) -> None:
+    """The residual of this object is usually 1."""
+    assert (is_certain(agreed(**within), 1.0), is_certain(agreed(**beyond), 1.0)) == (True, False)
