@@ -84,9 +84,7 @@ def writers(sources: Path) -> tuple[Writer, ...]:
     def exporting(kind: Kind) -> Callable[[Path], None]:
         return lambda home: export.command(sources / "sound.mcap", home / "out", kind)
 
-    exports = {
-        "npz": _npz_whole, "hdf5": _hdf5_whole, "video": _video_whole, "lerobot": _lerobot_whole,
-    }  # fmt: skip
+    exports = {"npz": _npz_whole, "hdf5": _hdf5_whole, "video": _video_whole}
     return (
         Writer("installing", lambda home: _put(old, home), installing, installed, 4),
         Writer("calibrating", lambda home: _calibrate(home, 1), lambda home: _calibrate(home, 3), _calibrated, 4),
@@ -197,12 +195,3 @@ def _video_whole(home: Path) -> None:
         while video.read()[0]:
             count += 1
         assert count == FRAMES, count
-
-
-def _lerobot_whole(home: Path) -> None:
-    from pyarrow import parquet
-
-    if (home / "out/lerobot").exists():
-        assert (home / "out/lerobot/meta/tasks.parquet").exists()
-        (path,) = (home / "out/lerobot/data").rglob("*.parquet")
-        assert parquet.read_table(path).num_rows == FRAMES

@@ -44,7 +44,6 @@ DOORS = {
     "aiohttp": ("dashboard/",),
     "zenoh": ("stream/",),
     "foxglove": ("stream/foxglove.py",),
-    "pyarrow": ("recording/lerobot_files.py",),
     "mcap": ("recording/recording_file.py",),
     "typer": ("cli/",),
     "rich": ("cli/",),
