@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Bundle, load_bundle, pack_bundle
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.store import BundleStore
 from gellight.cli import export, service
 from gellight.daemon.installing import install
@@ -89,7 +89,6 @@ def writers(sources: Path) -> tuple[Writer, ...]:
         Writer("installing", lambda home: _put(old, home), installing, installed, 4),
         Writer("calibrating", lambda home: _calibrate(home, 1), lambda home: _calibrate(home, 3), _calibrated, 4),
         Writer("recording", lambda home: None, recording, _recorded, 3),
-        Writer("packing", lambda home: _pack(old, home), lambda home: _pack(new, home), _packed, 2),
         Writer("saving", lambda home: _save("auto", home), lambda home: _save("sim://", home), _saved, 2),
         *(Writer(f"exporting {kind}", lambda home: None, exporting(Kind(kind)), whole)
           for kind, whole in exports.items()),
@@ -150,14 +149,6 @@ def _recording(path: Path) -> Recording | None:
         if "no recording" not in str(error) and "no frames" not in str(error):
             raise
         return None
-
-
-def _pack(bundle: Bundle, home: Path) -> None:
-    pack_bundle(bundle, home / "sensor.gelcal", overwrite=True)
-
-
-def _packed(home: Path) -> None:
-    load_bundle(home / "sensor.gelcal")
 
 
 def _save(sensor: str, home: Path) -> None:
