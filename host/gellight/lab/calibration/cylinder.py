@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 from scipy.special import pbdv
 
 from gellight.base.errors import InputError
-from gellight.lab.training.labelling.fitting import Columns
+from gellight.lab.training.labelling.pattern import without
 
 Floats = NDArray[np.float64]
 SECTORS = 48
@@ -108,28 +108,17 @@ def _edge_points(difference: NDArray[np.float32], center: tuple[float, float], r
 
 def edge_profile(t_px: Floats, width_px: float) -> Floats:
     """Return f(t) of this module up to its height, for a width of the coating."""
-    at, shape, _ = _profile_table()
+    at, shape = _profile_table()
     z = t_px / width_px
     return np.asarray(np.where(z > at[-1], 1 / np.sqrt(np.maximum(z, 1.0)), np.interp(z, at, shape)))
 
 
-def edge_steepness(t_px: Floats, width_px: float) -> Floats:
-    """Return the derivative of `edge_profile` to t, per px."""
-    at, _, rise = _profile_table()
-    z = t_px / width_px
-    inside = rise[np.clip(np.searchsorted(at, z), 0, len(rise) - 1)]
-    return np.asarray(np.where(z > at[-1], -0.5 / np.maximum(z, 1.0) ** 1.5, inside)) / width_px
-
-
 @cache
-def _profile_table() -> tuple[Floats, Floats, Floats]:
-    """f over z = t / s, by a parabolic cylinder function: f ~ exp(-z^2 / 4) D(-1/2, -z); beyond 6 it is 1 / sqrt(z).
-
-    Returns z, f, and how steeply f rises from the z before, which is 0 at the first.
-    """
+def _profile_table() -> tuple[Floats, Floats]:
+    """f over z = t / s, by a parabolic cylinder function: f ~ exp(-z^2 / 4) D(-1/2, -z); beyond 6 it is 1 / sqrt(z)."""
     z = np.linspace(-12.0, 6.0, 3601)
     f = np.exp(-(z**2) / 4) * pbdv(-0.5, -z)[0] / np.sqrt(2)
-    return z, f, np.concatenate([[0.0], np.diff(f) / np.diff(z)])
+    return z, f
 
 
 def _edge_offset(profile: NDArray[np.floating], offsets: Floats) -> tuple[float, bool]:
@@ -142,35 +131,19 @@ def _edge_offset(profile: NDArray[np.floating], offsets: Floats) -> tuple[float,
     peak = float(offsets[np.argmax(signal)])
 
     near = np.abs(offsets - peak) < 0.3 * abs(float(offsets[0])) / REACH
-    edge = EdgeFit(offsets[near], signal[near])
-    found = least_squares(edge.misfit, [peak - 1.5, np.log(2.0)], jac=edge.jacobian, method="lm", xtol=1e-5, ftol=1e-6)
+
+    def misfit(p: Floats) -> Floats:
+        """(n,) what no height, level and slope of an edge of this place and logarithm of the width explain."""
+        shape = edge_profile(offsets[near] - p[0], float(np.exp(p[1])))
+        columns = np.stack([np.ones_like(shape), shape, offsets[near] * shape], axis=1)
+        return without(columns, signal[near, None])[:, 0]
+
+    # Steps of a hundredth: the profile is interpolated in a table.
+    found = least_squares(misfit, [peak - 1.5, np.log(2.0)], diff_step=1e-2, method="lm", xtol=1e-5, ftol=1e-6)
     at, width = float(found.x[0]), float(np.exp(found.x[1]))
     spread = float(np.sqrt(np.mean(found.fun**2)))
     sound = peak - 12 < at < peak + 6 and 0.3 < width < 12
     return at, sound and spread < 0.25 * float(np.ptp(signal))
-
-
-class EdgeFit:
-    """What an edge leaves of a profile: its place and the logarithm of its width are fitted, its height is free."""
-
-    def __init__(self, offsets: Floats, signal: Floats) -> None:
-        """Take (n,) places across the edge, px, and what is seen there."""
-        self._offsets, self._signal = offsets, signal[:, None]
-
-    def misfit(self, p: Floats) -> Floats:
-        """(n,) what no height, level and slope of the edge explain."""
-        return self._columns(edge_profile(self._offsets - p[0], float(np.exp(p[1])))).taken_off(self._signal)[:, 0]
-
-    def jacobian(self, p: Floats) -> Floats:
-        """(n, 2) the derivative of `misfit`."""
-        t, width = self._offsets - p[0], float(np.exp(p[1]))
-        shape, steepness = edge_profile(t, width), edge_steepness(t, width)
-        shapes = np.stack([-steepness, -t * steepness])
-        derivatives = np.stack([np.zeros_like(shapes), shapes, shapes * self._offsets], axis=1)
-        return self._columns(shape).jacobian(self._signal, derivatives)[:, 0].T
-
-    def _columns(self, shape: Floats) -> Columns:
-        return Columns(np.stack([np.ones_like(shape), shape, self._offsets * shape], axis=1))
 
 
 def _fit_ellipse(points: Floats) -> Imprint:

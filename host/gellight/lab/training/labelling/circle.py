@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.lab.training.labelling.fitting import FreeResponse, cost, standard_errors, without
 from gellight.lab.training.labelling.pattern import (
     LEAST_GREY,
     LEAST_QUALITY,
@@ -15,13 +14,17 @@ from gellight.lab.training.labelling.pattern import (
     STEEPEST,
     PixelSample,
     PressShape,
+    Residual,
     background,
     check_clipped,
+    cost,
     difference_image,
     fitted,
     free_response,
     sampled_around,
+    standard_errors,
     starts,
+    without,
 )
 from gellight.lab.training.labelling.search import Candidate, best_candidate, candidates
 from gellight.lab.training.presses import Ball
@@ -169,15 +172,13 @@ def fit_circle(
     pixels = sampled_around(difference, center, contact_radius, ball_radius)
     residual, few = free_response(pixels, ball_radius), free_response(pixels.few(), ball_radius)
     guesses = [fitted(few, begin, ball_radius) for begin in starts(center, contact_radius, ball_radius)]
-    shape = fitted(residual, min(guesses, key=lambda guess: cost(residual.left(guess))), ball_radius)
+    shape = fitted(residual, min(guesses, key=lambda guess: cost(residual(guess.vector()))), ball_radius)
     return shape, _judged(shape, pixels, residual, ball_radius)
 
 
-def _judged(
-    shape: PressShape, pixels: PixelSample, residual: FreeResponse[PressShape], ball_radius: float
-) -> PressCircle:
+def _judged(shape: PressShape, pixels: PixelSample, residual: Residual, ball_radius: float) -> PressCircle:
     """Say how well the pattern explains the colours, and how well the circle is known."""
-    left, errors = residual.left(shape), _errors(shape, pixels, residual, ball_radius)
+    left, errors = residual(shape.vector()), _errors(shape, pixels, residual, ball_radius)
     changed = without(background(pixels.x, pixels.y, shape, ball_radius), pixels.colour)
     pattern = changed - left
     inside = np.hypot(pixels.x - shape.center_x, pixels.y - shape.center_y) < shape.contact_radius
@@ -192,13 +193,13 @@ def _judged(
     )
 
 
-def _errors(shape: PressShape, pixels: PixelSample, residual: FreeResponse[PressShape], ball_radius: float) -> Array:
+def _errors(shape: PressShape, pixels: PixelSample, residual: Residual, ball_radius: float) -> Array:
     """(3,) standard errors of centre and contact radius, px.
 
     Where the border cuts the circle, what the light is taken to do decides more than noise: so how far the circle moves
     under a simpler response is an error too.
     """
-    scatter = standard_errors(residual, shape, pixels.parts())
+    scatter = standard_errors(residual, shape.vector(), pixels.parts())
     other = fitted(free_response(pixels, ball_radius, SIMPLE), shape, ball_radius)
     return np.hypot(scatter, other.vector() - shape.vector())[:3]
 
