@@ -8,7 +8,6 @@ shadows.c       the light that cast shadows take
 smoothing.c     noise out of the slopes
 surface.c       slopes to depth and back, normals
 contact.c       contact patch
-build.py        the C sources to libraries: `python -m gellight.reconstruction.native.build`
 library.py      the library that fits this machine
 native_path.py  camera frame to tactile frame on that library
 cells.py        the network at cells: the formula, its limits, and its answers at rest
