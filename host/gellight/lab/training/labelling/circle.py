@@ -1,6 +1,5 @@
 """The contact circle of a ball press, to a fraction of a pixel, or the reason why there is none."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +25,7 @@ from gellight.lab.training.labelling.pattern import (
     starts,
     without,
 )
-from gellight.lab.training.labelling.search import Candidate, best_candidate, candidates
+from gellight.lab.training.labelling.search import Candidate, best_candidate
 from gellight.lab.training.presses import Ball
 from gellight.reconstruction.light_drift import light_drift
 
@@ -40,12 +39,9 @@ _BEYOND = 0.7
 _LARGEST = 3.0
 """radius of the ball in longer sides of the picture"""
 _RIVAL = 0.3
-_PATIENCE = 16
 _MOST_ERROR_OF_ARC, _MOST_ERROR = 0.07, 0.4
 """of the ball's radius, of the centre: 4 degrees of slope for an arc; whole circles of real gels are told to 0.33 at
 worst, and one beside its contact to 0.67: folds do not decide it (docs/figures.md)"""
-_FAINTEST = 0.05
-"""of the strongest place: what is left is dirt"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,39 +110,6 @@ def _found(image: NDArray[np.uint8], reference: NDArray[np.number], ball: Ball, 
     _check_error(circle, _MOST_ERROR * ball.radius_px)
     _check_rivals(difference, candidate, shape, ball.radius_px)
     return circle
-
-
-def find_circles(
-    image: NDArray[np.uint8], reference: NDArray[np.number], *, ball: Ball
-) -> Iterator[PressCircle | InputError]:
-    """Find the contact circles of several balls of one size in one image; otherwise as `find_circle`.
-
-    What looks like a ball and cannot be used is yielded as the error that says why. It ends after 16 such places in a
-    row, or where the pattern of a ball explains less than a twentieth of what it explained at the first place. Raises
-    InputError for an image or a ball that cannot be used at all.
-    """
-    difference = difference_image(image, reference)
-    _check_size(ball, image)
-    least_gain: float | None = None
-    found, in_vain = np.empty((0, 2)), 0
-    for candidate in candidates(difference, ball.radius_px):
-        least_gain = _FAINTEST * candidate.gain if least_gain is None else least_gain
-        if candidate.gain < least_gain or in_vain == _PATIENCE:
-            return
-        place = candidate.center_x, candidate.center_y
-        if (np.hypot(*(found - place).T) < 1.9 * ball.radius_px).any():
-            continue  # two balls are two radii apart
-        _, circle = fit_circle(difference, place, candidate.contact_radius, ball.radius_px)
-        try:
-            if np.hypot(circle.center_x_px - place[0], circle.center_y_px - place[1]) > 0.7 * ball.radius_px:
-                raise InputError("what is there is no ball by itself")
-            _check(circle, ball, image, reference, WHOLE)
-        except InputError as error:
-            in_vain += 1
-            yield InputError(f"near ({place[0]:.0f}, {place[1]:.0f}) px: {error}")
-        else:
-            found, in_vain = np.vstack([found, (circle.center_x_px, circle.center_y_px)]), 0
-            yield circle
 
 
 def _check(

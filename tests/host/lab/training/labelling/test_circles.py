@@ -14,7 +14,7 @@ from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press as GelPress
 from gellight.lab.simulator.scene import Scene
 from gellight.lab.training.labelling import circle, find_circle
-from gellight.lab.training.labelling.circle import ARC, PressCircle, find_circles
+from gellight.lab.training.labelling.circle import ARC, PressCircle
 from gellight.lab.training.labelling.detection import Detection, _refused_touch_of_reference
 from gellight.lab.training.labelling.pattern import (
     Array,
@@ -27,7 +27,6 @@ from gellight.lab.training.labelling.pattern import (
     standard_errors,
 )
 from gellight.lab.training.labelling.pixel_ratio import PixelRatio, pixel_ratio
-from gellight.lab.training.labelling.plate import plate_grid
 from gellight.lab.training.presses import Ball, Press
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
@@ -193,31 +192,6 @@ def test_a_refusal_says_all_that_may_be_wrong() -> None:
         find_circle(image.astype(np.uint8), reference(), ball=BALL)
     with pytest.raises(InputError, match="the image is 100 x 90 px, the reference 260 x 200 px"):
         find_circle(np.zeros((90, 100, 3), np.uint8), reference(), ball=BALL)
-
-
-def test_several_balls_in_one_picture_are_each_found() -> None:
-    places = [(60.0, 55.0, 24.0), (190.0, 60.0, 22.0), (70.0, 150.0, 20.0), (200.0, 145.0, 26.0)]
-    found = list(find_circles(photograph(*places), reference(), ball=BALL))
-    circles = [one for one in found if isinstance(one, PressCircle)]
-    assert len(circles) == 4
-    for x, y, radius in places:
-        nearest = min(circles, key=lambda one: np.hypot(one.center_x_px - x, one.center_y_px - y))
-        assert np.hypot(nearest.center_x_px - x, nearest.center_y_px - y) < 1.0
-        assert nearest.contact_radius_px == pytest.approx(radius, abs=1.5)
-
-
-def test_a_turned_grid_of_balls_is_told_from_what_is_not_in_it() -> None:
-    turn = np.radians(7)
-    axes = 50 * np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    points = [100 + np.array([i, j]) @ axes for i in range(4) for j in range(3)] + [np.array([117.0, 128.0])]
-    circles = [
-        PressCircle(center_x_px=x, center_y_px=y, contact_radius_px=9, quality=0.9, contrast_grey=20) for x, y in points
-    ]
-    grid = plate_grid(circles, 54)
-    assert grid.pitch_px == pytest.approx(50, abs=1e-6)
-    assert grid.on_grid == (True,) * 12 + (False,)
-    with pytest.raises(InputError, match="in no grid of about 90 px"):
-        plate_grid(circles, 90)
 
 
 def test_an_object_that_is_no_ball_is_refused() -> None:
