@@ -18,7 +18,7 @@ from gellight.frames.frames import CameraFrame, CaptureStamp
 from gellight.frames.image_files import read_image
 from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.records import Circle
-from gellight.recording.export_kind import Kind
+from gellight.recording.kinds import Kind
 from gellight.recording.recording_file import Recording, RecordingWriter
 from tests.helpers.begun_calibration import identity
 from tests.helpers.linear_sensor import photograph, verified_bundle

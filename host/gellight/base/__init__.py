@@ -8,7 +8,5 @@ locking.py   locks on files, on Windows too, and one between threads whose users
 mailbox.py   keeps the newest item, from thread to thread
 field_docs.py  fields in the `help()` of a dataclass
 logs.py      what a service says: lines for people, or JSON
-large_arrays.py  their memory goes back to the system
 holders.py   who else has a device open
-service_manager.py   what systemd is told of a service
 """

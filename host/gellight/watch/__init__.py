@@ -12,7 +12,6 @@ other_unit.py       whether it is the unit of the bundle at all
 possible.py         whether a depth and a contact can be at all
 spots.py            cells that never come to rest while touches come and go: dirt, a tear
 expected.py         what the change costs in degrees and millimetres
-rezero.py           when the zero of the depth may follow the light
 findings.py         what has changed, in words and figures
 monitor.py          the object that is fed with frames
 """

@@ -16,10 +16,9 @@ from gellight.cli.showing import show
 from gellight.frames.frames import TactileFrame
 from gellight.frames.maps_file import maps_file
 from gellight.frames.point_cloud import ply
-from gellight.lab.report.pictures import encode_png, four_panels
-from gellight.lab.report.video import VideoFile
+from gellight.lab.report.pictures import VideoFile, encode_png, four_panels
 from gellight.recording.array_files import write_arrays
-from gellight.recording.export_kind import ONE_FILE, Kind
+from gellight.recording.kinds import ONE_FILE, Kind
 from gellight.recording.recording_file import Recording
 from gellight.tracking.following import ObjectFollower
 

@@ -57,7 +57,7 @@ def check_lights(run: CalibrationRun, colours: NDArray[np.uint8]) -> LedCheck:
     answers = tuple(_answer(led, rise, colours) for led, rise in enumerate(rises))
     _refuse(answers)
     groups = _check_groups(run, colours, dark, rises)
-    return LedCheck(leds=answers, groups=groups, dark_grey=float(dark.mean()))
+    return LedCheck(leds=answers, groups=groups)
 
 
 def _answer(led: int, rise: Floats, colours: NDArray[np.uint8]) -> LedAnswer:

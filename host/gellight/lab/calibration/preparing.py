@@ -163,15 +163,13 @@ def uniformity(intensity: Floats) -> Uniformity:
     """Return mean, standard deviation and the share of pixels within 1, 2 and 3 of it, of (H, W) grey levels."""
     mean, sigma = float(intensity.mean()), float(intensity.std())
     away = np.abs(intensity - mean)
-    low, high = np.percentile(intensity, [1, 99])
     return Uniformity(
         mean_grey=mean,
         sigma_grey=sigma,
         within_1_sigma=float((away <= sigma).mean()),
         within_2_sigma=float((away <= 2 * sigma).mean()),
         within_3_sigma=float((away <= 3 * sigma).mean()),
-        darkest_grey=float(low),
-        brightest_grey=float(high),
+        brightest_grey=float(np.percentile(intensity, 99)),
     )
 
 

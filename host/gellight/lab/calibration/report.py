@@ -38,8 +38,7 @@ _SHAPE = "depth, mean taken off, µm"
 _WHAT_IS_TAKEN_OFF = (
     "No network was trained on these presses. A contact circle does not say how deep its own rim lies. So where it "
     "says &quot;mean taken off&quot;, the mean error of each press is taken off: what is left is the error of the "
-    "shape, not of the level. The column &quot;picture&quot; compares the picture with the one that the felt slopes "
-    "make."
+    "shape, not of the level."
 )
 
 
@@ -153,7 +152,7 @@ def _checks(records: list[CheckRecord]) -> str:
     known = records[0].figures.true_depth_mm is not None
     depth, whole = (["depth µm"], ["normals, whole map °"]) if known else ([], [])
     expected = ["felt over expected indentation"] if records[0].figures.felt_over_expected is not None else []
-    head = ["press", "centre px", "radius px", *depth, *expected, _SHAPE, "normals °", "picture, grey levels", *whole]
+    head = ["press", "centre px", "radius px", *depth, *expected, _SHAPE, "normals °", *whole]
     rows = [
         [
             f"{record.number}",
@@ -163,7 +162,6 @@ def _checks(records: list[CheckRecord]) -> str:
             *([] if one.felt_over_expected is None else [f"{one.felt_over_expected:.2f}"]),
             f"{1000 * one.depth_mm:.1f}",
             f"{one.normal_deg:.2f}",
-            f"{one.picture_grey:.2f}",
             *([] if one.true_normal_deg is None else [f"{one.true_normal_deg:.2f}"]),
         ]
         for record in records

@@ -3,16 +3,12 @@
 presses.py           ball presses, and the shape of the gel under the ball
 label_file.py        the csv of labels beside its images
 table.py             the table that GelNet is trained on
-gel_at_rest.py       what the gel at rest does, measured on the presses
-trainer.py           what trains: NumPy, or PyTorch where a user asks for it
 child.py             a module of gelnet run in a child process
 training.py          GelNet trained on the table, and written as a bundle; whether it can be trained here
 polynomial.py        polynomials of several variables, and their fit
-indentation.py       how deep a ball stands in the gel, by contact mechanics
 validation.py        errors of a bundle on labelled presses
 wrong_labels.py      labels that the other presses and their picture contradict
 votes.py             which labels of the same presses are better
-folds.py             networks that never saw some of the presses
 judged_fit.py        a calibration that tells its errors by them
 light_change.py      how the light has changed, by the untouched gel alone
 adapting.py          a bundle for that light, without a press

@@ -20,9 +20,7 @@ PRESS = Press(image=Path("a.png"), center_x_px=40.0, center_y_px=30.0, contact_r
 
 def errors(depth_um: float, true_um: float | None) -> CheckErrors:
     true_mm = None if true_um is None else true_um / 1000
-    return CheckErrors(
-        depth_mm=depth_um / 1000, normal_deg=0.9, indentation_mm=1.0, picture_grey=1.0, true_depth_mm=true_mm
-    )
+    return CheckErrors(depth_mm=depth_um / 1000, normal_deg=0.9, indentation_mm=1.0, true_depth_mm=true_mm)
 
 
 def mean_of(each: list[CheckErrors]) -> Verification:
@@ -32,7 +30,6 @@ def mean_of(each: list[CheckErrors]) -> Verification:
         depth_mm=float(np.mean([one.depth_mm for one in each])),
         normal_deg=0.9,
         indentation_mm=1.0,
-        picture_grey=1.0,
         true_depth_mm=float(np.mean(true)) if true else None,
     )
 

@@ -1,6 +1,7 @@
 """Any lights, from balls: exact where the model holds, and on pictures of a real sensor under six single lights."""
 
 import json
+import re
 from contextlib import nullcontext
 from pathlib import Path
 from unittest.mock import Mock
@@ -10,15 +11,18 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.bundle.bundle import load_bundle, save_bundle
 from gellight.frames.image_files import read_grey
-from gellight.lab.optics.lights import ball_lights
-from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
+from gellight.lab.optics.lights import channel_fit
 from gellight.lab.optics.lights.ball_series import BallSeries, divided
+from gellight.lab.optics.lights.channel_fit import check_lights, lights_from_balls
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
-from gellight.photometric.directions import LightDirections, view_places
+from gellight.photometric.directions import view_places
 from gellight.reconstruction.integration import normals
+from gellight.series.single_light_path import read_directions
 from tests.helpers.command_line import invoke
 from tests.helpers.places import REAL_CROPS
+from tests.helpers.small_bundles import ordinary, with_directions
 
 SHAPE = (150, 200)
 BALL = Ball(radius_mm=2.0, pixel_size_mm=0.1)
@@ -110,7 +114,7 @@ def test_lights_from_straight_above_are_refused(lean: float, enough: bool) -> No
 def test_held_out_balls_are_felt_within_twelve_degrees(
     normal_deg: float, right: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ball_lights, "held_out", lambda *given: Mock(normal_deg=normal_deg))
+    monkeypatch.setattr(channel_fit, "held_out", lambda *given: Mock(normal_deg=normal_deg))
     with nullcontext() if right else pytest.raises(InputError, match=r"felt 12\.1 degrees off"):
         assert check_lights(Mock(), [], BALL).normal_deg == normal_deg
 
@@ -125,18 +129,20 @@ def test_six_real_lights_in_16_bit_are_found_on_balls_and_feel_others(tmp_path: 
             (tmp_path / name).write_bytes((OEM / name).read_bytes())
     sizes = ["--ball-radius-mm", str(OEM_BALL.radius_mm), "--pixel-size-mm", str(OEM_BALL.pixel_size_mm)]
     series = ["--balls", f"{tmp_path}/balls_*.png", "--untouched", f"{tmp_path}/flat_*.png", "--white", "1020"]
-    given = ["directions", *series, *sizes, "--presses", tmp_path / "p.csv", "--out", tmp_path / "l.npz", "--json"]
-    result = invoke("calibrate", *given)
+    given = ["channels", *series, *sizes, "--presses", tmp_path / "p.csv", "--out", tmp_path / "l", "--epochs", "1"]
+    result = invoke("calibrate", *given, "--json")
     assert result.exit_code == 0, result.output
-    found = json.loads(result.stdout)
-    assert found["held_out"]["balls"] == 3
-    assert found["held_out"]["normal_deg"] < 3.5
-    assert found["held_out"]["felt_radius_mm"] == pytest.approx(OEM_BALL.radius_mm, rel=0.03)
+    found = json.loads(result.stdout)["held_out"]["least_squares"]
+    assert found["balls"] == 3
+    assert found["normal_deg"] < 3.5
+    assert found["felt_radius_mm"] == pytest.approx(OEM_BALL.radius_mm, rel=0.03)
     # They stand 60 degrees apart.
-    steps = np.diff(np.array([*found["azimuth_deg"], found["azimuth_deg"][0]])) % 360
+    x, y, _ = read_directions(load_bundle(tmp_path / "l")).vectors[:, :, 0].T
+    azimuth_deg = np.degrees(np.arctan2(-y, x))
+    steps = np.diff([*azimuth_deg, azimuth_deg[0]]) % 360
     assert np.abs(np.minimum(steps, 360 - steps) - 60).max() < 12
-    asked = [f"{tmp_path}/balls_*.png", "--lights", tmp_path / "l.npz", "--white", "1020", "--out", tmp_path / "out"]
-    assert invoke("reconstruct", *asked, "--json").exit_code == 0
+    asked = [f"{tmp_path}/balls_*.png", "--calibration", tmp_path / "l", "--white", "1020", "--out", tmp_path / "out"]
+    assert invoke("reconstruct", *asked, "--least-squares", "--json").exit_code == 0
     with np.load(tmp_path / "out/balls_light1.npz") as maps:
         depth_mm = maps["depth_mm"]
     for x, y in OEM_CENTRES:
@@ -147,17 +153,9 @@ def test_six_real_lights_in_16_bit_are_found_on_balls_and_feel_others(tmp_path: 
         assert cap == pytest.approx(true, rel=0.2)
 
 
-def test_a_series_of_another_number_or_size_is_refused(tmp_path: Path, vectors: np.ndarray) -> None:
-    lights = LightDirections(
-        vectors=vectors, untouched=np.full((5, 8, 9), 100, np.float32), noise_grey=1.0, pixel_size_mm=0.1
-    )
-    lights.write(tmp_path / "l.npz")
-    cv2.imwrite(str(tmp_path / "a.png"), np.full((8, 9), 511, np.uint16))
+def test_a_series_of_another_number_is_refused(tmp_path: Path) -> None:
+    bundle = save_bundle(with_directions(ordinary()), tmp_path / "lights")
+    cv2.imwrite(str(tmp_path / "a.png"), np.full(bundle.image_shape, 511, np.uint16))
     assert read_grey(tmp_path / "a.png", 1022.0)[0, 0] == pytest.approx(127.5)
-    result = invoke("reconstruct", tmp_path / "a.png", "--lights", tmp_path / "l.npz", "--out", tmp_path / "out")
-    assert "1 images and 5 lights: give one image for each light" in str(result.exception)
-    neither = invoke("reconstruct", tmp_path / "a.png", "--out", tmp_path / "out")
-    assert "give either --calibration or --lights" in str(neither.exception)
-    (tmp_path / "other.npz").write_bytes(b"none")
-    wrong = invoke("reconstruct", tmp_path / "a.png", "--lights", tmp_path / "other.npz", "--out", tmp_path / "out")
-    assert "holds no lights" in str(wrong.exception)
+    result = invoke("reconstruct", tmp_path / "a.png", "--calibration", tmp_path / "lights", "--out", tmp_path / "out")
+    assert re.match("1 images and [0-9]+ lights: give one image for each light", str(result.exception))

@@ -14,9 +14,8 @@ from gellight.daemon.assembly import open_session
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.image_files import read_grey
 from gellight.lab.calibration.preparing import full_colours
-from gellight.lab.optics.lights.ball_series import BallSeries, LitBalls, read_series
+from gellight.lab.optics.lights.ball_series import BallSeries, LitBalls, read_series, take_series
 from gellight.lab.optics.lights.channel_fit import channel_table, fit_channels
-from gellight.lab.optics.lights.live_series import take_series
 from gellight.lab.training.presses import Ball, Press, contact_circle
 from gellight.lab.training.table import TableOptions
 from gellight.lab.training.training import TrainingOptions
