@@ -5,8 +5,6 @@ where a stronger source would have hidden it. An unknown key is an error.
 """
 
 import difflib
-import inspect
-import json
 import os
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
@@ -301,23 +299,6 @@ def reference() -> list[Setting]:
         for section, model in SECTIONS.items()
         for key, schema in model.model_json_schema()["properties"].items()
     ]
-
-
-def reference_markdown() -> str:
-    """Return the reference as Markdown, one table a section; the site of the documentation shows it."""
-    lines: list[str] = []
-    for section, model in SECTIONS.items():
-        lines += [f"### `[{section}]`", "", inspect.cleandoc(model.__doc__ or ""), ""]
-        lines += ["| key | allowed | default | meaning |", "|---|---|---|---|"]
-        lines += [_markdown_row(setting) for setting in reference() if setting.section == section]
-        lines.append("")
-    return "\n".join(lines)
-
-
-def _markdown_row(setting: Setting) -> str:
-    missing = "see above" if setting.section == "geometry" else "not given"
-    default = missing if setting.default is None else f"`{json.dumps(setting.default)}`"  # as TOML has it
-    return f"| `{setting.key}` | {setting.allowed} | {default} | {setting.description} |"
 
 
 def _file_layer(path: Path) -> Layer:

@@ -22,13 +22,10 @@ class StepFigures(StepPart):
 
 
 class Uniformity(StepPart):
-    """The distribution of one intensity over the view; the paper's sensor: 159.02, 6.67, 64.05 %, 96.17 %, 99.90 %."""
+    """The distribution of one intensity over the view; the paper's sensor: 159.02, 6.67."""
 
     mean_grey: float
     sigma_grey: float
-    within_1_sigma: float
-    within_2_sigma: float
-    within_3_sigma: float
     brightest_grey: float
     """99th percentile"""
 
@@ -55,20 +52,10 @@ class LedAnswer(Record):
     """from where it shines, anticlockwise from the right"""
 
 
-class GroupAnswer(Record):
-    """How far the picture under a light group is from the sum of its LEDs."""
-
-    group: int
-    leds: tuple[int, ...]
-    error: float
-    """as a share of the sum"""
-
-
 class LedCheck(StepPart):
     """Every LED and every light group, lit by itself."""
 
     leds: tuple[LedAnswer, ...]
-    groups: tuple[GroupAnswer, ...]
 
 
 class Preparation(StepFigures):

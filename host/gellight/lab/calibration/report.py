@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.frames import TactileFrame
-from gellight.lab.calibration.preparing import contour_picture
 from gellight.lab.calibration.pressing import drawn
 from gellight.lab.calibration.records import (
     BallPresses,
@@ -172,17 +171,8 @@ def _checks(records: list[CheckRecord]) -> str:
 
 def _preparation(run: CalibrationRun) -> str:
     prepared, reference = run.folder.figures(Preparation), run.folder.figures(UntouchedGel)
-    rows = []
-    for name, one in prepared.uniformity:
-        shares = [f"{100 * share:.2f} %" for share in (one.within_1_sigma, one.within_2_sigma, one.within_3_sigma)]
-        rows.append([name, f"{one.mean_grey:.1f}", f"{one.sigma_grey:.2f}", *shares])
-    rows.append(["paper, average", "159.0", "6.67", "64.05 %", "96.17 %", "99.90 %"])
-    untouched = run.folder.reference()
-    shown = [
-        (np.rint(untouched).astype(np.uint8), "the untouched gel"),
-        (contour_picture(untouched.mean(axis=2)), "its average intensity, contours"),
-        *((contour_picture(untouched[..., c]), name) for c, name in enumerate(("red", "green", "blue"))),
-    ]
+    rows = [[name, f"{one.mean_grey:.1f}", f"{one.sigma_grey:.2f}"] for name, one in prepared.uniformity]
+    untouched = np.rint(run.folder.reference()).astype(np.uint8)
     camera = ", ".join(f"{name} {value:g}" for name, value in prepared.camera.items()) or "nothing to set"
     answers = prepared.lights.leds if prepared.lights else ()
     leds = [[f"{a.led}", a.colour, f"{a.grey:.1f}", f"{a.azimuth_deg:.0f}"] for a in answers]
@@ -192,8 +182,8 @@ def _preparation(run: CalibrationRun) -> str:
         f"{reference.pixel_noise_grey:.2f} grey levels of noise in a pixel, which count as {reference.noise_grey:.2f} "
         "(more where neighbours share them, as behind a camera that compresses); while warming up the light moved by "
         f"{reference.warm_up_grey:.2f} grey levels.</p>",
-        small_pictures(shown),
-        box("wide", table(["intensity", "mean", "sigma", "within 1 sigma", "2 sigma", "3 sigma"], rows)),
+        small_pictures([(untouched, "the untouched gel")]),
+        table(["intensity", "mean", "sigma"], [*rows, ["paper, average", "159.0", "6.67"]]),
         table(["LED", "colour", "grey levels it adds", "shines from, degrees"], leds) if leds else "",
     )
 

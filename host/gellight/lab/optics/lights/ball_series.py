@@ -153,19 +153,19 @@ def held_out(feel: Callable[[Floats], Floats], series: Sequence[BallSeries], bal
 
 
 Say = Callable[[str], object]
-UNTOUCHED_FRAMES = 8
+UNTOUCHED_FRAMES, PRESS_FRAMES = 8, 2
+"""averaged in each exposure"""
 MOST_REFUSED = 20
 """presses of a virtual hand that are refused before it gives up"""
 
 
 def take_series(
     camera: Camera, groups: NDArray[np.uint8], ball: Ball, presses: int, *, sensor: str, ask: Say, tell: Say,
-    frames: int = 2,
 ) -> LitBalls:  # fmt: skip
     """Take the untouched gel and `presses` presses under `groups` (G, n, 3), each in a series of its own.
 
     sensor: what it is known by. ask: says what to do, and returns when it is done; nobody is asked where a virtual
-    hand presses. tell: says why a press was refused; it is pressed again. frames: averaged in each exposure of a press.
+    hand presses. tell: says why a press was refused; it is pressed again.
     Raises CameraError without a ring, and what camera and board raise.
     """
     if camera.ring is None:
@@ -184,7 +184,7 @@ def take_series(
                 hand.ball(len(found) + refused, ball.pixel_size_mm, camera.image_shape)
             else:
                 ask(f"Press the ball at a new place and hold it still ({len(found) + 1} of {presses})")
-            found.append(_series(_exposed(camera, groups, frames), untouched, ball, len(found)))
+            found.append(_series(_exposed(camera, groups, PRESS_FRAMES), untouched, ball, len(found)))
         except InputError as error:
             refused += 1
             if hand and refused > MOST_REFUSED:

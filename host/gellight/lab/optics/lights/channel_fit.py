@@ -26,7 +26,7 @@ from gellight.lab.optics.lights.ball_series import (
     divided,
     held_out,
 )
-from gellight.lab.training.child import Check, Progress, go_on, silent
+from gellight.lab.training.child import Progress, silent
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.table import PressTable, TableOptions, labelled_rows
 from gellight.lab.training.training import TrainingOptions, train
@@ -126,7 +126,6 @@ def fit_channels(
     options: TrainingOptions | None = None,
     overwrite: bool = False,
     progress: Progress = silent,
-    check: Check = go_on,
 ) -> Bundle:
     """Find the lights, train GelNet on their channels, and write a bundle of both; returns it as it will be loaded.
 
@@ -138,13 +137,13 @@ def fit_channels(
     training, judging = divided(balls.series)
     fair = lights_from_balls(training, balls.untouched, ball, balls.noise_grey)
     solved = check_lights(fair, judging, ball)
-    network, _ = train(channel_table(training, fair.untouched, ball), wanted, progress=progress, check=check)
+    network, _ = train(channel_table(training, fair.untouched, ball), wanted, progress=progress)
     felt = _judged(network, fair, judging, ball)
     lights = lights_from_balls(balls.series, balls.untouched, ball, balls.noise_grey)
     if balls.groups is not None:
         lights = replace(lights, groups=balls.groups)
     table = channel_table(balls.series, lights.untouched, ball)
-    network, record = train(table, wanted, progress=progress, check=check)
+    network, record = train(table, wanted, progress=progress)
     return write_bundle(
         out,
         sensor=balls.sensor,

@@ -47,16 +47,13 @@ def detect(
     ball: Ball,
     *,
     dots: Dots | None = None,
-    progress: Callable[[int, int, float], None] = lambda done, total, quality: None,
 ) -> list[Detection]:
     """Look for the circle in each image; reference is (H, W, 3), grey levels. An image at fault is refused, not raised.
 
     dots: the marker dots of the gel, which are filled in each image; the reference has none any more.
-
-    progress is called with (images done, images, quality of the last, 0 where it was refused).
     """
     return _refused_touch_of_reference(
-        _detected(images, lambda image: find_circle(image, reference, ball=ball, least_view=ARC), dots, progress)
+        _detected(images, lambda image: find_circle(image, reference, ball=ball, least_view=ARC), dots)
     )
 
 
@@ -87,17 +84,15 @@ def _detected(
     images: Sequence[Path],
     find: Callable[[NDArray[np.uint8]], PressCircle],
     dots: Dots | None,
-    progress: Callable[[int, int, float], None],
 ) -> list[Detection]:
     found = []
-    for number, path in enumerate(images, start=1):
+    for path in images:
         try:
             image = read_image(path)
             detection = Detection(image=path, contact=find(dots.filled(image) if dots else image))
         except InputError as error:
             detection = Detection(image=path, contact=None, refused=str(error))
         found.append(detection)
-        progress(number, len(images), detection.contact.quality if detection.contact else 0.0)
     return found
 
 
