@@ -1,1 +1,1 @@
-"""What people are shown: maps as pictures, figures by name, and the page of a report."""
+"""What people are shown: maps as pictures, and the page of a report."""
