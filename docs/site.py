@@ -16,7 +16,7 @@ from mkdocs.structure.pages import Page
 from typer.main import get_command
 
 import gellight
-from gellight.base.settings import reference_markdown
+from gellight.base.settings import SECTIONS, Setting, reference
 from gellight.cli.main import app
 
 ROOT = Path(__file__).parent.parent
@@ -29,6 +29,23 @@ FROM_ROOT = {
 }
 """files outside docs/, and what they are called in the site"""
 LINK = re.compile(r"(\]\()(?!https?:|#)([^)#\s]+)")
+
+
+def reference_markdown() -> str:
+    """Return the reference as Markdown, one table a section; the site of the documentation shows it."""
+    lines: list[str] = []
+    for section, model in SECTIONS.items():
+        lines += [f"### `[{section}]`", "", inspect.cleandoc(model.__doc__ or ""), ""]
+        lines += ["| key | allowed | default | meaning |", "|---|---|---|---|"]
+        lines += [_markdown_row(setting) for setting in reference() if setting.section == section]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _markdown_row(setting: Setting) -> str:
+    missing = "see above" if setting.section == "geometry" else "not given"
+    default = missing if setting.default is None else f"`{json.dumps(setting.default)}`"  # as TOML has it
+    return f"| `{setting.key}` | {setting.allowed} | {default} | {setting.description} |"
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:

@@ -5,8 +5,8 @@ deep; `--rezero`: with the untouched gel recorded anew before.
 """
 
 import argparse
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera
 from gellight.opening import open_camera
-from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
+from gellight.reconstruction.errors import SurfaceErrors, surface_errors
 
 BALL = "BALL"
 _SETTLE_FRAMES = 3
@@ -62,6 +62,12 @@ def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: floa
     assert frame.truth is not None
     error = surface_errors(reconstructor.reconstruct(frame), frame.truth)
     return ObjectError(object_name=name, **asdict(error))
+
+
+def mean_errors(errors: Sequence[SurfaceErrors]) -> SurfaceErrors:
+    """Return the means over presses."""
+    names = [field.name for field in fields(SurfaceErrors)]
+    return SurfaceErrors(**{name: float(np.mean([getattr(error, name) for error in errors])) for name in names})
 
 
 def summary(errors: list[ObjectError]) -> ObjectError:

@@ -20,12 +20,13 @@ from gellight.frames.frames import CameraFrame, ExposureSeries
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.photometric.light_model import LightGroups
 from gellight.photometric.lights_file import read_lights
-from gellight.reconstruction.errors import SurfaceErrors, mean_errors, surface_errors
+from gellight.reconstruction.errors import SurfaceErrors, surface_errors
 from gellight.series.reconstructor import PhotometricReconstructor
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import AS_BUILT
 from sim_reference.objects import OBJECT_NAMES
 from sim_reference.surface import Surface
+from tests.benchmarks.objects import mean_errors
 from tests.helpers.simulated_bundle import NOISE_GREY, ball_presses
 
 SEED = 2024

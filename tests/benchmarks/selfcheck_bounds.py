@@ -1,7 +1,7 @@
 """The errors from which the bounds of the self-check are made: `python -m tests.benchmarks.selfcheck_bounds`.
 
 Each object is pressed to each depth of a grid at the places below, one frame each, and measured with the shipped
-bundle. Printed are the worst errors of each object and depth, as `gellight/lab/simulator/selfcheck_bounds.py` holds
+bundle. Printed are the worst errors of each object and depth, as `gellight/lab/simulator/selfcheck.py` holds
 them.
 """
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.lab.training.child import Progress, silent
-from gellight.lab.training.folds import GIVEN, REFINED, trained_folds
+from gellight.lab.training.judged_fit import GIVEN, REFINED, trained_folds
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.table import images_of
 from gellight.lab.training.training import AS_A_RULE, Learning, Reference

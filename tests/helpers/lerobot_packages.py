@@ -1,8 +1,8 @@
-"""LeRobot for its tests, in a cache folder of its own: fetched once, never installed.
+"""LeRobot and the plug-in for their tests, in folders of their own: fetched or built once, never installed.
 
 It cannot be in the environment of the other tests: it wants other versions of PyTorch and OpenCV, and its package
 draccus brings a folder called `tests`. Its cameras and robots need neither of the first two. It asks for Python 3.12;
-for older ones the few statements that only 3.12 reads are rewritten, which changes no behaviour.
+for older ones the statements that only 3.12 reads are rewritten, which changes no behaviour.
 """
 
 import hashlib
@@ -11,12 +11,32 @@ import re
 import subprocess
 import sys
 import tempfile
+import zipfile
 from pathlib import Path
 
-LEROBOT = ("lerobot==0.6.1",)
-"""the newest there was; without what it depends on"""
+from tests.helpers.places import CHECKOUT
+
+LEROBOT = (
+    "lerobot==0.6.1", "datasets", "dill", "einops", "jsonlines", "multiprocess", "pandas", "python-dateutil",
+    "safetensors", "six", "xxhash",
+)  # fmt: skip
+"""the newest there was; without what they depend on"""
 NEEDED = ("draccus==0.11.6", "huggingface-hub>=1.6,<2", "pillow>=10")
-NEW_SYNTAX = {"lerobot/motors": (r"(?m)^type (\w+) = ", r"\1 = ")}
+NEW_SYNTAX = (
+    (r"(?m)^type (\w+) = ", r"\1 = "),
+    (r"(?m)^(\s*(?:async )?(?:def|class) \w+)\[[^\]]*\]", r"\1"),
+)
+PLUGIN = CHECKOUT / "host/lerobot_camera_gellight"
+
+
+def lerobot_environment(folder: Path) -> dict[str, str]:
+    """Return where LeRobot and the plug-in, built in `folder`, are imported from, and where LeRobot may write."""
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder / "wheel"]
+    subprocess.run(build, cwd=PLUGIN, check=True)
+    (wheel,) = (folder / "wheel").glob("*.whl")
+    zipfile.ZipFile(wheel).extractall(folder / "site")
+    path = os.pathsep.join(map(str, (folder / "site", lerobot_folder(), CHECKOUT / "host")))
+    return {**os.environ, "PYTHONPATH": path, "HF_HOME": str(folder / "hf"), "HF_HUB_OFFLINE": "1"}
 
 
 def lerobot_folder() -> Path:
@@ -42,6 +62,9 @@ def fetch(folder: Path) -> None:
         if done.returncode:
             raise RuntimeError(f"LeRobot cannot be fetched, which its tests need once: {done.stderr.strip()[-500:]}")
     if sys.version_info < (3, 12):
-        for part, (old, new) in NEW_SYNTAX.items():
-            for path in (folder / part).glob("*.py"):
-                path.write_text(re.sub(old, new, path.read_text()))
+        for path in (folder / "lerobot").rglob("*.py"):
+            content = path.read_text()
+            for old, new in NEW_SYNTAX:
+                content = re.sub(old, new, content)
+            if content != path.read_text():
+                path.write_text(f"from __future__ import annotations\n{content}")

@@ -1,6 +1,6 @@
 """A program that finds the plug-in as LeRobot does and uses it; tests start it in a process of its own.
 
-    python lerobot_reader.py camera OUT.npz | press CAMERAS [refused] | quantise MIN MAX USE_LOG
+    python lerobot_reader.py camera OUT.npz | press CAMERAS [refused] | quantise MIN MAX USE_LOG | export ...
 
 On standard output it prints what it found, as JSON.
 """
@@ -159,12 +159,31 @@ def quantise(least_m: float, most_m: float, use_log: bool) -> dict[str, float]:
     return {"worst_um": float(np.abs(back_m - depth_m).max()) * 1e6, "codes": len(np.unique(codes))}
 
 
+def export(words: list[str]) -> None:
+    """Run `gellight export`."""
+    for name in ("av", "torchvision", "torchvision.transforms", "torchvision.transforms.v2", "torchvision.io"):
+        sys.modules[name] = MagicMock(__spec__=ModuleSpec(name, None), __path__=[])  # for videos, and for training
+    sys.modules["lerobot.processor"] = MagicMock()
+    import lerobot.utils.import_utils
+
+    lerobot.utils.import_utils.require_package = lambda *_, **__: None
+    from lerobot.configs import video
+
+    video.RGBEncoderConfig.__post_init__ = video.DepthEncoderConfig.__post_init__ = lambda self: None
+    from gellight.cli.main import app
+
+    app(words, standalone_mode=False)
+
+
 if __name__ == "__main__":
     match sys.argv[1]:
         case "camera":
             told: object = use_camera(sys.argv[2])
         case "press":
             told = press()
+        case "export":
+            export(sys.argv[1:])
+            told = {}
         case _:
             told = quantise(float(sys.argv[2]), float(sys.argv[3]), sys.argv[4] == "true")
     print(json.dumps(told), flush=True)

@@ -19,8 +19,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.lab.optics.lights.adding import take_lights
 from gellight.lab.simulator.printed_dots import known_force
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.training.child import Progress, run_module, silent
-from gellight.lab.training.trainer import TrainerName, checked_trainer
+from gellight.lab.training.child import Progress, TrainerName, checked_trainer, run_module, silent
 from gellight.opening import open_camera
 from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import lights_file

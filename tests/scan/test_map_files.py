@@ -12,6 +12,7 @@ from gellight.base.errors import InputError
 from gellight_scan import map_files
 from gellight_scan.height_map import HeightMap, load_height_map
 from gellight_scan.map_files import write_maps
+from gellight_scan.pictures import coloured_heights
 from tests.helpers.ply import open_edges, read_ply, read_stl
 
 PIXEL_MM = 0.25
@@ -115,3 +116,8 @@ def test_a_plain_map_is_a_picture_too(tmp_path: Path) -> None:
     flat = np.zeros((3, 4000), np.float32)
     write_maps(HeightMap(flat, flat, 0.1), [tmp_path / "flat.png"])
     assert cv2.imread(str(tmp_path / "flat.png")).shape[1] < 3200
+
+
+def test_heights_that_nobody_knows_are_not_drawn() -> None:
+    with pytest.raises(ValueError, match="none of the 12 heights is known"):
+        coloured_heights(np.full((3, 4), np.nan))

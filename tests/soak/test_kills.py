@@ -56,7 +56,7 @@ def test_a_weakness_that_was_planted_is_found(act, tmp_path: Path) -> None:
     assert broken, table(drawn.tallies)
 
 
-@pytest.mark.parametrize("kind", ["hdf5", "video", "lerobot", "npz"])
+@pytest.mark.parametrize("kind", ["hdf5", "video", "npz"])
 def test_an_export_without_room_is_refused_in_words_and_leaves_nothing(kind: str, tmp_path: Path) -> None:
     (tmp_path / "home").mkdir()
     prepare(tmp_path)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from gellight.base.errors import InputError
-from gellight.bundle.bundle import Bundle, load_bundle, pack_bundle
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.store import BundleStore
 from gellight.cli import export, service
 from gellight.daemon.installing import install
@@ -18,7 +18,7 @@ from gellight.frames.frames import CameraFrame, CaptureStamp
 from gellight.frames.image_files import read_image
 from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.records import Circle
-from gellight.recording.export_kind import Kind
+from gellight.recording.kinds import Kind
 from gellight.recording.recording_file import Recording, RecordingWriter
 from tests.helpers.begun_calibration import identity
 from tests.helpers.linear_sensor import photograph, verified_bundle
@@ -84,14 +84,11 @@ def writers(sources: Path) -> tuple[Writer, ...]:
     def exporting(kind: Kind) -> Callable[[Path], None]:
         return lambda home: export.command(sources / "sound.mcap", home / "out", kind)
 
-    exports = {
-        "npz": _npz_whole, "hdf5": _hdf5_whole, "video": _video_whole, "lerobot": _lerobot_whole,
-    }  # fmt: skip
+    exports = {"npz": _npz_whole, "hdf5": _hdf5_whole, "video": _video_whole}
     return (
         Writer("installing", lambda home: _put(old, home), installing, installed, 4),
         Writer("calibrating", lambda home: _calibrate(home, 1), lambda home: _calibrate(home, 3), _calibrated, 4),
         Writer("recording", lambda home: None, recording, _recorded, 3),
-        Writer("packing", lambda home: _pack(old, home), lambda home: _pack(new, home), _packed, 2),
         Writer("saving", lambda home: _save("auto", home), lambda home: _save("sim://", home), _saved, 2),
         *(Writer(f"exporting {kind}", lambda home: None, exporting(Kind(kind)), whole)
           for kind, whole in exports.items()),
@@ -154,14 +151,6 @@ def _recording(path: Path) -> Recording | None:
         return None
 
 
-def _pack(bundle: Bundle, home: Path) -> None:
-    pack_bundle(bundle, home / "sensor.gelcal", overwrite=True)
-
-
-def _packed(home: Path) -> None:
-    load_bundle(home / "sensor.gelcal")
-
-
 def _save(sensor: str, home: Path) -> None:
     """Write the settings of a service, the one file of settings that the program writes itself."""
     os.environ["XDG_CONFIG_HOME"] = str(home)
@@ -197,12 +186,3 @@ def _video_whole(home: Path) -> None:
         while video.read()[0]:
             count += 1
         assert count == FRAMES, count
-
-
-def _lerobot_whole(home: Path) -> None:
-    from pyarrow import parquet
-
-    if (home / "out/lerobot").exists():
-        assert (home / "out/lerobot/meta/tasks.parquet").exists()
-        (path,) = (home / "out/lerobot/data").rglob("*.parquet")
-        assert parquet.read_table(path).num_rows == FRAMES

@@ -1,16 +1,12 @@
-"""An episode of simulated touches, written by the writers of recordings and read by other people's libraries."""
+"""An episode of simulated touches, written by the writer of recordings and read by another library."""
 
-import json
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.report.pictures import encode_png
 from gellight.recording.array_files import write_arrays
-from gellight.recording.lerobot_files import write_lerobot
 from gellight_touch import Felt, TouchSensor
 from gellight_touch.environments import SlideToEdge
 from gellight_touch.episode import tactile_frames
@@ -50,25 +46,6 @@ def test_an_episode_is_read_from_hdf5(touches: list[Felt], tmp_path: Path) -> No
         np.testing.assert_allclose(file["depth_mm"][number], same.depth_map_mm(felt), rtol=0, atol=5e-5)
         across = np.gradient(same.depth_map_mm(felt), 0.588, axis=1)
         np.testing.assert_allclose(file["gradient_map"][number][..., 0], across, rtol=0, atol=0.15)
-
-
-def test_an_episode_is_read_from_lerobot(touches: list[Felt], tmp_path: Path) -> None:
-    parquet = pytest.importorskip("pyarrow.parquet")
-    frames = tactile_frames(sensor(), touches, fps=10)
-    task = "slide to an edge"
-    assert write_lerobot(frames, tmp_path / "a", fps=10, task=task, png=encode_png, actions=ACTIONS) == 5
-    info, stats = (json.loads((tmp_path / f"a/meta/{name}.json").read_text()) for name in ("info", "stats"))
-    assert info["features"]["action"]["shape"] == [3]
-    assert stats["action"]["max"] == [1.0, 1.0, 0.0]
-    rows = parquet.read_table(tmp_path / "a/data/chunk-000/file-000.parquet").to_pylist()
-    same = sensor()
-    for number, (row, felt) in enumerate(zip(rows, touches, strict=True)):
-        png = np.frombuffer(row["observation.images.gel"]["bytes"], np.uint8)
-        assert np.array_equal(cv2.imdecode(png, cv2.IMREAD_COLOR_RGB), same.picture(felt))
-        assert row["action"] == ACTIONS[number]
-        assert row["timestamp"] == pytest.approx(number / 10)
-        assert row["observation.state"][2] == pytest.approx(felt.force_n, rel=1e-5)
-        assert np.array(row["observation.gel_depth"])[..., 0] == pytest.approx(same.depth_map_mm(felt) / 1e3, abs=5e-8)
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,6 @@ where a stronger source would have hidden it. An unknown key is an error.
 """
 
 import difflib
-import inspect
-import json
 import os
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
@@ -19,10 +17,9 @@ from typing import Any, Literal
 import platformdirs
 from pydantic import Field, ValidationError
 
-from gellight.base.allowed import StrictModel, allowed, nearest
+from gellight.base.allowed import ALLOWED, NAME, StrictModel, allowed, nearest
 from gellight.base.errors import ConfigError
 from gellight.base.logs import LogForm
-from gellight.base.names import ALLOWED, NAME
 
 PREFIX = "GELLIGHT_"
 TOKEN = "^([A-Za-z0-9_-]{16,200})?$"
@@ -301,23 +298,6 @@ def reference() -> list[Setting]:
         for section, model in SECTIONS.items()
         for key, schema in model.model_json_schema()["properties"].items()
     ]
-
-
-def reference_markdown() -> str:
-    """Return the reference as Markdown, one table a section; the site of the documentation shows it."""
-    lines: list[str] = []
-    for section, model in SECTIONS.items():
-        lines += [f"### `[{section}]`", "", inspect.cleandoc(model.__doc__ or ""), ""]
-        lines += ["| key | allowed | default | meaning |", "|---|---|---|---|"]
-        lines += [_markdown_row(setting) for setting in reference() if setting.section == section]
-        lines.append("")
-    return "\n".join(lines)
-
-
-def _markdown_row(setting: Setting) -> str:
-    missing = "see above" if setting.section == "geometry" else "not given"
-    default = missing if setting.default is None else f"`{json.dumps(setting.default)}`"  # as TOML has it
-    return f"| `{setting.key}` | {setting.allowed} | {default} | {setting.description} |"
 
 
 def _file_layer(path: Path) -> Layer:

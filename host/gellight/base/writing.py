@@ -136,20 +136,6 @@ def _held(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-@contextmanager
-def new_folder(path: Path) -> Iterator[None]:
-    """Make a folder as `make_folder` does; where the block fails, those that it made and left empty are removed."""
-    made = [place for place in (path, *path.parents) if not place.exists()]
-    make_folder(path)
-    try:
-        yield
-    except BaseException:
-        with suppress(OSError):
-            for place in made:
-                place.rmdir()
-        raise
-
-
 def _fill(handle: int, content: bytes) -> None:
     """Write the content of a new file, flush it and close it."""
     with os.fdopen(handle, "wb") as stream:

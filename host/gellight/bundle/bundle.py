@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, first_line
 from gellight.base.field_docs import with_field_docs
-from gellight.base.writing import write_file, write_folder
+from gellight.base.writing import write_folder
 from gellight.bundle.contents import (
     UNZIPPING,
     arrays_of,
@@ -282,20 +282,6 @@ def extend_bundle(bundle: Bundle, folder: str | Path, files: Mapping[str, bytes]
     content = {**bundle.files, **files}
     manifest = checked_manifest(folder, **{**bundle.manifest.model_dump(), "files": _digests(content)})
     return save_bundle(Bundle(manifest=manifest, files=content, source=str(folder)), folder, overwrite)
-
-
-def pack_bundle(bundle: Bundle, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Write a bundle as one `.gelcal` file, whole or not at all."""
-    target = Path(path)
-    if target.suffix != SUFFIX:
-        raise BundleError(f"{target} does not end in {SUFFIX}: give {target.with_suffix(SUFFIX)}")
-    if target.exists() and not overwrite:
-        raise BundleError(f"{target} exists: choose another name or allow overwriting")
-    try:
-        write_file(target, packed_bundle(bundle))
-    except OSError as error:
-        raise _not_written(target, error) from error
-    return target
 
 
 def packed_bundle(bundle: Bundle) -> bytes:

@@ -7,7 +7,7 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.cli.options import AsJson
-from gellight.recording.export_kind import ONE_FILE, Kind
+from gellight.recording.kinds import ONE_FILE, Kind
 
 
 def command(

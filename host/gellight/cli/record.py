@@ -9,7 +9,7 @@ from gellight.base.settings import load_settings
 from gellight.cli.options import AsJson, Seconds, check_out, with_options
 from gellight.cli.run_options import RunOptions
 from gellight.frames.measures import MapOnRequest
-from gellight.recording.depth_kind import DepthKind
+from gellight.recording.kinds import DepthKind
 
 
 @with_options

@@ -21,12 +21,9 @@ class Need(BaseModel):
     text: str
 
 
-TRAINER = Need(name="training", state="ready", text="by NumPy, nothing to install")
-
-
 def needs(daemon: SensorSession, folder: Path, presses: int) -> tuple[Need, ...]:
     """Return the check list of a calibration that keeps this number of presses in `folder`."""
-    return (*_tools(daemon), _light(daemon), _camera(daemon), _room(daemon, folder, presses), TRAINER)
+    return (*_tools(daemon), _light(daemon), _camera(daemon), _room(daemon, folder, presses))
 
 
 def _tools(daemon: SensorSession) -> tuple[Need, ...]:

@@ -4,7 +4,7 @@ GET  /frame/KIND                   the newest frame at full size: npz, ply
 GET  /reference/NAME               a reference image, WebP; see reference_views.py
 GET  /calibration                  what the wizard shows, JSON (see `CalibrationState`)
 GET  /calibration/report/IDENTITY  the report of a stored bundle
-GET  /calibration/picture/NAME     a picture as JPEG: live, press, uniformity, coverage, verify
+GET  /calibration/picture/NAME     a picture as JPEG: live, untouched, press, coverage, verify
 GET  /scan/map                     the map as PNG, without margins
 GET  /scan/file/NAME               the map as a file: map.png, map.npz, map.ply, map.stl, map.x3p
 """

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 VERTEX = np.dtype([("xyz", "<f4", 3), ("rgb", "u1", 3)])
 STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-UNSURE_VERTEX = np.dtype([("xyz", "<f4", 3), ("error_mm", "<f4")])
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
@@ -43,17 +42,10 @@ def ply(
     known = np.isfinite(depth_mm)
     vertices = np.empty(np.count_nonzero(known), VERTEX)
     vertices["xyz"], vertices["rgb"] = points_of(depth_mm, pixel_size_mm, camera_height_mm)[known], image[known]
-    return _ply(vertices, ["uchar red", "uchar green", "uchar blue"], _triangles(known))
+    return ply_file(vertices, ["uchar red", "uchar green", "uchar blue"], _triangles(known))
 
 
-def mesh_ply(points_mm: NDArray[np.floating], triangles: NDArray[np.integer], error_mm: NDArray[np.floating]) -> bytes:
-    """Return a PLY file of (T, 3) triangles between points (V, 3), each with its error, mm."""
-    vertices = np.empty(len(points_mm), UNSURE_VERTEX)
-    vertices["xyz"], vertices["error_mm"] = points_mm, error_mm
-    return _ply(vertices, ["float error_mm"], triangles)
-
-
-def _ply(vertices: NDArray[np.void], properties: list[str], triangles: NDArray[np.integer]) -> bytes:
+def ply_file(vertices: NDArray[np.void], properties: list[str], triangles: NDArray[np.integer]) -> bytes:
     """Return a PLY file of vertices, which have x, y, z and other properties, and (T, 3) triangles."""
     faces = np.empty(len(triangles), FACE)
     faces["count"], faces["corners"] = 3, triangles

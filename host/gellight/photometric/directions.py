@@ -10,14 +10,12 @@ is near changes over the view. Nothing is assumed about where lights stand, how 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError, first_line
-from gellight.base.writing import write_file
 from gellight.bundle.contents import UNZIPPING, arrays_of, npz
 from gellight.photometric.solver import LEAST_LIGHTS, slopes, solve_robustly
 
@@ -25,7 +23,7 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 FILE_NAME = "directions.npz"
 """in a bundle"""
-_REMEDY = "make it with `gellight calibrate directions` or `gellight calibrate channels`"
+_REMEDY = "make it with `gellight calibrate channels`"
 _BLOCK = 65536
 _SHADOW = 0.15
 """of what the untouched gel shows: a darker pixel is taken for shadowed"""
@@ -86,19 +84,6 @@ class LightDirections:
     def content(self) -> bytes:
         """Return them as the content of an .npz file."""
         return npz(vars(self))
-
-    def write(self, path: Path) -> None:
-        """Write them as an .npz file; OSError where that cannot be."""
-        write_file(path, self.content())
-
-    @classmethod
-    def read(cls, path: Path) -> Self:
-        """Read them; InputError for what is no such file."""
-        try:
-            content = path.read_bytes()
-        except OSError as error:
-            raise InputError(f"{path} holds no lights ({first_line(error)}): {_REMEDY}") from error
-        return cls.of_content(content, str(path))
 
     @classmethod
     def of_content(cls, content: bytes, source: str) -> Self:

@@ -1,7 +1,6 @@
 """How far a reconstruction is from the true surface, where a simulator knows it."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -58,9 +57,3 @@ def depth_errors(frame: TactileFrame, true: TrueSurface) -> tuple[float, float]:
 def _judged(true: TrueSurface) -> NDArray[np.bool_]:
     """(H, W) the contact; everything where nothing touches."""
     return true.contact if true.contact.any() else np.ones_like(true.contact)
-
-
-def mean_errors(errors: Sequence[SurfaceErrors]) -> SurfaceErrors:
-    """Return the means over presses."""
-    names = [field.name for field in fields(SurfaceErrors)]
-    return SurfaceErrors(**{name: float(np.mean([getattr(error, name) for error in errors])) for name in names})

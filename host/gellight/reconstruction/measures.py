@@ -19,42 +19,6 @@ from gellight.reconstruction.shear.felt import Gel, felt_shear, motion
 PRESSES = "presses.npz"
 
 
-class LightMeasures:
-    """The measures of frames whose slopes were measured, and of which no bundle knows anything."""
-
-    from_network = False
-
-    def __init__(self, untouched: NDArray[np.floating]) -> None:
-        """Compare with the (H, W, 3) picture of the untouched gel, grey levels."""
-        self._untouched = np.asarray(untouched, np.float32)
-
-    def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
-        """Nobody weighed it."""
-        return None
-
-    def shear(self, depth_mm: NDArray[np.float32], dots: DotsSeen, force: Force | None) -> Shear | None:
-        """Nobody knows the gel."""
-        return None
-
-    def dot_motion(self, depth_mm: NDArray[np.float32], dots: DotsSeen) -> tuple[Floats, Floats] | None:
-        """Nobody knows the gel."""
-        return None
-
-    def confidence(self, image: NDArray[np.uint8], gradient_map: NDArray[np.float32]) -> Confidence:
-        """Judge the pixels by their light."""
-        return confidence_of(image, self._untouched, gradient_map, None)
-
-    def never_seen(self, image: NDArray[np.uint8], pixels: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Nothing was learnt, so nothing is beyond it."""
-        return np.zeros(len(pixels), np.bool_)
-
-    def error_bounds(
-        self, gradient_map: NDArray[np.float32], depth_mm: NDArray[np.float32], touched: NDArray[np.bool_]
-    ) -> ErrorBounds | None:
-        """Nobody knows them."""
-        return None
-
-
 class BundleMeasures:
     """The measures of the frames of one sensor."""
 

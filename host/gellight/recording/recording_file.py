@@ -38,8 +38,8 @@ from gellight.frames.frames import CameraFrame, CaptureStamp, Patch, Provenance,
 from gellight.frames.measures import MapOnRequest
 from gellight.frames.pose import PoseFigures
 from gellight.frames.shear import ShearFigures
-from gellight.recording.depth_kind import DepthKind
 from gellight.recording.frame_record import FrameInfo, FrameRecord, packed_picture
+from gellight.recording.kinds import DepthKind
 from gellight.recording.ros_messages import (
     COMPRESSED_IMAGE,
     DEFINITIONS,

@@ -15,7 +15,6 @@ from gellight.frames.pixel_grid import spread_blocks
 from gellight.photometric import static_scene
 from gellight.photometric.directions import LightDirections
 from gellight.photometric.solver import LEAST_LIGHTS
-from gellight.reconstruction.measures import LightMeasures
 from gellight.reconstruction.perspective import Perspective, depth_seen
 from gellight.reconstruction.stages import Stages, tactile_frame
 
@@ -56,14 +55,14 @@ def frame_of_lights(
     paths: Sequence[Path],
     white: float | None = None,
     *,
-    slopes: Callable[[NDArray[np.float32]], NDArray[np.float32]] | None = None,
-    measures: FrameMeasures | None = None,
+    slopes: Callable[[NDArray[np.float32]], NDArray[np.float32]],
+    measures: FrameMeasures,
 ) -> TactileFrame:
     """Reconstruct gradient, normal and depth map and the contact from one picture under each light, in their order.
 
-    white: see `read_grey`. slopes: of (K, H, W) grey levels; by default least squares by the lights. measures: of the
-    bundle; by default pixels are judged by their light alone. The picture of the frame shows the lights, in three
-    groups, as red, green and blue. Raises InputError for another number or size of pictures.
+    white: see `read_grey`. slopes: of (K, H, W) grey levels, see `slopes_by`. measures: of the bundle. The picture of
+    the frame shows the lights, in three groups, as red, green and blue. Raises InputError for another number or size of
+    pictures.
     """
     if len(paths) != len(lights.untouched):
         raise InputError(f"{len(paths)} images and {len(lights.untouched)} lights: give one image for each light")
@@ -75,7 +74,7 @@ def frame_of_lights(
     if levels.shape != lights.untouched.shape:
         height, width = lights.image_shape
         raise InputError(f"the images beside {paths[0]} are no pictures of {width} x {height} px, as the lights are of")
-    gradient_map = slopes(levels) if slopes else lights.gradient_map(levels)[0]
+    gradient_map = slopes(levels)
     stages.end("slopes")
     size = (lights.pixel_size_mm, lights.pixel_size_mm)
     seen = Perspective.over(lights.image_shape, size, lights.camera_height_mm)
@@ -84,9 +83,8 @@ def frame_of_lights(
     image, untouched = as_rgb(levels), as_rgb(lights.untouched)
     shown = np.clip(np.rint(image), 0, 255).astype(np.uint8)
     frame = CameraFrame(image=shown, time_s=0.0, sequence=0, source=str(paths[0]))
-    known = measures or LightMeasures(untouched)
     maps = image - untouched, gradient_map, depth_mm
-    return tactile_frame(frame, *maps, size, stages, measures=known, perspective=seen)
+    return tactile_frame(frame, *maps, size, stages, measures=measures, perspective=seen)
 
 
 def as_rgb(levels: NDArray[np.float32]) -> NDArray[np.float32]:

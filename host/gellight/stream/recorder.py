@@ -18,8 +18,8 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.reconstruction.force_file import read_force
-from gellight.recording.depth_kind import DepthKind
 from gellight.recording.frame_record import NO_SERIES
+from gellight.recording.kinds import DepthKind
 from gellight.recording.recording_file import RecordingWriter
 from gellight.stream.publisher import name_of_sensor
 

@@ -34,7 +34,7 @@ from gellight.frames.pose import ObjectPose
 from gellight.frames.shear import Shear
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.lens.undistortion import intrinsics
-from gellight.recording.depth_kind import DepthKind
+from gellight.recording.kinds import DepthKind
 from gellight.recording.recording_file import depth_image
 from gellight.recording.ros_messages import (
     CAMERA_INFO,

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
-from gellight.lab.report.charts import Axes, Series, heat_map, line_chart
+from gellight_design.charts import Axes, Series, heat_map, line_chart
 from sim_reference.geometry import SensorGeometry
 from sim_reference.optimizer import ball, fine
 from sim_reference.optimizer.coarse import CHOSEN_NUMBER, CoarseResult

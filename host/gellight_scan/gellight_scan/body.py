@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from gellight.base.errors import InputError
-from gellight.frames.point_cloud import mesh_ply, mesh_stl
+from gellight.frames.point_cloud import mesh_stl, ply_file
 from gellight.reconstruction.integration import surface_gradient
 from gellight.tracking.rigid import carried, inverse
 from gellight_scan.contact_view import ContactView
@@ -27,6 +27,7 @@ MOST_POINTS = 28_000_000
 """of the grid: larger bodies get a coarser one. With all that is computed of it, that is 2 GB"""
 COARSEST_MM = 1.0
 """touches that lie farther apart are of no body that a gel can show"""
+UNSURE_VERTEX = np.dtype([("xyz", "<f4", 3), ("error_mm", "<f4")])
 BAND = 3.0
 """so many steps of the grid to both sides of a touch the distance is kept"""
 
@@ -59,7 +60,10 @@ class Mesh:
 
     def ply(self) -> bytes:
         """Return a PLY file, y up so that it is no mirror image; each point has its `error_mm`."""
-        return mesh_ply(*self._righted(), self.error_mm)
+        points_mm, triangles = self._righted()
+        vertices = np.empty(len(points_mm), UNSURE_VERTEX)
+        vertices["xyz"], vertices["error_mm"] = points_mm, self.error_mm
+        return ply_file(vertices, ["float error_mm"], triangles)
 
     def stl(self) -> bytes:
         """Return an STL file, y up; it is open where nothing touched."""

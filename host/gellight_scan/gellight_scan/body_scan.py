@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.writing import write_file
-from gellight.lab.report.pictures import mesh_picture, write_png
+from gellight.lab.report.pictures import write_png
 from gellight.tracking.information import Agreement, agreement, information
 from gellight.tracking.registration import SCALE, Keyframe, guesses, register, spins
 from gellight.tracking.rigid import inverse
@@ -26,6 +26,7 @@ from gellight.tracking.tracker import COARSE_POINTS, TRIED_STEPS, agrees, score
 from gellight.tracking.view import View
 from gellight_scan.body import Mesh, fused
 from gellight_scan.pairs import Joint
+from gellight_scan.pictures import mesh_picture
 from gellight_scan.pose_graph import LEFT_OUT, Solved, solve
 from gellight_scan.scan_files import KeptPresses
 from gellight_scan.touches import Touch, covered, view_of

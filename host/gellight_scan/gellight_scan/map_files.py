@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
 from gellight.frames.point_cloud import ply, solid_stl
-from gellight.lab.report.pictures import depth_picture, encode_png, height_picture
+from gellight.lab.report.pictures import depth_picture, encode_png
 from gellight_scan.height_map import HeightMap
+from gellight_scan.pictures import height_picture
 
 MOST_TRIANGLED = 4_000_000
 """pixels that become triangles: an STL of so many has 800 MB"""

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.frames import CameraFrame, TactileFrame
-from gellight.frames.measures import Force
-from gellight.reconstruction.measures import LightMeasures
+from gellight.frames.measures import Confidence, Force
+from gellight.frames.shear import DotsSeen
+from gellight.reconstruction.confidence import confidence_of
 from gellight.reconstruction.stages import Stages, tactile_frame
 from gellight_touch.layer import Floats
 from gellight_touch.touch_sensor import Felt, TouchSensor
@@ -38,15 +39,35 @@ def _nothing(felt: Felt) -> Felt:
     return Felt(np.zeros_like(felt.pressure_mpa), np.zeros_like(felt.depth_mm), felt.at_mm)
 
 
-class _Known(LightMeasures):
+class _Known:
     """The force is the layer's; nothing else is known of a simulated frame."""
 
+    from_network = False
+
     def __init__(self, untouched: Floats, sensor: TouchSensor, felt: Felt) -> None:
-        super().__init__(untouched)
-        self._sensor, self._felt = sensor, felt
+        self._untouched, self._sensor, self._felt = np.asarray(untouched, np.float32), sensor, felt
 
     def force(self, depth_mm: NDArray[np.float32]) -> Force:
         """Return the force of the layer, which is exact in the simulation."""
         return Force(
             normal_n=self._felt.force_n, error_n=0.0, pressure_of=lambda: self._sensor.pressure_map_mpa(self._felt)
         )
+
+    def shear(self, depth_mm: NDArray[np.float32], dots: DotsSeen, force: Force | None) -> None:
+        """There are no dots."""
+
+    def dot_motion(self, depth_mm: NDArray[np.float32], dots: DotsSeen) -> None:
+        """There are no dots."""
+
+    def confidence(self, image: NDArray[np.uint8], gradient_map: NDArray[np.float32]) -> Confidence:
+        """Judge the pixels by their light."""
+        return confidence_of(image, self._untouched, gradient_map, None)
+
+    def never_seen(self, image: NDArray[np.uint8], pixels: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Nothing was learnt, so nothing is beyond it."""
+        return np.zeros(len(pixels), np.bool_)
+
+    def error_bounds(
+        self, gradient_map: NDArray[np.float32], depth_mm: NDArray[np.float32], touched: NDArray[np.bool_]
+    ) -> None:
+        """Nobody knows them."""

@@ -2,6 +2,7 @@
 
 camera.py   the camera `gellight`: image and depth of a daemon (`gellight run`)
 press.py    the robot and teleoperator `gellight_press`: they press objects into a simulated gel
+export.py   a recording as a dataset, for `gellight export --as lerobot`
 """
 
 from lerobot_camera_gellight.camera import GelLightCamera, GelLightCameraConfig

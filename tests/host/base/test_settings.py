@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from gellight.base.errors import ConfigError
 from gellight.base.settings import GeometrySettings, Settings, read_settings, reference
-from gellight.bundle.bundle import Bundle, pack_bundle
+from gellight.bundle.bundle import Bundle, packed_bundle
 from gellight.daemon.assembly import open_session
 from gellight.sensor.sensor_camera import SensorCamera
 from sim_reference.geometry import SensorGeometry
@@ -199,7 +199,7 @@ def test_every_example_of_the_documentation_is_accepted_and_opened(
 
     monkeypatch.setattr("gellight.sensor.sensor_camera.open_sensor", opened)
     Path(settings.sensor.calibration).parent.mkdir()
-    pack_bundle(lit_bundle(tmp_path / "made"), settings.sensor.calibration)
+    Path(settings.sensor.calibration).write_bytes(packed_bundle(lit_bundle(tmp_path / "made")))
     with open_session(settings) as daemon:
         assert daemon.bundle.manifest.sensor == "GL0001"
 

@@ -20,7 +20,6 @@ from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.children import gellight
 from tests.helpers.command_line import invoke, refused
-from tests.helpers.places import REAL_CROPS
 
 PIXEL_MM = 0.1176
 BALL = ["--ball-radius-mm", "4", "--pixel-size-mm", str(PIXEL_MM)]
@@ -159,40 +158,7 @@ def test_what_was_found_is_printed_also_where_it_cannot_be_written(folder: Path,
         assert "no press" in nothing["refused"]
 
 
-PLATE = ["--ball-radius-mm", "1.5875", "--pixel-size-mm", "0.0591"]
-
-
-def test_the_balls_of_a_real_plate_are_found_and_give_the_scale(tmp_path: Path) -> None:
-    """One picture of a plate, no picture of the untouched gel; `detect` said "several presses" and found none."""
-    plate = [REAL_CROPS / "ball_plate/plate.png", *PLATE, "--pitch-mm", "6.35"]
-    arguments = ["detect", *plate, "--several", "--json", "--out", tmp_path / "presses.csv"]
-    result = invoke("calibrate", *arguments)
-    assert result.exit_code == 0, result.output
-    found = json.loads(result.stdout)
-    assert len(found["circles"]) == 20  # all whole ones
-    # The maker's own figures are 0.02922 and 0.02955 mm along the two axes of pictures twice as large.
-    assert found["scale"]["pixel_size_mm"] == pytest.approx(0.0588, rel=0.01)
-    assert found["scale"]["miss_px"] < 2
-    reference = tmp_path / "presses-untouched.png"
-    assert read_image(reference).shape == read_image(REAL_CROPS / "ball_plate/plate.png").shape
-    ball = Ball(radius_mm=1.5875, pixel_size_mm=0.0591)
-    assert len(read_presses(tmp_path / "presses.csv", ball=ball, image_shape=(510, 550))) == 20
-
-
-def test_without_an_untouched_picture_several_balls_are_needed(folder: Path, tmp_path: Path) -> None:
-    arguments = ["detect", folder / "a.png", *BALL, "--out", tmp_path / "presses.csv"]
-    result = invoke("calibrate", *arguments)
-    assert isinstance(result.exception, InputError)
-    assert "give --reference, or --several" in str(result.exception)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_ball_that_nobody_named_is_refused(folder: Path, tmp_path: Path) -> None:
-    common = ["detect", folder / "a.png", "--reference", folder / "untouched.png", "--out", tmp_path / "x"]
-    assert "what was pressed" in str(invoke("calibrate", *common).exception)
-
-
 def test_a_long_name_keeps_its_distance_from_what_is_said_of_it() -> None:
     refused = Detection(image=Path("a_name_of_twenty-six.letters.png"), contact=None, refused="no press")
-    table = command._table([refused], Path("p.csv"), None)
+    table = command._table([refused], Path("p.csv"))
     assert "letters.png refused: no press" in table

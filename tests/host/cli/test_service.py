@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from gellight.base.errors import ConfigError, InputError
-from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import load_settings
+from gellight.cli.one_sensor import ServiceManager
 from gellight.cli.service import unit
 from tests.helpers import children
 from tests.helpers.command_line import invoke, refused

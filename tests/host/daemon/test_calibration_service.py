@@ -74,7 +74,6 @@ def test_what_a_calibration_needs_is_listed_before_and_not_while_it_goes_on(
     listed = {need.name: need for need in service.state().needs}
     assert {name: need.state for name, need in listed.items()} == {
         "ball": "yours", "cylinder": "yours", "gel": "yours", "light": "yours", "camera": "ready", "disk": "ready",
-        "training": "ready",
     }  # fmt: skip
     assert listed["disk"].text.endswith("GB free")
     monkeypatch.setattr(shutil, "disk_usage", lambda place: SimpleNamespace(free=1_000))

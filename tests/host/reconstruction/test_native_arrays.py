@@ -7,10 +7,9 @@ import pytest
 from scipy import fft
 
 from gellight.bundle.bundle import load_bundle
-from gellight.reconstruction.native import build, library, network
-from gellight.reconstruction.native.build import library_file
+from gellight.reconstruction.native import library, network
 from gellight.reconstruction.native.cosine import CosineRows, radices_of
-from gellight.reconstruction.native.library import Library, fitting
+from gellight.reconstruction.native.library import Library, fitting, library_file
 from gellight.reconstruction.native.work import ArrayPool
 from gellight.reconstruction.network_session import NetworkSession
 from tests.helpers.linear_sensor import linear_bundle
@@ -24,7 +23,7 @@ LENGTHS = (32, 36, 60, 64, 80, 90, 160, 306, 320, 33, 46)
 @pytest.mark.parametrize("name", RUNNABLE)
 @pytest.mark.parametrize("length", LENGTHS)
 def test_cosine_transforms_are_right_and_come_back(name: str, length: int) -> None:
-    loaded = library.Library(build.library_file(name))
+    loaded = library.Library(library_file(name))
     for rows in (1, 7, 16, 33):
         maps = np.random.default_rng(rows).normal(size=(rows, length)).astype(np.float32)
         transforms = CosineRows(loaded, maps.shape)

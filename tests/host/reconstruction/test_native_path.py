@@ -14,12 +14,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from firmware.tools import libraries
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frame_path import pipeline
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
-from gellight.reconstruction.native import build, judge, library
+from gellight.reconstruction.native import judge, library
 from gellight.reconstruction.native.native_path import NativePath
 from tests.helpers.analytic_surfaces import gaussian
 from tests.helpers.linear_sensor import bundle_of, linear_bundle, photograph
@@ -34,7 +35,7 @@ needs_a_library = pytest.mark.skipif(not RUNNABLE, reason="no library is built f
 
 
 def choose(chosen: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pipeline, "fitting_library", lambda: (chosen, library.Library(build.library_file(chosen))))
+    monkeypatch.setattr(pipeline, "fitting_library", lambda: (chosen, library.Library(library.library_file(chosen))))
 
 
 @pytest.fixture(params=RUNNABLE)
@@ -237,7 +238,7 @@ def test_a_damaged_library_is_not_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """To load the half of a library would end the process."""
-    whole = build.library_file(library.fitting()[0])
+    whole = library.library_file(library.fitting()[0])
     broken = tmp_path / whole.name
     monkeypatch.setattr(library, "library_file", lambda name: broken)
     assert "No such file" in numpy_because(SYNTHETIC, caplog)
@@ -270,14 +271,15 @@ def test_a_library_that_answers_otherwise_is_refused(
 @pytest.mark.nightly
 def test_the_committed_libraries_are_built_from_the_sources() -> None:
     """The same bytes from the same compiler, on any machine."""
-    for target in build.TARGETS:
-        assert build.build(target) == build.library_file(target).read_bytes(), f"{target}: build the libraries again"
+    for target in libraries.FRAME_PATHS:
+        committed = library.library_file(target).read_bytes()
+        assert libraries.frame_path(target) == committed, f"{target}: build the libraries again"
 
 
 def test_the_libraries_need_nothing_but_two_functions_of_c() -> None:
-    for target in build.TARGETS:
-        library.check_whole(build.library_file(target))
-        content = build.library_file(target).read_bytes()
+    for target in libraries.FRAME_PATHS:
+        library.check_whole(library.library_file(target))
+        content = library.library_file(target).read_bytes()
         assert content.startswith(b"\x7fELF")
         assert b"libc" not in content
 
@@ -308,9 +310,10 @@ print("clean")
 
 def sanitized(tmp_path: Path, compiler: list[str], kinds: str) -> Path:
     out = tmp_path / "sanitized.so"
-    flags = [*build.FLAGS[:1], "-O1", "-g", *build.FLAGS[2:], f"-fsanitize={kinds}", "-fno-sanitize-recover=all"]
-    command = [*compiler, *flags, "-fPIC", "-shared", *build.sources(), "-o", str(out)]
-    subprocess.run(command, cwd=build.FOLDER, check=True)
+    of_frames = libraries.FLAGS
+    flags = [*of_frames[:1], "-O1", "-g", *of_frames[2:], f"-fsanitize={kinds}", "-fno-sanitize-recover=all"]
+    command = [*compiler, *flags, "-fPIC", "-shared", *libraries.sources(), "-o", str(out)]
+    subprocess.run(command, cwd=library.FOLDER, check=True)
     return out
 
 

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from firmware.tools.libraries import BOARDS, FRAME_PATHS
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frame_path import pipeline
 from gellight.frames.frames import CameraFrame
-from gellight.lab.core_board import build as core_board
-from gellight.reconstruction.native import build, judge, library
+from gellight.lab.core_board import core
+from gellight.reconstruction.native import judge, library
 from tests.benchmarks.frame_times import scenes
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.native_forms import agree, both
@@ -30,7 +31,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def aarch64(server: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[OtherProcessor]:
-    with OtherProcessor(build.library_file("aarch64"), server) as emulated:
+    with OtherProcessor(library.library_file("aarch64"), server) as emulated:
         monkeypatch.setattr(pipeline, "fitting_library", lambda: ("aarch64", emulated))
         yield emulated
 
@@ -91,8 +92,8 @@ def test_one_wheel_serves_every_platform_and_holds_each_library_once(wheel: Path
     with zipfile.ZipFile(wheel) as archive:
         files = {name: archive.read(name) for name in archive.namelist() if name.endswith(".so")}
         packed = sum(archive.getinfo(name).compress_size for name in files)
-    built = [build.library_file(name) for name in build.TARGETS]
-    built += [core_board.library_file(name) for name in core_board.TARGETS]
+    built = [library.library_file(name) for name in FRAME_PATHS]
+    built += [core.library_file(name) for name in BOARDS]
     assert files == {path.relative_to(CHECKOUT / "host").as_posix(): path.read_bytes() for path in built}
     assert packed < 500_000, "bytes; more would be worth a wheel for each platform"
 

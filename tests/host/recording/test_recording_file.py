@@ -14,7 +14,7 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CaptureStamp
 from gellight.frames.measures import MapOnRequest
 from gellight.opening import open_camera
-from gellight.recording.depth_kind import DepthKind
+from gellight.recording.kinds import DepthKind
 from gellight.recording.recording_file import (
     ContactInfo,
     Recording,

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import gellight
-from gellight.recording.depth_kind import DepthKind
+from gellight.recording.kinds import DepthKind
 from gellight.stream.recorder import Recorder
 from tests.helpers.waiting import eventually
 

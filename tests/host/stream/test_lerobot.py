@@ -4,42 +4,37 @@ import json
 import os
 import re
 import sys
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 import gellight
 from gellight.bundle.bundle import extend_bundle
+from gellight.frames.frames import CameraFrame, CaptureStamp
 from gellight.reconstruction.measures import BundleMeasures
+from gellight.recording.recording_file import Recording, RecordingWriter
 from gellight.stream.publisher import Publisher
 from tests.helpers.children import run
-from tests.helpers.lerobot_packages import lerobot_folder
+from tests.helpers.lerobot_packages import lerobot_environment
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.places import CHECKOUT
 from tests.helpers.streamed import SHAPE, BumpReconstructor, bump_daemon
-from tests.helpers.weighed import force_files
+from tests.helpers.weighed import force_files, weighed
 
 pytestmark = pytest.mark.nightly
-PLUGIN = CHECKOUT / "host/lerobot_camera_gellight"
 READER = CHECKOUT / "tests/helpers/lerobot_reader.py"
 (CAMERAS,) = re.findall(r"--robot\.cameras=\"(.*?)\"", (CHECKOUT / "docs/streaming.md").read_text())
 """as a user types it"""
+MAPS = ("images.gel", "gel_depth")
 PAGE = (CHECKOUT / "docs/lerobot.md").read_text()
 
 
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Where LeRobot and the wheel of the plug-in can be imported from, and where LeRobot may write."""
-    folder = tmp_path_factory.mktemp("lerobot")
-    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder / "wheel"]
-    run(build, cwd=PLUGIN, check=True)
-    (wheel,) = (folder / "wheel").glob("*.whl")
-    zipfile.ZipFile(wheel).extractall(folder / "site")
-    path = os.pathsep.join(map(str, (folder / "site", lerobot_folder(), CHECKOUT / "host")))
-    return {**os.environ, "PYTHONPATH": path, "HF_HOME": str(folder / "hf"), "HF_HUB_OFFLINE": "1"}
+    return lerobot_environment(tmp_path_factory.mktemp("lerobot"))
 
 
 def ask(environment: dict[str, str], *arguments: object) -> dict[str, object]:
@@ -127,3 +122,35 @@ def test_the_settings_of_the_page_do_not_clip_tactile_depth(environment: dict[st
     by_default = ask(environment, "quantise", 0.01, 10, "true")
     assert by_default["codes"] == 1
     assert by_default["worst_um"] > 1000
+
+
+def test_a_recording_becomes_an_episode_by_lerobots_own_writer(environment: dict[str, str], tmp_path: Path) -> None:
+    """Read by Parquet's own reader: what was recorded, what is felt of it, and the pose, which is no observation."""
+    parquet, press = pytest.importorskip("pyarrow.parquet"), weighed(0.5)
+    bundle = extend_bundle(linear_bundle(tmp_path / "plain"), tmp_path / "bundle", force_files())
+    with RecordingWriter(tmp_path / "press.mcap", "sim") as writer:
+        for number in range(4):
+            frame = CameraFrame(image=press.picture(0.5, number), time_s=number / 10, sequence=number)
+            writer.add(frame, CaptureStamp(zeroed=bundle, unix_s=1e9 + frame.time_s))
+    out = tmp_path / "out"
+    ask(environment, "export", tmp_path / "press.mcap", "--out", out, "--as", "lerobot", "--track")
+    assert [path.name for path in out.iterdir()] == ["lerobot"]
+    info, stats = (json.loads((out / f"lerobot/meta/{name}.json").read_text()) for name in ("info", "stats"))
+    rows = parquet.read_table(out / "lerobot/data/chunk-000/file-000.parquet").to_pylist()
+    assert (len(rows), info["total_frames"], info["total_episodes"], info["fps"]) == (4, 4, 1, 10)
+    assert [row["timestamp"] for row in rows] == pytest.approx([0, 0.1, 0.2, 0.3])
+    assert [row["observation.time_s"] for row in rows] == pytest.approx([0, 0.1, 0.2, 0.3])
+    taken = list(Recording(tmp_path / "press.mcap").frames())[2].image("a")
+    felt = gellight.Reconstructor(bundle).reconstruct(CameraFrame(image=taken, time_s=0.2, sequence=2))
+    image, depth = (np.frombuffer(rows[2][f"observation.{name}"]["bytes"], np.uint8) for name in MAPS)
+    assert np.array_equal(cv2.imdecode(image, cv2.IMREAD_COLOR_RGB), taken)
+    depth_m = cv2.imdecode(depth, cv2.IMREAD_UNCHANGED)
+    assert depth_m.dtype == np.float32
+    assert depth_m == pytest.approx(felt.depth_mm / 1000, abs=4e-8)
+    names = info["features"]["observation.state"]["names"]
+    assert dict(zip(names, rows[2]["observation.state"], strict=True))["force_n"] == pytest.approx(felt.force.normal_n)
+    assert stats["observation.state"]["mean"] == pytest.approx(np.mean([row["observation.state"] for row in rows], 0))
+    assert {name: info["features"][f"object.{name}"]["shape"] for name in ("number", "motion", "covariance")} == {
+        "number": [1], "motion": [16], "covariance": [36],
+    }  # fmt: skip
+    assert {row["object.number"] for row in rows} <= {0, 1}

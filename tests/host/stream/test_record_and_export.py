@@ -25,7 +25,6 @@ from gellight.lab.report.pictures import encode_png
 from gellight.reconstruction.native import library
 from gellight.recording.array_files import STEP, write_arrays
 from gellight.recording.frame_record import packed_picture
-from gellight.recording.lerobot_files import write_lerobot
 from gellight.recording.recording_file import Recording
 from gellight.recording.replay_camera import open_replay
 from tests.helpers import children
@@ -34,7 +33,6 @@ from tests.helpers.doc_examples import examples, run
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.places import CHECKOUT
 from tests.helpers.ply import read_ply
-from tests.helpers.streamed import full_frame
 from tests.helpers.weighed import force_files, weighed
 
 
@@ -102,37 +100,10 @@ def test_a_recording_becomes_one_file_of_arrays(recording: Path, tmp_path: Path)
     assert "frames.h5" in refused(invoke("export", recording, "--out", tmp_path, "--as", "hdf5"))
 
 
-@pytest.mark.nightly
-def test_a_recording_becomes_an_episode_of_lerobot(recording: Path, tmp_path: Path) -> None:
-    """LeRobot 0.6.1 itself has read such a folder; here Parquet's own reader does."""
-    parquet = pytest.importorskip("pyarrow.parquet")
-    done = done_of("export", recording, "--out", tmp_path, "--as", "lerobot")
-    folder, taken = tmp_path / "lerobot", list(Recording(recording).frames())
-    info = json.loads((folder / "meta/info.json").read_text())
-    rows = parquet.read_table(folder / info["data_path"].format(chunk_index=0, file_index=0)).to_pylist()
-    assert f"{info['total_frames']} frames" in done.stdout
-    assert set(rows[2]) == set(info["features"])
-    assert [row["timestamp"] for row in rows] == pytest.approx([i / info["fps"] for i in range(len(taken))])
-    image = cv2.imdecode(np.frombuffer(rows[2]["observation.images.gel"]["bytes"], np.uint8), cv2.IMREAD_COLOR_RGB)
-    assert np.array_equal(image, taken[2].image("a"))
-    camera_frame = CameraFrame(image=image, time_s=0.0, sequence=2)
-    felt = gellight.Reconstructor(Recording(recording).bundle).reconstruct(camera_frame)
-    assert np.array(rows[2]["observation.gel_depth"])[..., 0] == pytest.approx(felt.depth_mm / 1000, abs=4e-8)
-    names = info["features"]["observation.state"]["names"]
-    assert dict(zip(names, rows[2]["observation.state"], strict=True))["force_n"] == pytest.approx(felt.force.normal_n)
-    (episode,) = parquet.read_table(folder / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
-    assert (episode["length"], episode["dataset_to_index"]) == (len(taken), len(taken))
-    states = json.loads((folder / "meta/stats.json").read_text())["observation.state"]
-    assert states["mean"] == pytest.approx(np.mean([row["observation.state"] for row in rows], axis=0).tolist())
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["lerobot"]
-
-
-def test_without_its_library_or_frames_no_episode_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(InputError, match="no frames"):
-        write_lerobot([], tmp_path / "a", fps=30, task="touch", png=bytes)
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(InputError, match="pip install pyarrow"):
-        write_lerobot([full_frame()], tmp_path / "a", fps=30, task="touch", png=bytes)
+def test_an_episode_needs_lerobot_and_says_so(recording: Path, tmp_path: Path) -> None:
+    why = refused(invoke("export", recording, "--out", tmp_path / "new", "--as", "lerobot"))
+    assert "--as lerobot needs LeRobot" in why
+    assert "./host/lerobot_camera_gellight" in why
     assert list(tmp_path.iterdir()) == []
 
 

@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 import gellight
 from gellight.base.errors import InputError
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.recording.depth_kind import DepthKind
+from gellight.recording.kinds import DepthKind
 from gellight.recording.recording_file import Recording, depth_image
 from gellight.recording.replay_camera import open_replay
 from gellight.stream import recorder as recorder_module

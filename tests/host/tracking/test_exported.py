@@ -60,23 +60,6 @@ def test_the_arrays_have_the_motion_where_it_is_asked_for(recording: Path, tmp_p
         assert set(file["figures/object"][:]) == {0}
 
 
-@pytest.mark.nightly
-def test_the_episode_has_the_motion_as_features_that_are_no_observation(recording: Path, tmp_path: Path) -> None:
-    parquet = pytest.importorskip("pyarrow.parquet")
-    assert invoke("export", recording, "--out", tmp_path, "--as", "lerobot", "--track").exit_code == 0
-    folder = tmp_path / "lerobot"
-    info = json.loads((folder / "meta/info.json").read_text())
-    rows = parquet.read_table(folder / "data/chunk-000/file-000.parquet").to_pylist()
-    assert set(rows[0]) == set(info["features"])
-    assert {name: info["features"][f"object.{name}"]["shape"] for name in ("number", "motion", "covariance")} == {
-        "number": [1], "motion": [16], "covariance": [36],
-    }  # fmt: skip
-    assert {row["object.number"] for row in rows} == {1}
-    slid(np.array([row["object.motion"] for row in rows]).reshape(-1, 4, 4))
-    covariance = np.array(rows[-1]["object.covariance"]).reshape(6, 6)
-    assert np.linalg.eigvalsh(covariance).min() > -1e-9
-
-
 def test_a_kind_without_a_place_for_the_pose_is_refused(recording: Path, tmp_path: Path) -> None:
     said = refused(invoke("export", recording, "--out", tmp_path / "out", "--as", "ply", "--track"))
     assert "--as ply has no place for a pose: take one of hdf5, lerobot" in said

@@ -4,21 +4,23 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
-from gellight.cli.calibrate.directions import Pictures
 from gellight.cli.calibrate.told_ball import told_ball
 from gellight.cli.calibrate.training_options import SizedTraining
 from gellight.cli.options import AsJson, NewBundle, Sensor, with_options
 from gellight.cli.showing import progress, show
 from gellight.daemon.bundle_choice import sensor_name
-from gellight.lab.optics.lights.ball_series import LitBalls
+from gellight.frames.image_files import image_files, read_grey
+from gellight.lab.optics.lights.ball_series import LitBalls, read_series, take_series
 from gellight.lab.optics.lights.channel_fit import fit_channels
-from gellight.lab.optics.lights.live_series import take_series
+from gellight.lab.training.label_file import read_presses
 from gellight.opening import open_camera
 from gellight.photometric.ring_geometry import RingGeometry
+from gellight.reconstruction.image_noise import noise_of_one
 from gellight.sensor.lighting.sequence_choice import chosen_groups
 
 
@@ -34,7 +36,9 @@ class ChannelInput:
     untouched: Annotated[
         str | None, typer.Option(help="folder or quoted pattern: the untouched gel, in the same order")
     ] = None
-    presses: Annotated[Path | None, typer.Option(help="csv of the circles, as `detect` writes it")] = None
+    presses: Annotated[
+        Path | None, typer.Option(help="csv of the circles, as `detect` writes it; they hold in all pictures")
+    ] = None
     white: Annotated[
         float | None, typer.Option(min=1, help="level that is white", show_default="255, or 65535 of 16 bit")
     ] = None
@@ -57,10 +61,15 @@ class ChannelInput:
         assert self.balls is not None
         assert self.untouched is not None
         assert self.presses is not None
-        size = {"ball_radius_mm": self.ball_radius_mm, "pixel_size_mm": self.pixel_size_mm}
-        return Pictures(
-            balls=self.balls, untouched=self.untouched, presses=self.presses, white=self.white, **size
-        ).read()
+        return self._from_pictures(self.balls, self.untouched, self.presses)
+
+    def _from_pictures(self, balls: str, untouched: str, presses: Path) -> LitBalls:
+        ball = told_ball(self.ball_radius_mm, self.pixel_size_mm)
+        of_balls, flat = (same_size(image_files(text), self.white) for text in (balls, untouched))
+        levels = np.stack([read_grey(path, self.white) for path in flat])
+        labelled = read_presses(presses, ball=ball, image_shape=(levels.shape[1], levels.shape[2]))
+        series = read_series(of_balls, labelled, len(levels), self.white)
+        return LitBalls(series=series, untouched=levels, ball=ball, noise_grey=noise_of_one(levels[0][..., None]))
 
     def _from_sensor(self, sequence: str) -> LitBalls:
         ball = told_ball(self.ball_radius_mm, self.pixel_size_mm)
@@ -84,10 +93,11 @@ class FewBalls(SizedTraining):
 def command(given: ChannelInput, new: NewBundle, how: FewBalls, as_json: AsJson = False) -> None:
     """Train GelNet on balls under three or more lights, a channel for each.
 
-    From recorded pictures, of any lights and of one channel and 16 bit too, as `directions` takes them; `reconstruct
-    --calibration` then takes one picture a light. Or from a sensor with a ring, which shows the groups of --sequence:
-    you are asked for one press after the other, on a simulated sensor a virtual hand presses; `run --calibration` then
-    shows these groups in turn. A quarter of the balls is held out and judges GelNet beside least squares.
+    From recorded pictures, of any lights and of one channel and 16 bit too; a pattern is expanded in natural order, and
+    several series follow each other. `reconstruct --calibration` then takes one picture a light. Or from a sensor with
+    a ring, which shows the groups of --sequence: you are asked for one press after the other, on a simulated sensor a
+    virtual hand presses; `run --calibration` then shows these groups in turn. A quarter of the balls is held out and
+    judges GelNet beside least squares.
     """
     with progress("training") as report:
         bundle = fit_channels(given.taken(), new.out, options=how.options(), overwrite=new.overwrite, progress=report)
@@ -99,6 +109,14 @@ def command(given: ChannelInput, new: NewBundle, how: FewBalls, as_json: AsJson 
             f"{way:14} normals {near:.2f} and {wide:.2f} deg within 0.8 and 0.95 of the contact, radius {felt:.4g} mm"
         )
     show({"calibration": str(new.out), "held_out": judged}, as_json, "\n".join(lines))
+
+
+def same_size(paths: list[Path], white: float | None) -> list[Path]:
+    """Return the paths; InputError where their pictures differ in size."""
+    shapes = {read_grey(path, white).shape for path in paths}
+    if len(shapes) > 1:
+        raise InputError(f"the pictures beside {paths[0]} have several sizes: give those of one camera setting")
+    return paths
 
 
 def _ask(words: str) -> None:

@@ -19,14 +19,6 @@ def command(
         str | None, typer.Option(help="bundle that the lights are added to.", show_default="that of the sensor")
     ] = None,
     frames: Annotated[int, typer.Option(min=1, max=256, help="frames averaged for each LED")] = 8,
-    ring_from_light: Annotated[
-        bool,
-        typer.Option("--ring-from-light", help="take the places of the LEDs from the pictures, not from the settings"),
-    ] = False,
-    ball_radius_mm: Annotated[
-        float | None,
-        typer.Option(help="with --ring-from-light: radius of a ball, mm, that is pressed to confirm the places"),
-    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure the light of each LED on the untouched gel.
@@ -39,9 +31,6 @@ def command(
         settings,
         new.out,
         frames=frames,
-        ring_from_light=ring_from_light,
-        ball_radius_mm=ball_radius_mm,
-        press_ball=lambda: typer.prompt("Press the ball and hold it still; then Enter", default="", err=True),
         overwrite=new.overwrite,
     )
     show(found, as_json)

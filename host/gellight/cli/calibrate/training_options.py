@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gellight.base.errors import InputError
-from gellight.lab.training.trainer import RECIPES, TrainerName, checked_trainer
+from gellight.lab.training.child import RECIPES, TrainerName, checked_trainer
 
 if TYPE_CHECKING:
     from gellight.lab.training.training import TrainingOptions

@@ -1,8 +1,9 @@
 """A recording as files that other programs read."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from importlib.metadata import entry_points
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,9 @@ from gellight.cli.showing import show
 from gellight.frames.frames import TactileFrame
 from gellight.frames.maps_file import maps_file
 from gellight.frames.point_cloud import ply
-from gellight.lab.report.pictures import encode_png, four_panels
-from gellight.lab.report.video import VideoFile
+from gellight.lab.report.pictures import VideoFile, encode_png, four_panels
 from gellight.recording.array_files import write_arrays
-from gellight.recording.export_kind import ONE_FILE, Kind
-from gellight.recording.lerobot_files import write_lerobot
+from gellight.recording.kinds import ONE_FILE, Kind
 from gellight.recording.recording_file import Recording
 from gellight.tracking.following import ObjectFollower
 
@@ -52,13 +51,26 @@ def export(
             case Kind.HDF5:
                 count = write_arrays(frames, out / ONE_FILE[kind], **known)
             case Kind.LEROBOT:
-                count = write_lerobot(frames, out / ONE_FILE[kind], fps=fps_of(recording) / every, task=file.stem,
-                                      png=encode_png, tracked=track)  # fmt: skip
+                write = _writer_beside(kind)
+                count = write(
+                    frames, out / ONE_FILE[kind], fps=fps_of(recording) / every, task=file.stem, tracked=track
+                )
             case _:
                 count = sum(_written(frame, out, kind, scale_um, used) for frame in frames)
     if not recording.whole:
         print(f"gellight: the end of {file} is missing: its recording was cut short", file=sys.stderr)
     show({"frames": count, "whole": recording.whole}, as_json, f"{count} frames in {out}")
+
+
+def _writer_beside(kind: Kind) -> Callable[..., int]:
+    """Return what writes a kind that a distribution beside this one knows; InputError where it is not installed."""
+    for found in entry_points(group="gellight.exports", name=kind):
+        writer: Callable[..., int] = found.load()
+        return writer
+    raise InputError(
+        f"--as {kind} needs LeRobot: in its environment, pip install . ./host/lerobot_camera_gellight from a clone of "
+        "GelLight"
+    )
 
 
 @contextmanager

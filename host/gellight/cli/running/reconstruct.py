@@ -15,7 +15,6 @@ from gellight.base.settings import load_settings
 from gellight.base.writing import write_file
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.cli.ending import Ending
-from gellight.cli.reconstruct_options import Method
 from gellight.cli.showing import show
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import TactileFrame
@@ -23,7 +22,6 @@ from gellight.frames.image_files import ImageCamera, image_files
 from gellight.frames.maps_file import maps_file
 from gellight.frames.picture import prepared
 from gellight.lab.report.pictures import encode_png, four_panels
-from gellight.photometric.directions import LightDirections
 from gellight.reconstruction.light_drift import light_drift
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.series.single_light_path import has_single_lights, read_directions, slopes_by
@@ -49,18 +47,27 @@ class Row:
     """what is known against it; empty where nothing is"""
 
 
-def reconstruct(images: Sequence[str], out: Path, method: Method, scale_um: float, as_json: bool) -> None:
+def reconstruct(
+    images: Sequence[str],
+    out: Path,
+    calibration: str,
+    *,
+    white: float | None,
+    least_squares: bool,
+    scale_um: float,
+    as_json: bool,
+) -> None:
     """Reconstruct the images that the texts name, write the files of each into `out`, and show the contacts."""
     paths = [path for text in images for path in image_files(text)]
     _refuse_clashes(paths, out)
-    bundle = load_bundle(method.calibration) if method.calibration is not None else None
-    thickness_mm = _thickness_mm(bundle)
+    bundle = load_bundle(calibration)
+    thickness_mm = gel_thickness_mm(bundle, load_settings({}).geometry.gel_thickness_mm)
     rows = [
         _written(frame, path, out, scale_um, tuple(_against(frame, thickness_mm, bundle)))
-        for frame, path in _frames(method, paths, bundle)
+        for frame, path in _frames(bundle, paths, white, least_squares)
     ]
     show(rows, as_json, _table(rows))
-    for finding in learnt_elsewhere(bundle) if bundle is not None else ():
+    for finding in learnt_elsewhere(bundle):
         say(f"gellight: {finding.text}")
     if thickness_mm is None:
         say(
@@ -71,35 +78,27 @@ def reconstruct(images: Sequence[str], out: Path, method: Method, scale_um: floa
         raise typer.Exit(Ending.JUDGED_BAD)
 
 
-def _frames(method: Method, paths: Sequence[Path], bundle: Bundle | None) -> Iterator[tuple[TactileFrame, Path]]:
+def _frames(
+    bundle: Bundle, paths: Sequence[Path], white: float | None, least_squares: bool
+) -> Iterator[tuple[TactileFrame, Path]]:
     """Reconstruct the images, each with the path that names its result."""
-    if bundle is None:
-        assert method.lights is not None, "one of both is there"
-        _refuse_useless(method, "--lights", "least_squares")
-        return iter([(frame_of_lights(LightDirections.read(method.lights), paths, method.white), paths[0])])
     if has_single_lights(bundle):
-        return iter([(_of_channels(method, bundle, paths), paths[0])])
-    _refuse_useless(method, "a bundle of one light", "white", "least_squares")
-    return _of_colours(method, bundle, paths)
+        return iter([(_of_channels(bundle, paths, white, least_squares), paths[0])])
+    useless = [name for name, given in (("--white", white), ("--least-squares", least_squares)) if given]
+    if useless:  # the asker would believe that they did something
+        raise InputError(f"{' and '.join(useless)} has no effect with a bundle of one light: remove it")
+    return _of_colours(bundle, paths)
 
 
-def _refuse_useless(method: Method, source: str, *names: str) -> None:
-    """Refuse options that change nothing for this source of the light: the asker would believe that they did."""
-    useless = [f"--{name.replace('_', '-')}" for name in names if getattr(method, name)]
-    if useless:
-        raise InputError(f"{' and '.join(useless)} has no effect with {source}: remove it")
-
-
-def _of_channels(method: Method, bundle: Bundle, paths: Sequence[Path]) -> TactileFrame:
+def _of_channels(bundle: Bundle, paths: Sequence[Path], white: float | None, least_squares: bool) -> TactileFrame:
     """Reconstruct the pictures of one series by a bundle with a channel for each light."""
     directions = read_directions(bundle)
-    mode = "photometric" if method.least_squares else "network"
-    slopes = slopes_by(bundle, directions, mode)
+    mode = "photometric" if least_squares else "network"
     measures = BundleMeasures(bundle, from_network=mode == "network")
-    return frame_of_lights(directions, paths, method.white, slopes=slopes, measures=measures)
+    return frame_of_lights(directions, paths, white, slopes=slopes_by(bundle, directions, mode), measures=measures)
 
 
-def _of_colours(method: Method, bundle: Bundle, paths: Sequence[Path]) -> Iterator[tuple[TactileFrame, Path]]:
+def _of_colours(bundle: Bundle, paths: Sequence[Path]) -> Iterator[tuple[TactileFrame, Path]]:
     """Reconstruct each picture by itself, one after the other."""
     manifest = bundle.manifest.model_copy(update={"follow_light": True})
     following = cache(lambda: Reconstructor(replace(bundle, manifest=manifest)))
@@ -120,15 +119,9 @@ def _other_light(image: NDArray[np.uint8], bundle: Bundle, path: Path) -> bool:
     return other
 
 
-def _thickness_mm(bundle: Bundle | None) -> float | None:
-    """Return how thick the gel is, by the bundle, else by the settings; None where nobody told."""
-    told_mm = load_settings({}).geometry.gel_thickness_mm
-    return gel_thickness_mm(bundle, told_mm) if bundle is not None else told_mm
-
-
-def _against(frame: TactileFrame, thickness_mm: float | None, bundle: Bundle | None) -> Iterator[WatchFinding]:
+def _against(frame: TactileFrame, thickness_mm: float | None, bundle: Bundle) -> Iterator[WatchFinding]:
     """Yield what is known against what was found in one image."""
-    if bundle is not None and not has_single_lights(bundle):
+    if not has_single_lights(bundle):
         drift = light_drift(frame.camera_frame.image, bundle.reference)
         if drift.refusal:
             yield other_light(drift.refusal, drift.most)

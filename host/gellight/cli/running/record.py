@@ -16,7 +16,7 @@ from gellight.cli.showing import show
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream
 from gellight.frames.measures import MapOnRequest
-from gellight.recording.depth_kind import DepthKind
+from gellight.recording.kinds import DepthKind
 from gellight.stream.recorder import Recorder, RecordingStatus
 
 STATUS_S = 1.0

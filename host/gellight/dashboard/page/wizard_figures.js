@@ -16,7 +16,6 @@ const FIGURES = [
   ["verify", ["true_depth_mm"], "depth error in contact, fresh presses", (v) => `${(v * 1000).toFixed(1)} µm`],
   ["verify", ["depth_mm"], "of it in the shape (the mean of each press is off)", (v) => `${(v * 1000).toFixed(1)} µm`],
   ["verify", ["normal_deg"], "normal error, fresh presses", (v) => `${v.toFixed(2)}°`],
-  ["verify", ["picture_grey"], "picture re-rendered within", (v) => `${v.toFixed(1)} grey`],
 ];
 
 /** Return [name, text] for each figure that is known. */

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BoardError, CameraError
 from gellight.frames.pixel_grid import block_means
 from gellight.lab.calibration.display import Progress
-from gellight.lab.calibration.records import GroupAnswer, LedAnswer, LedCheck
+from gellight.lab.calibration.records import LedAnswer, LedCheck
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.sensing import BLOCK_PX
 from gellight.ring.light_groups import colour_triples, single_leds
@@ -56,8 +56,8 @@ def check_lights(run: CalibrationRun, colours: NDArray[np.uint8]) -> LedCheck:
         rises.append(light(run, group) - dark)
     answers = tuple(_answer(led, rise, colours) for led, rise in enumerate(rises))
     _refuse(answers)
-    groups = _check_groups(run, colours, dark, rises)
-    return LedCheck(leds=answers, groups=groups, dark_grey=float(dark.mean()))
+    _check_groups(run, colours, dark, rises)
+    return LedCheck(leds=answers)
 
 
 def _answer(led: int, rise: Floats, colours: NDArray[np.uint8]) -> LedAnswer:
@@ -99,11 +99,8 @@ def _listed(names: Sequence[object]) -> str:
     return ", ".join(map(str, names))
 
 
-def _check_groups(
-    run: CalibrationRun, colours: NDArray[np.uint8], dark: Floats, rises: list[Floats]
-) -> tuple[GroupAnswer, ...]:
+def _check_groups(run: CalibrationRun, colours: NDArray[np.uint8], dark: Floats, rises: list[Floats]) -> None:
     """Light each colour triple: its picture has to be the sum of its LEDs."""
-    found = []
     for number, group in enumerate(colour_triples(colours)):
         members = [led for led in range(len(colours)) if group[led].any()]
         rise = light(run, group) - dark
@@ -114,5 +111,3 @@ def _check_groups(
                 f"light group {number} (LED {_listed(members)}) differs by {error:.0%} from the sum of its LEDs: the "
                 "supply of the ring sags or other light falls in; use a stronger supply and cover the sensor"
             )
-        found.append(GroupAnswer(group=number, leds=tuple(members), error=error))
-    return tuple(found)

@@ -4,27 +4,28 @@ from typing import ClassVar
 
 from pydantic import ConfigDict
 
+from gellight.base.allowed import Record
 from gellight.lab.optics.lens.measuring import LensFigures
-from gellight.lab.report.record import Record
 
 
-class StepFigures(Record):
+class StepPart(Record):
+    """A part of what a step measured; what an older version kept beside it is left out."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class StepFigures(StepPart):
     """What one finished step measured."""
 
     step: ClassVar[str]
     """name of the step, see `display.STEPS`"""
 
 
-class Uniformity(Record):
-    """The distribution of one intensity over the view; the paper's sensor: 159.02, 6.67, 64.05 %, 96.17 %, 99.90 %."""
+class Uniformity(StepPart):
+    """The distribution of one intensity over the view; the paper's sensor: 159.02, 6.67."""
 
     mean_grey: float
     sigma_grey: float
-    within_1_sigma: float
-    within_2_sigma: float
-    within_3_sigma: float
-    darkest_grey: float
-    """1st percentile"""
     brightest_grey: float
     """99th percentile"""
 
@@ -51,21 +52,10 @@ class LedAnswer(Record):
     """from where it shines, anticlockwise from the right"""
 
 
-class GroupAnswer(Record):
-    """How far the picture under a light group is from the sum of its LEDs."""
-
-    group: int
-    leds: tuple[int, ...]
-    error: float
-    """as a share of the sum"""
-
-
-class LedCheck(Record):
+class LedCheck(StepPart):
     """Every LED and every light group, lit by itself."""
 
     leds: tuple[LedAnswer, ...]
-    groups: tuple[GroupAnswer, ...]
-    dark_grey: float
 
 
 class Preparation(StepFigures):
@@ -117,7 +107,6 @@ class MeasuredPixelSize(PixelSize):
     spread_px: float
     x_spread_mm: float
     y_spread_mm: float
-    edge_scatter_px: float
 
 
 class PinGrid(StepFigures):
@@ -166,10 +155,6 @@ class BallPresses(StepFigures):
     held_out: HeldOutCurve
     held_out_um: float | None = None
     """see `LiveCoverage`; None in records of before"""
-    likely_radius_mm: float | None = None
-    """in records of before; nothing asks for it"""
-    press_error_deg: dict[int, float]
-    """by number of the press"""
 
 
 class ErrorSpread(Record):
@@ -212,29 +197,21 @@ class Fit(StepFigures):
     losses: tuple[float, ...]
 
 
-class MethodErrors(Record):
-    """The errors of one method on fresh presses, inside their contact circles."""
+class CheckErrors(StepPart):
+    """What one fresh press says of the calibration inside its contact circle, or the means over several."""
 
     depth_mm: float
     """mean absolute depth error after the mean error of each press was taken off: a contact circle does not say how
     deep its rim lies"""
     normal_deg: float
     """mean angle between the normals felt and those of the ball"""
-
-
-class CheckErrors(MethodErrors):
-    """What one fresh press says of the calibration, or the means over several."""
-
     indentation_mm: float
     felt_over_expected: float | None = None
     """how deep the ball is felt, over how deep by contact mechanics; None where nobody told how thick the gel is"""
-    picture_grey: float
-    """mean absolute difference of the picture from the one that the slopes felt would make"""
     true_depth_mm: float | None = None
     """mean absolute depth error against a simulator's truth, nothing taken off; None on a real sensor"""
     true_normal_deg: float | None = None
     """against the same truth, over the whole map"""
-    true_contact_normal_deg: float | None = None
 
     @property
     def known_depth_mm(self) -> float:

@@ -4,13 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.frames import TactileFrame
-from gellight.lab.calibration.preparing import contour_picture
 from gellight.lab.calibration.pressing import drawn
 from gellight.lab.calibration.records import (
     BallPresses,
@@ -28,8 +26,7 @@ from gellight.lab.calibration.records import (
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.state import CheckRecord
 from gellight.lab.report import html
-from gellight.lab.report.charts import Axes, Series, heat_map, line_chart, picture
-from gellight.lab.report.html import box, section, table
+from gellight.lab.report.html import box, picture, section, table
 from gellight.lab.report.pictures import depth_picture, difference_picture, normal_picture
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 from gellight.lab.training.training import like_words
@@ -40,8 +37,7 @@ _SHAPE = "depth, mean taken off, µm"
 _WHAT_IS_TAKEN_OFF = (
     "No network was trained on these presses. A contact circle does not say how deep its own rim lies. So where it "
     "says &quot;mean taken off&quot;, the mean error of each press is taken off: what is left is the error of the "
-    "shape, not of the level. The column &quot;picture&quot; compares the picture with the one that the felt slopes "
-    "make."
+    "shape, not of the level."
 )
 
 
@@ -129,9 +125,7 @@ def _verification(records: list[CheckRecord], figures: Verification, example: Ex
         "Verification on fresh presses",
         f"<p>{_WHAT_IS_TAKEN_OFF}</p>",
         small_pictures(_felt_pictures(example)),
-        box("figures", section_profile(example)),
-        f"<p>The ball is drawn twice: its rim at depth 0, and raised by {1000 * example.rim_mm:.0f} µm, where it fits "
-        "what is felt best. A depth that is wrong by as much everywhere does not show against the raised ball.</p>",
+        f"<p>The rim of the ball is felt {1000 * example.rim_mm:.0f} µm deep, which a circle does not tell.</p>",
         _checks(records),
     )
 
@@ -157,7 +151,7 @@ def _checks(records: list[CheckRecord]) -> str:
     known = records[0].figures.true_depth_mm is not None
     depth, whole = (["depth µm"], ["normals, whole map °"]) if known else ([], [])
     expected = ["felt over expected indentation"] if records[0].figures.felt_over_expected is not None else []
-    head = ["press", "centre px", "radius px", *depth, *expected, _SHAPE, "normals °", "picture, grey levels", *whole]
+    head = ["press", "centre px", "radius px", *depth, *expected, _SHAPE, "normals °", *whole]
     rows = [
         [
             f"{record.number}",
@@ -167,7 +161,6 @@ def _checks(records: list[CheckRecord]) -> str:
             *([] if one.felt_over_expected is None else [f"{one.felt_over_expected:.2f}"]),
             f"{1000 * one.depth_mm:.1f}",
             f"{one.normal_deg:.2f}",
-            f"{one.picture_grey:.2f}",
             *([] if one.true_normal_deg is None else [f"{one.true_normal_deg:.2f}"]),
         ]
         for record in records
@@ -176,37 +169,10 @@ def _checks(records: list[CheckRecord]) -> str:
     return box("wide", table(head, rows))
 
 
-def section_profile(example: Example) -> str:
-    """Draw depth along the horizontal line through the centre of a press, felt and by the ball (figure 6c)."""
-    press, row = example.on_gel, round(example.on_gel.center_y_px)
-    left, right = (round(press.center_x_px + side * 2.5 * press.contact_radius_px) for side in (-1, 1))
-    reach = slice(max(0, left), right)
-    x_mm = ((np.arange(example.shape[1]) - press.center_x_px) * example.ball.pixel_size_mm)[reach].tolist()
-    felt, ball = (1000 * depth_mm[row, reach].astype(float) for depth_mm in (example.felt.depth_mm, example.cap_mm))
-    raised_um = 1000 * example.rim_mm
-    return line_chart(
-        [
-            Series("felt", x_mm, felt.tolist()),
-            Series("ball, its rim at depth 0", x_mm, ball.tolist()),
-            Series(f"ball, raised by {raised_um:.0f} µm", x_mm, (ball + raised_um).tolist(), dashed=True),
-        ],
-        Axes(title="Section through the centre of the ball", x="mm", y="depth, µm"),
-    )
-
-
 def _preparation(run: CalibrationRun) -> str:
     prepared, reference = run.folder.figures(Preparation), run.folder.figures(UntouchedGel)
-    rows = []
-    for name, one in prepared.uniformity:
-        shares = [f"{100 * share:.2f} %" for share in (one.within_1_sigma, one.within_2_sigma, one.within_3_sigma)]
-        rows.append([name, f"{one.mean_grey:.1f}", f"{one.sigma_grey:.2f}", *shares])
-    rows.append(["paper, average", "159.0", "6.67", "64.05 %", "96.17 %", "99.90 %"])
-    untouched = run.folder.reference()
-    shown = [
-        (np.rint(untouched).astype(np.uint8), "the untouched gel"),
-        (contour_picture(untouched.mean(axis=2)), "its average intensity, contours"),
-        *((contour_picture(untouched[..., c]), name) for c, name in enumerate(("red", "green", "blue"))),
-    ]
+    rows = [[name, f"{one.mean_grey:.1f}", f"{one.sigma_grey:.2f}"] for name, one in prepared.uniformity]
+    untouched = np.rint(run.folder.reference()).astype(np.uint8)
     camera = ", ".join(f"{name} {value:g}" for name, value in prepared.camera.items()) or "nothing to set"
     answers = prepared.lights.leds if prepared.lights else ()
     leds = [[f"{a.led}", a.colour, f"{a.grey:.1f}", f"{a.azimuth_deg:.0f}"] for a in answers]
@@ -216,8 +182,8 @@ def _preparation(run: CalibrationRun) -> str:
         f"{reference.pixel_noise_grey:.2f} grey levels of noise in a pixel, which count as {reference.noise_grey:.2f} "
         "(more where neighbours share them, as behind a camera that compresses); while warming up the light moved by "
         f"{reference.warm_up_grey:.2f} grey levels.</p>",
-        small_pictures(shown),
-        box("wide", table(["intensity", "mean", "sigma", "within 1 sigma", "2 sigma", "3 sigma"], rows)),
+        small_pictures([(untouched, "the untouched gel")]),
+        table(["intensity", "mean", "sigma"], [*rows, ["paper, average", "159.0", "6.67"]]),
         table(["LED", "colour", "grey levels it adds", "shines from, degrees"], leds) if leds else "",
     )
 
@@ -259,28 +225,20 @@ def _lens(lens: PinGrid | None) -> str:
 
 def _presses(found: BallPresses, ball: Ball) -> str:
     seen = found.coverage
-    rows, columns = ([f"{i + 1}" for i in range(n)] for n in np.shape(seen.places))
-    turns = [f"{45 * i}°" for i in range(len(seen.slopes))]
-    bands = [f"{low:.0f}-{high:.0f}°" for low, high in pairwise(seen.steepness_deg)]
-    places, slopes = np.array(seen.places, float), np.array(seen.slopes, float) / 1000
-    charts = [
-        _counts(places, rows, columns, Axes(title="Presses by place", x="column", y="row")),
-        _counts(slopes, turns, bands, Axes(title="Thousand pixels by slope", x="steepness", y="direction")),
-    ]
-    if len(found.held_out) > 1:
-        presses, errors = zip(*found.held_out, strict=True)
-        curve = Series("cubic polynomial, each press left out", presses, errors)
-        charts.append(line_chart([curve], Axes(title="Held-out error as presses came in", x="presses", y="degrees")))
-    return section("Ball presses", f"<p>Balls are {escape(ball.seen_from())}.</p>", box("figures", *charts))
-
-
-def _counts(counts: NDArray[np.float64], rows: list[str], columns: list[str], axes: Axes) -> str:
-    return heat_map(counts, rows, columns, axes, largest=max(counts.max(), 1), mark=False)
+    head = ["presses by place", *(f"column {number + 1}" for number in range(len(seen.places[0])))]
+    lines = [f"Balls are {escape(ball.seen_from())}. The steepest slope is {seen.steepest_deg:.0f} degrees."]
+    if found.held_out:
+        presses, error_deg = found.held_out[-1]
+        lines.append(f"A cubic polynomial feels each of {presses} presses by the others to {error_deg:.2f} degrees.")
+    return section(
+        "Ball presses",
+        f"<p>{' '.join(lines)}</p>",
+        table(head, [[f"row {number}", *map(str, row)] for number, row in enumerate(seen.places, start=1)]),
+    )
 
 
 def _training(found: Fit) -> str:
     training, judged = found.training, found.held_out
-    curve = Series("loss", range(1, len(found.losses) + 1), found.losses)
     error = (
         f" Error on presses that networks did not learn from: {judged.normal_error_deg.mean:.2f} degrees."
         if judged
@@ -292,8 +250,7 @@ def _training(found: Fit) -> str:
     return section(
         "Network",
         f"<p>Trained on {training.images} presses by {escape(training.trainer)} in {training.cpu_seconds:.1f} CPU "
-        f"seconds.{error}{begun}</p>{left_out}",
-        box("figures", line_chart([curve], Axes(title="Training", x="epoch", y="loss"))),
+        f"seconds; its loss fell from {found.losses[0]:.3g} to {found.losses[-1]:.3g}.{error}{begun}</p>{left_out}",
     )
 
 

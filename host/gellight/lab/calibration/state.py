@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gellight.base.allowed import in_words
+from gellight.base.allowed import Record, in_words
 from gellight.base.errors import BundleError, InputError, first_line
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.manifest import MANIFEST
@@ -27,7 +27,6 @@ from gellight.lab.calibration.records import (
     UntouchedGel,
     Verification,
 )
-from gellight.lab.report.record import Record
 from gellight.lab.training.presses import Press
 
 STATE = "state.json"
@@ -76,6 +75,8 @@ class CheckRecord(PressRecord):
 class Identity(ToolSizes, Record):
     """What a calibration cannot change once it has begun: the sensor, the size of its pictures, the tools."""
 
+    model_config = ConfigDict(extra="ignore")
+
     sensor: str
     image_size_px: tuple[int, int]
     """(W, H)"""
@@ -85,8 +86,6 @@ class Identity(ToolSizes, Record):
 
 class Steps(BaseModel):
     """The figures of every finished step."""
-
-    model_config = ConfigDict(extra="forbid")
 
     prepare: Preparation | None = None
     reference: UntouchedGel | None = None
@@ -103,9 +102,7 @@ SCHEMA_VERSION = 1
 
 
 class State(BaseModel):
-    """Everything in `state.json`."""
-
-    model_config = ConfigDict(extra="forbid")
+    """Everything in `state.json`; what older versions kept beside it is left out."""
 
     schema_version: int = SCHEMA_VERSION
     identity: Identity
@@ -184,14 +181,6 @@ def state_in(path: Path) -> State | None:
             f"{place} has schema version {content['schema_version']}, this program reads {SCHEMA_VERSION}: "
             f"move {path} away and begin again"
         )
-    for part, gone in (
-        (content, "prisms"),
-        (content["identity"], "prism_angle_deg"),
-        (content.get("steps"), "without_prism"),
-        (steps.get("verify") if isinstance(steps := content.get("steps"), dict) else None, "second_opinions"),
-    ):
-        if isinstance(part, dict):
-            part.pop(gone, None)  # of older versions
     try:
         return State.model_validate(content)
     except ValidationError as error:

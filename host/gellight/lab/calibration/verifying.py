@@ -1,6 +1,7 @@
 """Step 6: fresh presses judge the draft; only what passes is written."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +10,9 @@ from gellight.base.errors import InputError, printable
 from gellight.bundle.bundle import REPORT, Bundle, Description, load_bundle, write_bundle
 from gellight.bundle.limits import Limits
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.frames.frames import CameraFrame
+from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.calibration.display import Progress
-from gellight.lab.calibration.judging import Judge, Rerenderer
 from gellight.lab.calibration.preparing import led_settings
 from gellight.lab.calibration.pressing import ball_of, circle_of, drawn
 from gellight.lab.calibration.records import (
@@ -29,10 +29,48 @@ from gellight.lab.calibration.sensing import Capture, check_light, detector_of, 
 from gellight.lab.calibration.state import CheckRecord
 from gellight.lab.report.pictures import depth_picture, difference_picture
 from gellight.lab.simulator.virtual_hand import VirtualHand
-from gellight.lab.training.presses import Press
-from gellight.lab.training.validation import ALIKE
+from gellight.lab.training.presses import Ball, Press
+from gellight.lab.training.validation import ALIKE, press_error
+from gellight.reconstruction.errors import surface_errors
+from gellight.reconstruction.force import Layer
+from gellight.reconstruction.lens.undistortion import circle_on_gel, has_lens, lens_of, read_record
 
 Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Judge:
+    """What every fresh press is held against."""
+
+    draft: Bundle
+    reconstructor: Reconstructor
+    ball: Ball
+    layer: Layer | None
+    """the soft gel, where known"""
+
+    def errors(self, frame: CameraFrame, press: Press) -> tuple[TactileFrame, CheckErrors]:
+        """Return what is felt of a press of the ball, and its errors."""
+        felt = self.reconstructor.reconstruct(frame)
+        error = press_error(self.on_gel(press), self.ball, felt, self.layer)
+        true = surface_errors(felt, frame.truth) if frame.truth else None
+        return felt, CheckErrors(
+            depth_mm=error.depth_mae_mm,
+            normal_deg=error.mean_deg,
+            indentation_mm=felt.contact.indentation_mm,
+            felt_over_expected=error.indentation.share if error.indentation else None,
+            true_depth_mm=true.contact_depth_mm if true else None,
+            true_normal_deg=true.normal_deg if true else None,
+        )
+
+    def on_gel(self, press: Press) -> Press:
+        """Return the circle of a press over the undistorted gel: the same where the bundle knows no lens."""
+        if not has_lens(self.draft):
+            return press
+        seen = press.center_x_px, press.center_y_px, press.contact_radius_px
+        x, y, radius = circle_on_gel(lens_of(read_record(self.draft)), self.draft.pixel_size_mm, seen)
+        return replace(press, center_x_px=x, center_y_px=y, contact_radius_px=radius)
+
+
 MORE_PRESSES = 12
 """asked for after a bad verdict, beside those there are"""
 
@@ -40,8 +78,7 @@ MORE_PRESSES = 12
 def verify(run: CalibrationRun) -> Bundle | None:
     """Collect fresh presses, judge the draft by them, and write the bundle if it passes."""
     draft = load_bundle(run.folder.draft)
-    rerenderer = Rerenderer(draft.presses()["rows"], draft.image_shape)
-    judge = Judge(draft, Reconstructor(draft), rerenderer, ball_of(run), run.layer)
+    judge = Judge(draft, Reconstructor(draft), ball_of(run), run.layer)
     reference, detector = run.folder.reference(), detector_of(run)
 
     def press(hand: VirtualHand) -> None:

@@ -1,6 +1,1 @@
-"""The board of `sim://`: the C core of the firmware, compiled, in this process, on the clock of this computer.
-
-core.py             the compiled core by ctypes; build.py makes the libraries that lie beside it
-simulated_board.py  it as a transport, with what its LEDs show
-light_timeline.py   which light was shown when
-"""
+"""The board of `sim://`: the C core of the firmware, compiled, in this process, on the clock of this computer."""

@@ -6,17 +6,18 @@ import platform
 import sys
 import weakref
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError, first_line
-from gellight.lab.core_board.build import CHECKSUMS, TARGETS, library_file
 from gellight.reconstruction.native.library import NativePathError, check_whole
 from gellight.ring.enumerations import Dark
 from gellight.ring.wire import COLOUR_BYTES
 
+CHECKSUMS = Path(__file__).parent / "libraries.sha256"
 FLASH_BYTES = 8192
 OUTPUT_BYTES = 65536
 KEPT_LIGHTS = 4096
@@ -77,16 +78,21 @@ class CoreLibrary:
             self.functions[name].restype, self.functions[name].argtypes = result, arguments
 
 
+def library_file(name: str) -> Path:
+    """Return where the library for a system and machine lies, as firmware/tools/libraries.py builds it."""
+    return CHECKSUMS.with_name(f"core_board-{name}.so")
+
+
 @functools.cache
 def packaged_library() -> CoreLibrary:
     """Return the library for this machine that comes with the package; BoardError where there is none."""
     name = f"{sys.platform}-{platform.machine()}"
-    if name not in TARGETS:
-        raise BoardError(
-            f"no simulated board was built for {sys.platform} on {platform.machine()}: give sim://?board=0"
-        )
     path = library_file(name)
     try:
+        if path.name not in CHECKSUMS.read_text():
+            raise BoardError(
+                f"no simulated board was built for {sys.platform} on {platform.machine()}: give sim://?board=0"
+            )
         check_whole(path, CHECKSUMS)
         return CoreLibrary(str(path))
     except (NativePathError, OSError, AttributeError) as error:

@@ -1,1 +1,1 @@
-"""What people are shown: maps as pictures, charts as SVG, figures by name, and the style sheet of both reports."""
+"""What people are shown: maps as pictures, and the page of a report."""

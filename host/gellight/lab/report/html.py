@@ -1,8 +1,14 @@
 """The frame of a report's page: it needs nothing from outside. What is passed as `body` or a cell is HTML already."""
 
+import base64
 from collections.abc import Iterable, Sequence
 from html import escape
 from importlib.resources import files
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gellight.lab.report.pictures import encode_png
 
 
 def page(title: str, heading: str, body: str) -> str:
@@ -37,5 +43,14 @@ def cells(row: Sequence[str]) -> str:
 
 
 def box(kind: str, *body: str) -> str:
-    """Return a box: "figures" or "pictures" side by side, a framed "card", or a "wide" table that scrolls."""
+    """Return a box: "pictures" side by side, or a "wide" table that scrolls."""
     return f'<div class="{kind}">{"".join(body)}</div>'
+
+
+def picture(image: NDArray[np.uint8], caption: str, width_px: int = 150) -> str:
+    """Return (H, W, 3) RGB or (H, W) grey uint8 as an HTML figure that holds its own PNG."""
+    source = base64.b64encode(encode_png(image)).decode()
+    return (
+        f'<figure style="width:{width_px}px"><img alt="{escape(caption)}" width="{width_px}" '
+        f'src="data:image/png;base64,{source}"><figcaption>{escape(caption)}</figcaption></figure>'
+    )

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import logging
 import os
 import select
 import subprocess
@@ -9,8 +10,24 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Literal
 
-from gellight.base.errors import TrainingError
+from gellight.base.errors import InputError, TrainingError
+
+logger = logging.getLogger(__name__)
+
+TrainerName = Literal["numpy", "torch", "cuda"]
+RECIPES = ("fast", "thorough", "fine", "paper")
+
+
+def checked_trainer(wanted: TrainerName) -> TrainerName:
+    """Return what trains; InputError for a torch that is not installed."""
+    installed = importlib.util.find_spec("torch") is not None
+    if wanted != "numpy" and not installed:
+        raise InputError("PyTorch is not installed: pip install torch, or train with numpy")
+    logger.info("%s trains the network (PyTorch installed: %s)", wanted, installed)
+    return wanted
+
 
 _BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """read by NumPy's matrix library when it is loaded; each build of NumPy heeds one of them"""

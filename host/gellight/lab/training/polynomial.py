@@ -1,4 +1,4 @@
-"""Polynomials of several variables, fitted by ridge regression in closed form."""
+"""The terms of polynomials of several variables."""
 
 import itertools
 from collections.abc import Sequence
@@ -31,9 +31,3 @@ def terms_of(variables: Sequence[NDArray[np.floating]], powers: Sequence[Powers]
     for row, of in zip(rows, powers, strict=True):
         row[:] = term(of, row)
     return rows.T
-
-
-def ridge(terms: Array, values: NDArray[np.floating], share: float) -> Array:
-    """Return the (K, M) weights w for which mean |terms w - values|^2 + share |w|^2 is least; values are (N, M)."""
-    square = terms.T @ terms / len(terms) + share * np.eye(terms.shape[1])
-    return np.asarray(np.linalg.solve(square, terms.T @ values / len(terms)))

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import first_line
-from gellight.reconstruction.native.build import CHECKSUMS, library_file
 
+FOLDER = Path(__file__).parent
+CHECKSUMS = FOLDER / "libraries.sha256"
 SIGNATURES = {
     "difference_and_means": "ppppppii",
     "touched_cells": "ppppppii",
@@ -134,6 +135,11 @@ def fitting_library() -> tuple[str, Library]:
     path = library_file(names[0])
     check_whole(path)
     return names[0], Library(path)
+
+
+def library_file(name: str) -> Path:
+    """Return where the library of this name lies, as firmware/tools/libraries.py builds it."""
+    return FOLDER / f"frame_path-linux-{name}.so"
 
 
 def check_whole(path: Path, checksums: Path = CHECKSUMS) -> None:

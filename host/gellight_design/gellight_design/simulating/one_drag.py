@@ -15,9 +15,10 @@ import numpy as np
 
 from gellight.base.csv_file import Row, number_in, read_rows
 from gellight.base.errors import InputError
-from gellight.base.writing import new_folder, write_file
+from gellight.base.writing import write_file
 from gellight.lab.simulator.scene import Array
 from gellight_design.simulating.gel_models import check_memory
+from gellight_design.simulating.new_folder import new_folder
 from gellight_design.simulating.one_press import SPACING_MM, PressRequest, Progress, object_heights
 from sim_reference.deformation import NotConverged
 from sim_reference.fem.dragging import Dragged, Pose, drag

@@ -15,11 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from gellight.base.errors import InputError
-from gellight.base.writing import new_folder, write_file
+from gellight.base.writing import write_file
 from gellight.lab.simulator.objects import object_height
 from gellight.lab.simulator.scene import Array
 from gellight_design.simulating.choices import GelKind
 from gellight_design.simulating.gel_models import check_memory
+from gellight_design.simulating.new_folder import new_folder
 from gellight_design.simulating.solids import height_map, read_stl
 from sim_reference import gel
 from sim_reference.deformation import NotConverged, grid

@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from gellight.base.errors import InputError
-from gellight.base.writing import new_folder, write_file
+from gellight.base.writing import write_file
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.simulator.sequence import Sequence
 from gellight.recording.frame_record import packed_picture
 from gellight_design.simulating.choices import RESOLUTION_MM, GelKind
 from gellight_design.simulating.gel_models import check_memory, gel_model
+from gellight_design.simulating.new_folder import new_folder
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.deformation import NotConverged
 from sim_reference.geometry import SensorGeometry

@@ -11,16 +11,13 @@ import pytest
 
 from gellight.base.errors import BoardError, BundleError, CameraError, GellightError, InputError
 from gellight.frames.frames import CameraFrame
-from gellight.lab.calibration import cylinder, lights, preparing
-from gellight.lab.calibration.coverage import advice, coverage
-from gellight.lab.calibration.cylinder import Imprint
-from gellight.lab.calibration.force.fit import fit_force
-from gellight.lab.calibration.force.record import ForceReadings
-from gellight.lab.calibration.force.sideways import fit_side
+from gellight.lab.calibration import fitting, preparing, probing
+from gellight.lab.calibration.coverage import LiveError, advice, coverage
+from gellight.lab.calibration.force.fit import fit_force, fit_side
+from gellight.lab.calibration.force.indented import ForceReadings
 from gellight.lab.calibration.led_check import _refuse as refuse_leds
-from gellight.lab.calibration.live_error import LiveError
 from gellight.lab.calibration.pressing import corrected_circle
-from gellight.lab.calibration.probing import pixel_size
+from gellight.lab.calibration.probing import Imprint, pixel_size
 from gellight.lab.calibration.records import LedAnswer
 from gellight.lab.calibration.sensing import TouchDetector, check_light, is_dark
 from gellight.lab.calibration.untouched import compare_with_reference, foreign_share, wait_steady
@@ -196,7 +193,7 @@ def test_an_edge_scatters_by_three_hundredths_of_its_radius_and_lies_in_the_pict
     found: Imprint, refusal: str
 ) -> None:
     with refusing(InputError, refusal):
-        cylinder._check(found, SHAPE)
+        probing._check(found, SHAPE)
 
 
 @pytest.mark.parametrize(
@@ -285,11 +282,11 @@ def test_a_ring_stands_within_a_tenth_of_where_the_settings_have_it(
     found = SimpleNamespace(ring_radius_mm=radius * told.ring_radius_mm, height_mm=height * told.height_mm)
     model, run = SimpleNamespace(ring=told), Mock()
     run.folder.figures.return_value = SimpleNamespace(led=[[0, 0, 0]])
-    monkeypatch.setattr(lights, "take_lights", lambda *how: model)
-    monkeypatch.setattr(lights, "fit_ring", lambda *how: SimpleNamespace(ring=found))
-    monkeypatch.setattr(lights, "ball_of", lambda run: BALL)
+    monkeypatch.setattr(fitting, "take_lights", lambda *how: model)
+    monkeypatch.setattr(fitting, "fit_ring", lambda *how: SimpleNamespace(ring=found))
+    monkeypatch.setattr(fitting, "ball_of", lambda run: BALL)
     with refusing(BundleError, "" if taken else "it falls off as that of LEDs"):
-        assert lights._measured(run) is model
+        assert fitting._measured(run) is model
 
 
 @pytest.mark.parametrize(

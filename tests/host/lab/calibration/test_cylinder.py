@@ -5,12 +5,10 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from gellight.base.errors import InputError
-from gellight.lab.calibration.cylinder import EdgeFit, edge_profile, find_cylinder
-from gellight.lab.calibration.probing import pixel_size
+from gellight.lab.calibration.probing import edge_profile, find_cylinder, pixel_size
 from gellight.lab.simulator.scene import Press, Scene
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
-from tests.helpers.derivatives import slope
 
 
 def imprint(center: tuple[float, float], radii: tuple[float, float], width_px: float = 1.7) -> np.ndarray:
@@ -35,14 +33,6 @@ def test_the_edge_profile_is_the_smoothed_slope_beside_a_flat_punch() -> None:
 def test_the_edge_profile_far_out_falls_as_the_inverse_root() -> None:
     near, far = edge_profile(np.array([50.0, 200.0]), 2.0)
     assert near / far == pytest.approx(2.0)
-
-
-def test_the_jacobian_of_the_edge_is_that_of_finite_differences() -> None:
-    offsets = np.arange(-8, 8, 0.25)
-    signal = 30 * edge_profile(offsets - 0.4, 1.5) + np.random.default_rng(0).normal(0, 0.5, len(offsets))
-    edge, at = EdgeFit(offsets, signal), np.array([0.13, np.log(1.9)])
-    differences = [slope(edge.misfit, at, one) for one in np.eye(2)]
-    np.testing.assert_allclose(edge.jacobian(at), np.transpose(differences), atol=0.02 * np.ptp(differences))
 
 
 @pytest.mark.parametrize("center", [(79.3, 60.8), (70.0, 55.5)])

@@ -43,7 +43,7 @@ def test_the_state_of_a_calibration_survives_a_loss_of_power(tmp_path: Path) -> 
 def test_a_calibration_begins_again_in_its_folder_after_a_bad_verdict_and_another_grid(tmp_path: Path) -> None:
     folder = begun_in(tmp_path / "state")
     folder.add_press(PICTURE, CIRCLE)
-    folder.add_check(PICTURE, CIRCLE, CheckErrors(depth_mm=0.2, normal_deg=9.0, indentation_mm=1.0, picture_grey=3.0))
+    folder.add_check(PICTURE, CIRCLE, CheckErrors(depth_mm=0.2, normal_deg=9.0, indentation_mm=1.0))
     folder.add_grid(PICTURE)
     folder.want_more(12)
     folder.forget_grid()
@@ -78,7 +78,7 @@ def fields_in(model: type[BaseModel], known: set[type]) -> Iterator[tuple[str, F
 
 def test_what_may_be_none_may_be_missing_for_none_is_not_written() -> None:
     found = dict(fields_in(State, set()))
-    assert "BallPresses.likely_radius_mm" in found
+    assert "BallPresses.held_out_um" in found
     assert [
         name for name, info in found.items() if type(None) in get_args(info.annotation) and info.is_required()
     ] == []

@@ -10,9 +10,8 @@ from gellight.base.errors import ConfigError, InputError
 from gellight.bundle.limits import Limits
 from gellight.frames.frames import CameraFrame
 from gellight.lab.calibration.choices import RoutineOptions
-from gellight.lab.calibration.coverage import advice, coverage
+from gellight.lab.calibration.coverage import LiveError, advice, coverage
 from gellight.lab.calibration.display import Display
-from gellight.lab.calibration.live_error import LiveError
 from gellight.lab.calibration.preparing import full_colours, led_settings, of_image, uniformity
 from gellight.lab.calibration.sensing import TouchDetector, check_light, wait_free, wait_press
 from gellight.lab.calibration.untouched import foreign_share
@@ -56,11 +55,10 @@ def scene() -> Scene:
     return Scene(GEOMETRY, CameraResponse())
 
 
-def test_a_normal_distribution_has_its_shares_within_one_two_and_three_sigma() -> None:
+def test_the_light_of_a_normal_distribution_has_its_figures() -> None:
     found = uniformity(np.random.default_rng(0).normal(159.02, 6.67, (400, 500)).astype(np.float32))
     assert (found.mean_grey, found.sigma_grey) == pytest.approx((159.02, 6.67), rel=0.01)
-    shares = found.within_1_sigma, found.within_2_sigma, found.within_3_sigma
-    assert shares == pytest.approx((0.6827, 0.9545, 0.9973), abs=0.004)
+    assert found.brightest_grey == pytest.approx(159.02 + 2.326 * 6.67, rel=0.01)
 
 
 def test_the_average_of_opposite_colours_is_evener_than_each() -> None:

@@ -1,6 +1,5 @@
 """What a calibration says of itself: the true error first, and in words what is taken off another."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,8 @@ import pytest
 from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.lab.calibration.choices import Limits
 from gellight.lab.calibration.records import CheckErrors, Fit, Verification
-from gellight.lab.calibration.report import Example, _training, depth_tiles, section_profile
+from gellight.lab.calibration.report import Example, _training, _verification, depth_tiles
+from gellight.lab.calibration.state import CheckRecord
 from gellight.lab.calibration.verifying import verdict_on
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle
 
@@ -20,9 +20,7 @@ PRESS = Press(image=Path("a.png"), center_x_px=40.0, center_y_px=30.0, contact_r
 
 def errors(depth_um: float, true_um: float | None) -> CheckErrors:
     true_mm = None if true_um is None else true_um / 1000
-    return CheckErrors(
-        depth_mm=depth_um / 1000, normal_deg=0.9, indentation_mm=1.0, picture_grey=1.0, true_depth_mm=true_mm
-    )
+    return CheckErrors(depth_mm=depth_um / 1000, normal_deg=0.9, indentation_mm=1.0, true_depth_mm=true_mm)
 
 
 def mean_of(each: list[CheckErrors]) -> Verification:
@@ -32,7 +30,6 @@ def mean_of(each: list[CheckErrors]) -> Verification:
         depth_mm=float(np.mean([one.depth_mm for one in each])),
         normal_deg=0.9,
         indentation_mm=1.0,
-        picture_grey=1.0,
         true_depth_mm=float(np.mean(true)) if true else None,
     )
 
@@ -81,20 +78,14 @@ def example(raised_mm: float) -> Example:
     return Example(image, PRESS, PRESS, felt, BALL)
 
 
-def highest(svg: str) -> list[float]:
-    """Smallest y of each curve in the drawing: how high it reaches."""
-    curves = re.findall(r'<path d="(M[^"]+)" fill="none"', svg)
-    return [min(float(y) for y in re.findall(r"[ML][-\d.]+ ([-\d.]+)", curve)) for curve in curves]
-
-
 @pytest.mark.parametrize("raised_mm", [0.0, 0.33])
-def test_the_section_shows_the_ball_as_measured_and_says_by_how_much_it_is_raised(raised_mm: float) -> None:
-    svg = section_profile(example(raised_mm))
-    assert "ball, its rim at depth 0" in svg
-    assert f"ball, raised by {1000 * raised_mm:.0f} µm" in svg
-    felt, unraised, raised = highest(svg)
-    assert raised == pytest.approx(felt, abs=0.2)
-    assert (unraised - felt > 50) is (raised_mm > 0)
+def test_the_section_says_how_deep_the_rim_of_the_ball_is_felt(raised_mm: float) -> None:
+    figures = errors(5.0, None)
+    record = CheckRecord(number=1, file="checks/press-001.png", center_x_px=40, center_y_px=30, contact_radius_px=15,
+                         figures=figures)  # fmt: skip
+    words = _verification([record], mean_of([figures]), example(raised_mm))
+    assert f"The rim of the ball is felt {1000 * raised_mm:.0f} µm deep" in words
+    assert words.count("<figure") == 6
 
 
 def test_a_press_that_was_left_out_is_named_with_the_reason() -> None:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from firmware.tools.libraries import BOARDS, board
 from gellight.base.errors import BoardError
-from gellight.lab.core_board import build, core
+from gellight.lab.core_board import core
 from gellight.lab.core_board.simulated_board import SimulatedBoard
 from gellight.reconstruction.native.library import check_whole
 
@@ -17,14 +18,14 @@ HERE = f"{sys.platform}-{platform.machine()}"
 @pytest.mark.nightly
 def test_the_committed_libraries_are_built_from_the_sources() -> None:
     """The same bytes from the same compiler, on any machine."""
-    for name in build.TARGETS:
-        assert build.build(name) == build.library_file(name).read_bytes(), f"{name}: build the libraries again"
+    for name in BOARDS:
+        assert board(name) == core.library_file(name).read_bytes(), f"{name}: build the libraries again"
 
 
 def test_every_library_is_whole_and_of_its_system() -> None:
-    for name in build.TARGETS:
-        check_whole(build.library_file(name), build.CHECKSUMS)
-        content = build.library_file(name).read_bytes()
+    for name in BOARDS:
+        check_whole(core.library_file(name), core.CHECKSUMS)
+        content = core.library_file(name).read_bytes()
         assert content.startswith(b"\x7fELF" if name.startswith("linux") else b"\xcf\xfa\xed\xfe")
         assert all(f"board_{function}".encode() in content for function in core._FUNCTIONS)
         assert name.startswith("darwin") or b"libc" not in content
@@ -37,8 +38,8 @@ def another_library(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 
 
 def test_a_damaged_library_is_not_loaded(another_library: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    broken = tmp_path / build.library_file(HERE).name
-    broken.write_bytes(build.library_file(HERE).read_bytes()[:-1])
+    broken = tmp_path / core.library_file(HERE).name
+    broken.write_bytes(core.library_file(HERE).read_bytes()[:-1])
     another_library.setattr(core, "library_file", lambda name: broken)
     with pytest.raises(BoardError, match=r"is damaged.*install gellight again"):
         SimulatedBoard()

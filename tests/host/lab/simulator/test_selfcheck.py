@@ -9,8 +9,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import GroundTruth, TactileFrame
-from gellight.lab.simulator.selfcheck import SelfCheck
-from gellight.lab.simulator.selfcheck_bounds import DEPTHS_MM, ERRORS, KINDS, SMALLEST, bounds_of
+from gellight.lab.simulator.selfcheck import DEPTHS_MM, ERRORS, KINDS, SMALLEST, SelfCheck, bounds_of
 from gellight.lab.simulator.simulated_camera import SimulatedCamera, open_simulated
 from sim_reference.geometry import AS_BUILT, SensorGeometry
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from gellight.base.errors import InputError, TrainingError
-from gellight.lab.training import child, trainer, training
-from gellight.lab.training.trainer import checked_trainer
+from gellight.lab.training import child, training
+from gellight.lab.training.child import checked_trainer
 from gellight.lab.training.training import TrainingOptions, check_trainer, rehearse
 from gellight.sensor.findings import Level
 from tests.helpers.waiting import eventually
@@ -30,7 +30,7 @@ def unrehearsed(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.nightly
 def test_numpy_trains_and_torch_where_it_is_asked_for(caplog: pytest.LogCaptureFixture) -> None:
     assert TrainingOptions().trainer == "numpy"
-    with caplog.at_level("INFO", logger=trainer.__name__):
+    with caplog.at_level("INFO", logger=child.__name__):
         assert [checked_trainer("numpy"), checked_trainer("torch")] == ["numpy", "torch"]
     assert "numpy trains the network" in caplog.text
 
@@ -43,7 +43,7 @@ def test_without_torch_numpy_trains_and_torch_is_refused() -> None:
 
 
 @pytest.mark.parametrize("name", ["numpy", pytest.param("torch", marks=pytest.mark.nightly)])
-def test_a_rehearsal_trains_for_real_and_names_what_trained(name: trainer.TrainerName) -> None:
+def test_a_rehearsal_trains_for_real_and_names_what_trained(name: child.TrainerName) -> None:
     library, version = rehearse(name).split()
     assert library == name
     assert version[0].isdigit()
@@ -60,7 +60,7 @@ def test_doctor_names_what_trains() -> None:
     ("library", "name"), [pytest.param("torch", "torch", marks=pytest.mark.nightly), ("onnxruntime", "numpy")]
 )
 def test_a_library_that_cannot_be_loaded_is_found_before_anybody_presses(
-    library: str, name: trainer.TrainerName, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    library: str, name: child.TrainerName, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One that is installed and broken: what it depends on is missing. A broken torch leaves NumPy alone."""
     (tmp_path / f"{library}.py").write_text("raise ImportError('libgomp.so.1 is missing')")

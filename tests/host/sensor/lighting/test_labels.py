@@ -7,7 +7,7 @@ import pytest
 
 from gellight.frames.frames import LightLabel, LightState
 from gellight.ring import protocol
-from gellight.sensor.lighting.label import MIXED, UNKNOWN, label_of
+from gellight.sensor.lighting.light_watch import MIXED, UNKNOWN, label_of
 from gellight.sensor.lighting.timeline import OTHER, UNTOLD, KnownLight
 from tests.helpers.light_world import NO_STATUS, World, compare
 

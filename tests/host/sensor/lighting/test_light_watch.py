@@ -15,8 +15,7 @@ from gellight.ring.light_groups import colour_triples
 from gellight.ring.light_ring import Ping, Step
 from gellight.sensor.lighting import light_watch
 from gellight.sensor.lighting.clock import ClockMap, Interval
-from gellight.sensor.lighting.label import label_frame
-from gellight.sensor.lighting.light_watch import LightWatch
+from gellight.sensor.lighting.light_watch import LightWatch, label_frame
 from gellight.sensor.lighting.sequenced import SequencedCamera
 from gellight.sensor.lighting.timeline import KnownLight
 from tests.helpers.clock_bounds import board_us

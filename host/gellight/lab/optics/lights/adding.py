@@ -1,6 +1,6 @@
 """What `gellight calibrate lights` does: take pictures under each LED, and add the light of each to the bundle."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -8,22 +8,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import BundleError, CameraError, InputError
+from gellight.base.errors import BundleError, CameraError
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera
-from gellight.lab.optics.lights.ball_series import INNER
 from gellight.lab.optics.lights.reference_light import ReferencePictures, light_model
 from gellight.lab.optics.lights.ring_fit import RingFit, fit_ring
-from gellight.lab.training.labelling import find_circle
-from gellight.lab.training.labelling.ball_size import radius_by_slopes_px
-from gellight.lab.training.presses import Ball, Press
 from gellight.opening import open_camera
-from gellight.photometric.light_model import LightGroups, LightModel, signals_of, without_shadows
+from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import write_lights
 from gellight.photometric.ring_geometry import RingGeometry
-from gellight.photometric.solver import flat_gel, light_rows, slopes, solve_robustly
-from gellight.reconstruction.integration import normals
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.sensor.lighting.hold import Hold
 from gellight.sensor.series_cameras import EXPOSURE
@@ -35,34 +29,20 @@ def add_lights(
     out: Path,
     *,
     frames: int,
-    ring_from_light: bool = False,
-    ball_radius_mm: float | None = None,
-    press_ball: Callable[[], object] = lambda: None,
     overwrite: bool = False,
 ) -> dict[str, object]:
     """Measure the lights of the sensor that `settings` name, and write its bundle with them to `out`.
 
-    ring_from_light: take the geometry of the ring from the pictures, not from the settings; then a ball of
-    ball_radius_mm has to confirm it, which `press_ball` asks for and a simulated sensor presses by itself.
     Returns what was found, ready for JSON. Raises CameraError, BoardError, ConfigError or BundleError.
     """
-    if ring_from_light and ball_radius_mm is None:
-        raise InputError(
-            "the light on the flat gel hardly tells a low ring from a high one, so a ball has to confirm the fit: give "
-            "--ball-radius-mm with --ring-from-light"
-        )
     ring = RingGeometry.from_overrides(settings.geometry.overrides())
     colours = led_colours(bundle, ring)
     with open_camera(settings.sensor.url, geometry=settings.geometry.overrides()) as camera:
         bundle.check_fits(camera.url, camera.image_shape)
         with _untouched(camera):
             model = take_lights(camera, ring, colours, bundle.pixel_size_mm, frames)
-        fit = fit_ring(model, bundle.pixel_size_mm)
-        if ring_from_light and ball_radius_mm is not None:
-            model = replace(model, ring=fit.ring)
-            confirm_ring(model, bundle, _pictures_of_ball(camera, colours, frames, press_ball), ball_radius_mm)
     write_lights(bundle, model, out, overwrite=overwrite)
-    return {"calibration": str(out), "ring_used": "light" if ring_from_light else "settings"} | _facts(model, fit)
+    return {"calibration": str(out)} | _facts(model, fit_ring(model, bundle.pixel_size_mm))
 
 
 def _facts(model: LightModel, fit: RingFit) -> dict[str, object]:
@@ -118,22 +98,6 @@ def take_lights(
     return light_model(pictures, ring, colours, pixel_size_mm, exposure_us=exposure)
 
 
-def _pictures_of_ball(
-    camera: Camera, colours: NDArray[np.uint8], frames: int, press_ball: Callable[[], object]
-) -> list[list[NDArray[np.uint8]]]:
-    """Show a pressed ball under each LED alone."""
-    with _untouched(camera):
-        if camera.stage:
-            camera.stage.press("BALL", 1.0, 0.0, 0.0)
-        else:
-            press_ball()
-        with Hold(camera) as hold:
-            return [
-                [frame.image for frame in hold.expose(group, index, frames)]
-                for index, group in enumerate(single_leds(colours))
-            ]
-
-
 @contextmanager
 def _untouched(camera: Camera) -> Iterator[None]:
     """Lift off what a stage presses, and press it again, and nothing else, at the end."""
@@ -170,34 +134,3 @@ def _take_pictures(
         triples=tuple(taken[1 + len(singles) : -1]),
         whole=taken[-1],
     )
-
-
-TOLERANCE = 0.1
-"""relative difference of the radius felt from the ball's"""
-
-
-def confirm_ring(
-    model: LightModel, bundle: Bundle, pictures: Sequence[Sequence[NDArray[np.uint8]]], radius_mm: float
-) -> float:
-    """Return the radius that a pressed ball feels like by the ring of `model`, mm.
-
-    pictures: of the press, under each LED alone, each (H, W, 3) uint8. Raises BundleError where it is not the radius
-    of the ball, and InputError where no ball is found in the pictures.
-    """
-    ball = Ball.seen_by(bundle, radius_mm)
-    signals = signals_of(pictures, model.groups(LightGroups.SINGLES), model, bundle.manifest.noise_grey)
-    references = model.references(LightGroups.SINGLES).astype(np.float32).reshape(len(model.colours), -1)
-    signals = without_shadows(signals, references)
-    circle = find_circle(model.grey(signals.light, model.image_shape), bundle.reference, ball=ball)
-    rows = light_rows(flat_gel(model.image_shape, bundle.pixel_size_mm), references, model.ring)
-    scaled, _ = solve_robustly(signals.grey, rows, signals.valid, signals.deviation.astype(np.float32))
-    gradient_map = np.moveaxis(slopes(scaled).reshape(2, *model.image_shape), 0, 2)
-    x, y, radius = circle.center_x_px, circle.center_y_px, circle.contact_radius_px
-    press = Press(image=Path("the ball"), center_x_px=x, center_y_px=y, contact_radius_px=radius)
-    felt_mm = radius_by_slopes_px(normals(gradient_map), press, 0.0, INNER) * ball.pixel_size_mm
-    if not abs(felt_mm / radius_mm - 1) <= TOLERANCE:
-        raise BundleError(
-            f"the ring that fits the light on the flat gel feels the ball of {radius_mm:g} mm as one of {felt_mm:.3g} "
-            "mm, so its LEDs are elsewhere: measure the ring, set [geometry], and leave --ring-from-light out"
-        )
-    return felt_mm

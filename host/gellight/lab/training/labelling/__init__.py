@@ -4,7 +4,6 @@ from gellight.lab.training.labelling.circle import PressCircle, find_circle
 from gellight.lab.training.labelling.detection import (
     Detection,
     detect,
-    detect_several,
     write_overlays,
     write_presses,
 )
@@ -13,7 +12,6 @@ __all__ = [
     "Detection",
     "PressCircle",
     "detect",
-    "detect_several",
     "find_circle",
     "write_overlays",
     "write_presses",

@@ -1,13 +1,11 @@
 """The contact circle of a ball press, to a fraction of a pixel, or the reason why there is none."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.lab.training.labelling.fitting import FreeResponse, cost, standard_errors, without
 from gellight.lab.training.labelling.pattern import (
     LEAST_GREY,
     LEAST_QUALITY,
@@ -15,15 +13,19 @@ from gellight.lab.training.labelling.pattern import (
     STEEPEST,
     PixelSample,
     PressShape,
+    Residual,
     background,
     check_clipped,
+    cost,
     difference_image,
     fitted,
     free_response,
     sampled_around,
+    standard_errors,
     starts,
+    without,
 )
-from gellight.lab.training.labelling.search import Candidate, best_candidate, candidates
+from gellight.lab.training.labelling.search import Candidate, best_candidate
 from gellight.lab.training.presses import Ball
 from gellight.reconstruction.light_drift import light_drift
 
@@ -37,12 +39,9 @@ _BEYOND = 0.7
 _LARGEST = 3.0
 """radius of the ball in longer sides of the picture"""
 _RIVAL = 0.3
-_PATIENCE = 16
 _MOST_ERROR_OF_ARC, _MOST_ERROR = 0.07, 0.4
 """of the ball's radius, of the centre: 4 degrees of slope for an arc; whole circles of real gels are told to 0.33 at
 worst, and one beside its contact to 0.67: folds do not decide it (docs/figures.md)"""
-_FAINTEST = 0.05
-"""of the strongest place: what is left is dirt"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,39 +112,6 @@ def _found(image: NDArray[np.uint8], reference: NDArray[np.number], ball: Ball, 
     return circle
 
 
-def find_circles(
-    image: NDArray[np.uint8], reference: NDArray[np.number], *, ball: Ball
-) -> Iterator[PressCircle | InputError]:
-    """Find the contact circles of several balls of one size in one image; otherwise as `find_circle`.
-
-    What looks like a ball and cannot be used is yielded as the error that says why. It ends after 16 such places in a
-    row, or where the pattern of a ball explains less than a twentieth of what it explained at the first place. Raises
-    InputError for an image or a ball that cannot be used at all.
-    """
-    difference = difference_image(image, reference)
-    _check_size(ball, image)
-    least_gain: float | None = None
-    found, in_vain = np.empty((0, 2)), 0
-    for candidate in candidates(difference, ball.radius_px):
-        least_gain = _FAINTEST * candidate.gain if least_gain is None else least_gain
-        if candidate.gain < least_gain or in_vain == _PATIENCE:
-            return
-        place = candidate.center_x, candidate.center_y
-        if (np.hypot(*(found - place).T) < 1.9 * ball.radius_px).any():
-            continue  # two balls are two radii apart
-        _, circle = fit_circle(difference, place, candidate.contact_radius, ball.radius_px)
-        try:
-            if np.hypot(circle.center_x_px - place[0], circle.center_y_px - place[1]) > 0.7 * ball.radius_px:
-                raise InputError("what is there is no ball by itself")
-            _check(circle, ball, image, reference, WHOLE)
-        except InputError as error:
-            in_vain += 1
-            yield InputError(f"near ({place[0]:.0f}, {place[1]:.0f}) px: {error}")
-        else:
-            found, in_vain = np.vstack([found, (circle.center_x_px, circle.center_y_px)]), 0
-            yield circle
-
-
 def _check(
     circle: PressCircle, ball: Ball, image: NDArray[np.uint8], reference: NDArray[np.number], least_view: float
 ) -> None:
@@ -169,15 +135,13 @@ def fit_circle(
     pixels = sampled_around(difference, center, contact_radius, ball_radius)
     residual, few = free_response(pixels, ball_radius), free_response(pixels.few(), ball_radius)
     guesses = [fitted(few, begin, ball_radius) for begin in starts(center, contact_radius, ball_radius)]
-    shape = fitted(residual, min(guesses, key=lambda guess: cost(residual.left(guess))), ball_radius)
+    shape = fitted(residual, min(guesses, key=lambda guess: cost(residual(guess.vector()))), ball_radius)
     return shape, _judged(shape, pixels, residual, ball_radius)
 
 
-def _judged(
-    shape: PressShape, pixels: PixelSample, residual: FreeResponse[PressShape], ball_radius: float
-) -> PressCircle:
+def _judged(shape: PressShape, pixels: PixelSample, residual: Residual, ball_radius: float) -> PressCircle:
     """Say how well the pattern explains the colours, and how well the circle is known."""
-    left, errors = residual.left(shape), _errors(shape, pixels, residual, ball_radius)
+    left, errors = residual(shape.vector()), _errors(shape, pixels, residual, ball_radius)
     changed = without(background(pixels.x, pixels.y, shape, ball_radius), pixels.colour)
     pattern = changed - left
     inside = np.hypot(pixels.x - shape.center_x, pixels.y - shape.center_y) < shape.contact_radius
@@ -192,13 +156,13 @@ def _judged(
     )
 
 
-def _errors(shape: PressShape, pixels: PixelSample, residual: FreeResponse[PressShape], ball_radius: float) -> Array:
+def _errors(shape: PressShape, pixels: PixelSample, residual: Residual, ball_radius: float) -> Array:
     """(3,) standard errors of centre and contact radius, px.
 
     Where the border cuts the circle, what the light is taken to do decides more than noise: so how far the circle moves
     under a simpler response is an error too.
     """
-    scatter = standard_errors(residual, shape, pixels.parts())
+    scatter = standard_errors(residual, shape.vector(), pixels.parts())
     other = fitted(free_response(pixels, ball_radius, SIMPLE), shape, ball_radius)
     return np.hypot(scatter, other.vector() - shape.vector())[:3]
 

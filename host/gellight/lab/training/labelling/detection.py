@@ -17,8 +17,7 @@ from gellight.frames.dots import Dots
 from gellight.frames.image_files import read_image
 from gellight.lab.report.pictures import write_png
 from gellight.lab.training.label_file import COLUMNS, QUALITY, REFUSED
-from gellight.lab.training.labelling.circle import ARC, PressCircle, find_circle, find_circles
-from gellight.lab.training.labelling.plate import PlateGrid, plate_grid
+from gellight.lab.training.labelling.circle import ARC, PressCircle, find_circle
 from gellight.lab.training.presses import Ball
 
 Array = NDArray[np.float64]
@@ -48,16 +47,13 @@ def detect(
     ball: Ball,
     *,
     dots: Dots | None = None,
-    progress: Callable[[int, int, float], None] = lambda done, total, quality: None,
 ) -> list[Detection]:
     """Look for the circle in each image; reference is (H, W, 3), grey levels. An image at fault is refused, not raised.
 
     dots: the marker dots of the gel, which are filled in each image; the reference has none any more.
-
-    progress is called with (images done, images, quality of the last, 0 where it was refused).
     """
     return _refused_touch_of_reference(
-        _detected(images, lambda image: find_circle(image, reference, ball=ball, least_view=ARC), dots, progress)
+        _detected(images, lambda image: find_circle(image, reference, ball=ball, least_view=ARC), dots)
     )
 
 
@@ -88,61 +84,16 @@ def _detected(
     images: Sequence[Path],
     find: Callable[[NDArray[np.uint8]], PressCircle],
     dots: Dots | None,
-    progress: Callable[[int, int, float], None],
 ) -> list[Detection]:
     found = []
-    for number, path in enumerate(images, start=1):
+    for path in images:
         try:
             image = read_image(path)
             detection = Detection(image=path, contact=find(dots.filled(image) if dots else image))
         except InputError as error:
             detection = Detection(image=path, contact=None, refused=str(error))
         found.append(detection)
-        progress(number, len(images), detection.contact.quality if detection.contact else 0.0)
     return found
-
-
-def detect_several(
-    images: Sequence[Path],
-    reference: NDArray[np.number],
-    ball: Ball,
-    *,
-    dots: Dots | None = None,
-    pitch_mm: float | None = None,
-) -> tuple[list[Detection], PlateGrid | None]:
-    """Look for all balls in each image; otherwise as `detect`.
-
-    pitch_mm: distance of neighbours on a plate of balls; what is not in its grid is left out, and the grid of the
-    picture with most balls is returned.
-    """
-    found: list[Detection] = []
-    best: PlateGrid | None = None
-    for path in images:
-        try:
-            circles, grid = _balls(path, reference, ball, dots, pitch_mm)
-        except InputError as error:
-            found.append(Detection(image=path, contact=None, refused=str(error)))
-            continue
-        found += [Detection(image=path, contact=circle) for circle in circles]
-        if grid is not None and (best is None or len(grid.on_grid) > len(best.on_grid)):
-            best = grid
-    return found, best
-
-
-def _balls(
-    path: Path, reference: NDArray[np.number], ball: Ball, dots: Dots | None, pitch_mm: float | None
-) -> tuple[list[PressCircle], PlateGrid | None]:
-    """Return the circles of one image, and their grid where the pitch is known; InputError where there is none."""
-    image = read_image(path)
-    image = dots.filled(image) if dots else image
-    seen = list(find_circles(image, reference, ball=ball))
-    circles = [one for one in seen if isinstance(one, PressCircle)]
-    if not circles:
-        raise next((one for one in seen if isinstance(one, InputError)), InputError("no press: nothing has changed"))
-    if pitch_mm is None:
-        return circles, None
-    grid = plate_grid(circles, pitch_mm / ball.pixel_size_mm)
-    return [circle for circle, inside in zip(circles, grid.on_grid, strict=True) if inside], grid
 
 
 def write_presses(path: Path, detections: Sequence[Detection]) -> None:

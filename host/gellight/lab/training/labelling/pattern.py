@@ -8,18 +8,20 @@ depth (a gel that is lit white darkens with it), with unknown coefficients for e
 robust least squares, with these coefficients eliminated.
 """
 
-from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import astuple, dataclass, fields
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
+from scipy import ndimage, optimize
 
 from gellight.base.errors import InputError
-from gellight.lab.training.labelling.fitting import Bounds, FittedShape, FreeResponse, Residual, least
 from gellight.reconstruction.light_drift import difference_of
 
 Array = NDArray[np.float64]
+Residual = Callable[[Array], Array]
+"""from the numbers of a shape to the (N, 3) grey levels that it leaves unexplained"""
 STEEPEST = 0.985
 """largest contact radius over ball radius: 80 degrees, steeper than any gel stays in touch"""
 _BLUR_PX = 0.8
@@ -33,6 +35,10 @@ _FIELDS = 6
 """to each side, whose pixels count as one when errors are told: more or less what one leaves alike"""
 SIMPLE = (0, 1, 2, 8)
 """columns of the response: what is linear in the normal, and the depth"""
+_ROBUST_GREY = 4.0
+"""residuals beyond it count by their size, not its square: scratches, shadows, dust"""
+_ALIKE = 3.0
+_STEP = 1e-6
 DARK_GREY = 8.0
 LEAST_GREY = 3.0
 LEAST_QUALITY = 0.8
@@ -42,7 +48,7 @@ _MOST_CLIPPED = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
-class PressShape(FittedShape):
+class PressShape:
     """Where and how a ball is pressed; lengths in px."""
 
     center_x: float
@@ -52,6 +58,15 @@ class PressShape(FittedShape):
     """of the slope at the rim, what falls off within `step_length`"""
     step_length: float = 7.0
     skirt_length: float = 50.0
+
+    def vector(self) -> Array:
+        """The numbers in their order."""
+        return np.array(astuple(self))
+
+    @classmethod
+    def of(cls, vector: Array) -> Self:
+        """Take the numbers."""
+        return cls(**dict(zip((field.name for field in fields(cls)), vector.tolist(), strict=True)))
 
 
 def profile(r: Array, shape: PressShape, ball_radius: float) -> tuple[Array, Array]:
@@ -65,34 +80,6 @@ def profile(r: Array, shape: PressShape, ball_radius: float) -> tuple[Array, Arr
     slope = np.where(r <= a, r / height, rim_slope * (step + skirt))
     depth = height - rim_height + rim_slope * (shape.step_length * step + shape.skirt_length * skirt)
     return slope, depth
-
-
-def _profile_derivatives(dx: Array, dy: Array, shape: PressShape, ball_radius: float) -> tuple[Array, Array]:
-    """Return the (6, N) derivatives of slope and depth to each number of the shape, at pixels from its centre."""
-    r = np.maximum(np.hypot(dx, dy), 1e-9)
-    a, share, step_length, skirt_length = astuple(shape)[2:]
-    inside, beyond = r <= a, np.maximum(r - a, 0)
-    fast, slow = np.exp(-beyond / step_length), np.exp(-beyond / skirt_length)
-    step, skirt = share * fast, (1 - share) * slow
-    rim_height = np.sqrt(ball_radius**2 - a**2)
-    rim_slope, steeper = a / rim_height, ball_radius**2 / rim_height**3
-    slope, _ = profile(r, shape, ball_radius)
-    falling = rim_slope * (step / step_length + skirt / skirt_length)
-    outwards = np.where(inside, ball_radius**2 / (ball_radius**2 - np.minimum(r, a) ** 2) ** 1.5, -falling)
-    slopes = np.where(inside, 0.0, [
-        steeper * (step + skirt) + falling,
-        rim_slope * (fast - slow),
-        rim_slope * step * beyond / step_length**2,
-        rim_slope * skirt * beyond / skirt_length**2,
-    ])  # fmt: skip
-    depths = [
-        steeper * (step_length * step + skirt_length * skirt) + rim_slope * np.where(inside, 1.0, step + skirt),
-        rim_slope * (step_length * fast - skirt_length * slow),
-        rim_slope * step * (1 + beyond / step_length),
-        rim_slope * skirt * (1 + beyond / skirt_length),
-    ]
-    away = -np.stack([dx, dy]) / r
-    return np.concatenate([outwards * away, slopes]), np.concatenate([-slope * away, depths])
 
 
 def background(x: Array, y: Array, shape: PressShape, ball_radius: float) -> Array:
@@ -110,26 +97,6 @@ def response(x: Array, y: Array, shape: PressShape, ball_radius: float) -> Array
     nx, ny, bent = lean * dx, lean * dy, 1 - cosine
     columns = [nx, ny, bent, bent * nx, bent * ny, bent**2, nx**2 - ny**2, nx * ny, depth / ball_radius]
     return np.stack(columns, axis=1)
-
-
-def response_derivatives(x: Array, y: Array, shape: PressShape, ball_radius: float) -> Array:
-    """(6, 9, N) derivative of `response` to each number of the shape."""
-    dx, dy = x - shape.center_x, y - shape.center_y
-    r = np.maximum(np.hypot(dx, dy), 1e-9)
-    slope, _ = profile(r, shape, ball_radius)
-    slopes, depths = _profile_derivatives(dx, dy, shape, ball_radius)
-    cosine = 1 / np.sqrt(1 + slope**2)
-    lean, bent = slope * cosine / r, 1 - cosine
-    nx, ny = lean * dx, lean * dy
-    # Of a centre: r changes by -dx / r, and the direction of the lean turns.
-    leans, bents = cosine**3 * slopes / r, slope * cosine**3 * slopes
-    leans[:2] += lean * np.stack([dx, dy]) / r**2
-    nxs, nys = leans * dx, leans * dy
-    nxs[0] -= lean
-    nys[1] -= lean
-    products = [bents * nx + bent * nxs, bents * ny + bent * nys, 2 * bent * bents]
-    squares = [2 * (nx * nxs - ny * nys), nxs * ny + nx * nys]
-    return np.stack([nxs, nys, bents, *products, *squares, depths / ball_radius], axis=1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -197,16 +164,14 @@ def sampled_around(
     return PixelSample(x=x.astype(np.float64), y=y.astype(np.float64), colour=difference[y, x])
 
 
-def free_response(pixels: PixelSample, ball_radius: float, terms: Sequence[int] = range(9)) -> FreeResponse[PressShape]:
+def free_response(pixels: PixelSample, ball_radius: float, terms: Sequence[int] = range(9)) -> Residual:
     """Return what a press leaves of the colours around it when the response of the light is free in these columns."""
 
-    def columns(shape: PressShape) -> Array:
-        at = pixels.x, pixels.y, shape, ball_radius
-        return np.concatenate([background(*at), response(*at)[:, terms]], axis=1)
+    def left(vector: Array) -> Array:
+        at = pixels.x, pixels.y, PressShape.of(vector), ball_radius
+        return without(np.concatenate([background(*at), response(*at)[:, terms]], axis=1), pixels.colour)
 
-    return FreeResponse(
-        pixels.colour, columns, lambda shape: response_derivatives(pixels.x, pixels.y, shape, ball_radius)[:, terms]
-    )
+    return left
 
 
 def starts(center: tuple[float, float], contact_radius: float, ball_radius: float) -> list[PressShape]:
@@ -223,10 +188,63 @@ def starts(center: tuple[float, float], contact_radius: float, ball_radius: floa
     ]
 
 
-def fitted(residual: Residual[PressShape], begin: PressShape, ball_radius: float) -> PressShape:
-    """Return the shape that leaves least, from one beginning; ball_radius in px."""
+def fitted(residual: Residual, begin: PressShape, ball_radius: float) -> PressShape:
+    """Return the shape that leaves least, by robust least squares from one beginning; ball_radius in px."""
     r = ball_radius
     low = [begin.center_x - r, begin.center_y - r, 0.05 * r, 0.0, 0.02 * r, 0.3 * r]
     high = [begin.center_x + r, begin.center_y + r, STEEPEST * r, 1.0, 0.5 * r, 5 * r]
-    inside = PressShape.of(np.clip(begin.vector(), low, high))
-    return least(residual, inside, Bounds(low=low, high=high, scale=(1, 1, 1, 0.1, 1, 5), evaluations=30))
+    found = optimize.least_squares(
+        lambda vector: residual(vector).ravel(),
+        np.clip(begin.vector(), low, high),
+        x_scale=(1, 1, 1, 0.1, 1, 5),
+        bounds=(low, high),
+        loss="soft_l1",
+        f_scale=_ROBUST_GREY,
+        ftol=1e-6,
+        max_nfev=30,
+    )
+    return PressShape.of(found.x)
+
+
+def without(columns: Array, values: Array) -> Array:
+    """Return what is left of (N, K) values when their best combination of (N, M) columns, M < N, is taken off."""
+    base, _ = np.linalg.qr(columns)
+    return np.asarray(values - base @ (base.T @ values))
+
+
+def jacobian(residual: Residual, at: Array) -> Array:
+    """(P, N, 3) the derivative of what is left to each of P numbers, by finite differences."""
+    here, steps = residual(at), _STEP * np.maximum(np.abs(at), 1)
+    return np.stack([(residual(at + step) - here) / step.sum() for step in np.diag(steps)])
+
+
+def standard_errors(residual: Residual, at: Array, part: NDArray[np.intp]) -> Array:
+    """Return the (P,) errors of numbers that were fitted; part: (N,) number of the part of each pixel.
+
+    What a pattern leaves unexplained is alike in neighbours, so the parts, not the pixels, count as independent (Liang
+    and Zeger 1986): with the weights w of the robust loss, and sums over the pixels of a part in the middle, the
+    covariance is
+
+        (J' w J)^-1  sum_parts (J' w r)(J' w r)'  (J' w J)^-1
+
+    and, as parts that touch are alike too, three times its standard deviations are returned.
+    """
+    left, derivatives = residual(at), jacobian(residual, at)
+    weighted = derivatives * robust_weights(left)
+    pulls = np.einsum("pnc,nc->np", weighted, left)
+    square = np.einsum("pnc,qnc->pq", weighted, derivatives)
+    size = np.sqrt(np.maximum(np.diag(square), 1e-12))
+    inverse = np.linalg.pinv(square / np.outer(size, size), rcond=1e-6) / np.outer(size, size)
+    sums = np.zeros((int(part.max()) + 1, len(square)))
+    np.add.at(sums, part, pulls)
+    return np.asarray(_ALIKE * np.sqrt(((sums @ inverse) ** 2).sum(axis=0)))
+
+
+def robust_weights(left: Array) -> Array:
+    """Return how much each of (N, 3) residuals counts in what `fitted` makes least."""
+    return np.asarray(1 / np.sqrt(1 + (left / _ROBUST_GREY) ** 2))
+
+
+def cost(left: Array) -> float:
+    """Return what `fitted` makes least of what is left, grey levels: squares of small values, sizes of large ones."""
+    return float((np.sqrt(1 + (left / _ROBUST_GREY) ** 2) - 1).sum())

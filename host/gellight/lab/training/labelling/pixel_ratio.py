@@ -15,13 +15,14 @@ from math import exp
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.lab.training.labelling.fitting import FreeResponse, robust_weights
 from gellight.lab.training.labelling.pattern import (
     PixelSample,
-    PressShape,
+    Residual,
     difference_image,
     fitted,
     free_response,
+    jacobian,
+    robust_weights,
     sampled_around,
     starts,
 )
@@ -86,16 +87,16 @@ def _step(press: Press, pixels: PixelSample, ratio: float, ball: Ball) -> tuple[
     """Return -g and s of one press."""
     center, radius = (press.center_x_px, press.center_y_px), ball.radius_px
     residual = _stretched(pixels, center[1], ratio, radius)
-    shape = fitted(residual, starts(center, press.contact_radius_px, radius)[-1], radius)
-    left = residual.left(shape)
-    ends = [_stretched(pixels, center[1], ratio * exp(side), radius).left(shape) for side in (-_H, _H)]
-    to_ratio = ((ends[1] - ends[0]) / (2 * _H)).T
-    every = np.concatenate([residual.jacobian(shape), to_ratio[None]]).reshape(-1, left.size)
-    weighted = every * robust_weights(left).T.ravel()
-    square, pull = weighted @ every.T, weighted @ left.T.ravel()
+    at = fitted(residual, starts(center, press.contact_radius_px, radius)[-1], radius).vector()
+    left = residual(at)
+    ends = [_stretched(pixels, center[1], ratio * exp(side), radius)(at) for side in (-_H, _H)]
+    to_ratio = (ends[1] - ends[0]) / (2 * _H)
+    every = np.concatenate([jacobian(residual, at), to_ratio[None]]).reshape(-1, left.size)
+    weighted = every * robust_weights(left).ravel()
+    square, pull = weighted @ every.T, weighted @ left.ravel()
     own, *_ = np.linalg.lstsq(square[:-1, :-1], np.stack([square[:-1, -1], pull[:-1]], axis=1), rcond=1e-8)
     return float(square[-1, :-1] @ own[:, 1] - pull[-1]), float(square[-1, -1] - square[-1, :-1] @ own[:, 0])
 
 
-def _stretched(pixels: PixelSample, middle: float, ratio: float, radius: float) -> FreeResponse[PressShape]:
+def _stretched(pixels: PixelSample, middle: float, ratio: float, radius: float) -> Residual:
     return free_response(PixelSample(x=pixels.x, y=middle + (pixels.y - middle) * ratio, colour=pixels.colour), radius)

@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.lab.training.labelling.circle import fit_circle
-from gellight.lab.training.labelling.fitting import without
 from gellight.lab.training.labelling.pattern import (
     LEAST_QUALITY,
     STEEPEST,
@@ -34,8 +33,8 @@ from gellight.lab.training.labelling.pattern import (
     difference_image,
     fitted,
     response,
-    response_derivatives,
     sampled_around,
+    without,
 )
 from gellight.lab.training.presses import Ball, Press
 
@@ -215,36 +214,14 @@ def _solve(square: Array, right: Array, presses: int) -> Array:
 
 def _fitted_to(fit: _Fit, coefficients: Array, ball: Ball, extent: tuple[float, float]) -> _Fit:
     """Fit the circle to a response that is given."""
-    residual = GivenResponse(pixels=fit.pixels, coefficients=coefficients, ball=ball, extent=extent)
-    return replace(fit, shape=fitted(residual, fit.shape, ball.radius_px))
+    pixels = fit.pixels
 
+    def left(vector: Array) -> Array:
+        shape = PressShape.of(vector)
+        explained = _columns(pixels, shape, ball, extent) @ coefficients
+        return without(background(pixels.x, pixels.y, shape, ball.radius_px), pixels.colour - explained)
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GivenResponse:
-    """What a press leaves of the colours around it when the response of the light is given."""
-
-    pixels: PixelSample
-    coefficients: Array
-    """(K, 3)"""
-    ball: Ball
-    extent: tuple[float, float]
-
-    def left(self, shape: PressShape) -> Array:
-        """(N, 3) grey levels."""
-        explained = _columns(self.pixels, shape, self.ball, self.extent) @ self.coefficients
-        return without(self._drift(shape), self.pixels.colour - explained)
-
-    def jacobian(self, shape: PressShape) -> Array:
-        """(6, 3, N) the derivative of `left` to each number of the shape."""
-        derivatives = response_derivatives(self.pixels.x, self.pixels.y, shape, self.ball.radius_px)
-        shares = _over_the_view(self.pixels, self.extent)
-        parts = zip(np.split(self.coefficients, len(shares)), shares, strict=True)
-        moved = np.sum([part.T @ derivatives * share for part, share in parts], axis=0)
-        left = without(self._drift(shape), -moved.reshape(-1, len(self.pixels.x)).T)
-        return left.T.reshape(moved.shape)
-
-    def _drift(self, shape: PressShape) -> Array:
-        return background(self.pixels.x, self.pixels.y, shape, self.ball.radius_px)
+    return replace(fit, shape=fitted(left, fit.shape, ball.radius_px))
 
 
 def _move(fit: _Fit) -> Array:

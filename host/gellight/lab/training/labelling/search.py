@@ -1,6 +1,5 @@
 """The first guess: a matched filter for the pattern of a pressed ball, over all places and a few radii."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Self
 
@@ -21,8 +20,6 @@ _LONGEST_PX = 40.0
 """longer side of the shrunken image at least, where balls are large"""
 _RARE = 0.05
 """of a pattern: a place that shows less of it explains little"""
-_APART = 1.5
-"""in ball radii: two balls are at least 2 apart"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,22 +41,6 @@ def best_candidate(difference: Array, ball_radius: float, beyond: float = 0.0) -
     the centre may lie.
     """
     return _Shrunken.of(difference, ball_radius, beyond).best()
-
-
-def candidates(difference: Array, ball_radius: float) -> Iterator[Candidate]:
-    """Yield places where there may be balls, the likeliest first, each at least 1.5 ball radii from those before.
-
-    Between two balls a pattern explains some of both. So what counts here is what it explains times the square of the
-    share that this is of all that changed there.
-    """
-    small = _Shrunken.of(difference, ball_radius, 0.0)
-    changed = np.stack([_changed(small.image, share * small.ball_radius) for share in _SHARES])
-    score = small.gains * (small.gains / np.maximum(changed, 1e-9 + 1e-3 * changed.max())) ** 2
-    rows, columns = np.indices(score.shape[1:])
-    while (score > 0).any():
-        number, row, column = (int(n) for n in np.unravel_index(int(score.argmax()), score.shape))
-        yield small.candidate(number, row, column)
-        score[:, np.hypot(rows - row, columns - column) < _APART * small.ball_radius] = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,23 +69,13 @@ class _Shrunken:
         return cls(image=image, side=side, beyond=margin, ball_radius=radius, gains=gains)
 
     def best(self) -> Candidate:
-        return self.candidate(*(int(n) for n in np.unravel_index(int(self.gains.argmax()), self.gains.shape)))
-
-    def candidate(self, number: int, row: int, column: int) -> Candidate:
+        number, row, column = (int(n) for n in np.unravel_index(int(self.gains.argmax()), self.gains.shape))
         return Candidate(
             center_x=(column - self.beyond + 0.5) * self.side - 0.5,
             center_y=(row - self.beyond + 0.5) * self.side - 0.5,
             contact_radius=float(_SHARES[number]) * self.ball_radius * self.side,
             gain=float(self.gains[number, row, column]) * self.side**2,
         )
-
-
-def _changed(image: Array, contact_radius: float) -> Array:
-    """(H, W) sum of squares of a (H, W, C) image around each pixel, as far as the pattern is looked for."""
-    reach = min(int(np.ceil(_SUPPORT * contact_radius)), min(image.shape[:2]) // 2)
-    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
-    disc = (np.hypot(x, y) < _SUPPORT * contact_radius).astype(np.float64)
-    return np.asarray(_correlated((image**2).sum(axis=2, keepdims=True), disc[None])[0])
 
 
 def _gain(image: Array, seen: Array, contact_radius: float, ball_radius: float) -> Array:

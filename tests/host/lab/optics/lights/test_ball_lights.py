@@ -1,24 +1,19 @@
 """Any lights, from balls: exact where the model holds, and on pictures of a real sensor under six single lights."""
 
-import json
 from contextlib import nullcontext
 from pathlib import Path
 from unittest.mock import Mock
 
-import cv2
 import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.frames.image_files import read_grey
-from gellight.lab.optics.lights import ball_lights
-from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
+from gellight.lab.optics.lights import channel_fit
 from gellight.lab.optics.lights.ball_series import BallSeries, divided
+from gellight.lab.optics.lights.channel_fit import check_lights, lights_from_balls
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
-from gellight.photometric.directions import LightDirections, view_places
+from gellight.photometric.directions import view_places
 from gellight.reconstruction.integration import normals
-from tests.helpers.command_line import invoke
-from tests.helpers.places import REAL_CROPS
 
 SHAPE = (150, 200)
 BALL = Ball(radius_mm=2.0, pixel_size_mm=0.1)
@@ -27,10 +22,6 @@ PRESSES = [
     for y in (30.0, 75.0, 120.0)
     for x in (35.0, 100.0, 165.0)
 ]
-OEM = REAL_CROPS / "oem_six_lights"
-OEM_BALL = Ball(radius_mm=0.2465, pixel_size_mm=0.0136138)
-OEM_CENTRES = [(74.27 + 146.89 * i - 2.65 * j, 62.29 + 2.54 * i + 147.16 * j) for j in range(3) for i in range(4)]
-"""of the balls, from the maker's file, in pixels half as large"""
 
 
 def surface(presses: list[Press]) -> np.ndarray:
@@ -110,54 +101,6 @@ def test_lights_from_straight_above_are_refused(lean: float, enough: bool) -> No
 def test_held_out_balls_are_felt_within_twelve_degrees(
     normal_deg: float, right: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ball_lights, "held_out", lambda *given: Mock(normal_deg=normal_deg))
+    monkeypatch.setattr(channel_fit, "held_out", lambda *given: Mock(normal_deg=normal_deg))
     with nullcontext() if right else pytest.raises(InputError, match=r"felt 12\.1 degrees off"):
         assert check_lights(Mock(), [], BALL).normal_deg == normal_deg
-
-
-def test_six_real_lights_in_16_bit_are_found_on_balls_and_feel_others(tmp_path: Path) -> None:
-    """9 balls teach, 3 judge. Normals were 18.5 degrees off with the ring fitted to the flat gel."""
-    rows = [f"balls_light1.png,{x / 2:.2f},{y / 2:.2f},{0.97 * OEM_BALL.radius_px:.2f}" for x, y in OEM_CENTRES]
-    (tmp_path / "p.csv").write_text("\n".join(["image,center_x_px,center_y_px,contact_radius_px", *rows]))
-    for number in range(1, 7):
-        for kind in ("balls", "flat"):
-            name = f"{kind}_light{number}.png"
-            (tmp_path / name).write_bytes((OEM / name).read_bytes())
-    sizes = ["--ball-radius-mm", str(OEM_BALL.radius_mm), "--pixel-size-mm", str(OEM_BALL.pixel_size_mm)]
-    series = ["--balls", f"{tmp_path}/balls_*.png", "--untouched", f"{tmp_path}/flat_*.png", "--white", "1020"]
-    given = ["directions", *series, *sizes, "--presses", tmp_path / "p.csv", "--out", tmp_path / "l.npz", "--json"]
-    result = invoke("calibrate", *given)
-    assert result.exit_code == 0, result.output
-    found = json.loads(result.stdout)
-    assert found["held_out"]["balls"] == 3
-    assert found["held_out"]["normal_deg"] < 3.5
-    assert found["held_out"]["felt_radius_mm"] == pytest.approx(OEM_BALL.radius_mm, rel=0.03)
-    # They stand 60 degrees apart.
-    steps = np.diff(np.array([*found["azimuth_deg"], found["azimuth_deg"][0]])) % 360
-    assert np.abs(np.minimum(steps, 360 - steps) - 60).max() < 12
-    asked = [f"{tmp_path}/balls_*.png", "--lights", tmp_path / "l.npz", "--white", "1020", "--out", tmp_path / "out"]
-    assert invoke("reconstruct", *asked, "--json").exit_code == 0
-    with np.load(tmp_path / "out/balls_light1.npz") as maps:
-        depth_mm = maps["depth_mm"]
-    for x, y in OEM_CENTRES:
-        column, row = round(x / 2), round(y / 2)
-        across = depth_mm[row, [column - 12, column, column + 12]]
-        cap = across[1] - across[[0, 2]].mean()
-        true = OEM_BALL.radius_mm - np.sqrt(OEM_BALL.radius_mm**2 - (12 * OEM_BALL.pixel_size_mm) ** 2)
-        assert cap == pytest.approx(true, rel=0.2)
-
-
-def test_a_series_of_another_number_or_size_is_refused(tmp_path: Path, vectors: np.ndarray) -> None:
-    lights = LightDirections(
-        vectors=vectors, untouched=np.full((5, 8, 9), 100, np.float32), noise_grey=1.0, pixel_size_mm=0.1
-    )
-    lights.write(tmp_path / "l.npz")
-    cv2.imwrite(str(tmp_path / "a.png"), np.full((8, 9), 511, np.uint16))
-    assert read_grey(tmp_path / "a.png", 1022.0)[0, 0] == pytest.approx(127.5)
-    result = invoke("reconstruct", tmp_path / "a.png", "--lights", tmp_path / "l.npz", "--out", tmp_path / "out")
-    assert "1 images and 5 lights: give one image for each light" in str(result.exception)
-    neither = invoke("reconstruct", tmp_path / "a.png", "--out", tmp_path / "out")
-    assert "give either --calibration or --lights" in str(neither.exception)
-    (tmp_path / "other.npz").write_bytes(b"none")
-    wrong = invoke("reconstruct", tmp_path / "a.png", "--lights", tmp_path / "other.npz", "--out", tmp_path / "out")
-    assert "holds no lights" in str(wrong.exception)

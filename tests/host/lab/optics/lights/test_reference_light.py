@@ -4,13 +4,12 @@ from contextlib import nullcontext, suppress
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, ConfigError
-from gellight.lab.optics.lights import adding, reference_light
+from gellight.lab.optics.lights import reference_light
 from gellight.lab.optics.lights.adding import _untouched
 from gellight.lab.optics.lights.reference_light import check_places, find_gamma, fit_pattern, light_model
 from gellight.lab.simulator.stage import Stage
@@ -205,18 +204,3 @@ def test_a_twentieth_of_the_light_may_lie_beside_a_smooth_pattern(
     taken = {LightGroups.SINGLES: np.zeros(1), LightGroups.TRIPLES: np.zeros(1)}
     with nullcontext() if smooth else pytest.raises(BundleError, match=r"5\.1% beside a smooth"):
         assert reference_light._patterns(taken, RING.colours, RING, np.eye(3))[1] == residual
-
-
-@pytest.mark.parametrize(("felt_mm", "right"), [(4.39, True), (4.41, False), (3.61, True), (3.59, False)])
-def test_the_ring_is_right_that_feels_a_ball_within_a_tenth(
-    felt_mm: float, right: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in ("signals_of", "without_shadows", "flat_gel", "light_rows", "find_circle", "Press"):
-        monkeypatch.setattr(adding, name, Mock())
-    monkeypatch.setattr(adding, "solve_robustly", lambda *given: (None, None))
-    monkeypatch.setattr(adding, "slopes", lambda scaled: np.zeros((2, 4)))
-    monkeypatch.setattr(adding, "radius_by_slopes_px", lambda *given: felt_mm / 0.1)
-    model = Mock(image_shape=(2, 2), colours=RING.colours, references=lambda kind: np.ones((12, 2, 2)))
-    with nullcontext() if right else pytest.raises(BundleError, match="feels the ball of 4 mm as one of"):
-        bundle = Mock(pixel_size_mm=(0.1, 0.1), manifest=Mock(camera_height_mm=0.0))
-        assert adding.confirm_ring(model, bundle, [], 4.0) == pytest.approx(felt_mm)

@@ -8,19 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, InputError
-from gellight.base.settings import Settings
 from gellight.bundle.bundle import load_bundle
-from gellight.lab.optics.lights.adding import add_lights, confirm_ring
 from gellight.lab.optics.lights.ring_fit import coarse_points, fit_ring, flat_light
-from gellight.lab.simulator.scene import Press
-from gellight.photometric.light_model import LightGroups, LightModel
+from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import read_lights
 from gellight.photometric.ring_geometry import RingGeometry
 from sim_reference.imaging import led_irradiance
 from sim_reference.surface import untouched
 from tests.helpers.command_line import invoke
-from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.simulated_gel import PIXEL_MM, RING, SMALL, Gel
 
 WRONG = replace(RING, ring_radius_mm=22.8, mounting_height_mm=18.6, incident_angle_rad=radians(20.0), centre_x_mm=0.5)
@@ -57,26 +52,6 @@ def test_the_ring_is_found_through_the_window_that_bends_its_light() -> None:
     true = np.stack([led_irradiance(flat, behind, led)[::16, ::16].ravel() for led in range(12)])
     found = flat_light(x, y, ring)
     np.testing.assert_allclose(found / found[:, :1], true / true[:, :1], rtol=1e-9)
-
-
-def test_a_ball_confirms_the_right_ring_and_refuses_a_low_one(model: LightModel, tmp_path: Path) -> None:
-    """A fit from the flat gel alone was accepted 24 degrees off."""
-    gel = Gel(seed=9)
-    linear_bundle(tmp_path / "b", SMALL.image_shape)
-    plain = load_bundle(tmp_path / "b")
-    manifest = plain.manifest.model_copy(update={"pixel_size_mm": PIXEL_MM})
-    bundle = replace(plain, manifest=manifest).with_reference(gel.mean(RING.colours, 8), frames=8)
-    pictures = gel.series(LightGroups.SINGLES, Press("BALL", 1.0, 0.0, 0.0)).pictures
-    assert confirm_ring(model, bundle, pictures, 4.0) == pytest.approx(4.0, rel=0.08)
-    low = replace(model, ring=replace(RING, ring_radius_mm=32.0, mounting_height_mm=26.0))
-    with pytest.raises(BundleError, match=r"feels the ball of 4 mm as one of .* measure the ring"):
-        confirm_ring(low, bundle, pictures, 4.0)
-
-
-def test_the_fit_from_the_flat_gel_alone_refuses_itself(tmp_path: Path) -> None:
-    linear_bundle(tmp_path / "b", SMALL.image_shape)
-    with pytest.raises(InputError, match="a ball has to confirm the fit: give --ball-radius-mm"):
-        add_lights(load_bundle(tmp_path / "b"), Settings(), tmp_path / "out", frames=1, ring_from_light=True)
 
 
 def test_the_middle_of_the_ring_moves_all_leds() -> None:

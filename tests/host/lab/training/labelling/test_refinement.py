@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.training.labelling.pattern import PressShape, response, sampled_around
-from gellight.lab.training.labelling.refinement import FirstFits, GivenResponse, refine, refine_others
+from gellight.lab.training.labelling.pattern import PressShape, response
+from gellight.lab.training.labelling.refinement import FirstFits, refine, refine_others
 from gellight.lab.training.presses import Ball, Press
-from tests.helpers.derivatives import slope
 
 SHAPE = (160, 200)
 BALL = Ball(radius_mm=4.0, pixel_size_mm=0.12)
@@ -66,15 +65,6 @@ def test_random_errors_of_the_labels_are_taken_off(truth: list[Press]) -> None:
     assert np.abs(circles(refined.presses) - circles(truth)).max() < 0.6
     assert refined.rms_shift_px == pytest.approx(np.sqrt(2) * 3, rel=0.4)
     assert refined.kept == []
-
-
-def test_the_jacobian_of_the_fit_to_a_shared_response_is_that_of_finite_differences(truth: list[Press]) -> None:
-    random, extent = np.random.default_rng(2), (float(SHAPE[1]), float(SHAPE[0]))
-    pixels = sampled_around(truth[0].picture() - REFERENCE, (100, 80), 20.0, BALL.radius_px)
-    residual = GivenResponse(pixels=pixels, coefficients=random.normal(0, 40, (27, 3)), ball=BALL, extent=extent)
-    at = PressShape(center_x=99.3, center_y=81.2, contact_radius=18.7).vector()
-    differences = [slope(lambda vector: residual.left(PressShape.of(vector)).T, at, one) for one in np.eye(len(at))]
-    np.testing.assert_allclose(residual.jacobian(PressShape.of(at)), differences, atol=1e-6)
 
 
 def test_a_shift_that_all_labels_share_stays_as_labelled(truth: list[Press]) -> None:

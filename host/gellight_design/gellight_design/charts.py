@@ -1,15 +1,14 @@
-"""Line charts and heat maps as SVG, and pictures as HTML; they take the text colour of the page, light or dark."""
+"""Line charts and heat maps as SVG; they take the text colour of the page, light or dark."""
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from math import ceil, floor, isfinite, log10
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gellight.lab.report.pictures import encode_png, round_step
+from gellight.lab.report.pictures import round_step
 
 SERIES = ("#3b6fd4", "#d6453d", "#3a9d5d", "#b07aa1", "#e08e2b", "#4aa3a8", "#8c6d46", "#7f7f7f", "#5b4fa2", "#c05780")
 HEAT = np.array([[49, 96, 180], [116, 173, 209], [224, 243, 248], [254, 224, 144], [244, 109, 67], [165, 15, 38]])
@@ -115,15 +114,6 @@ def heat_colour(share: float) -> str:
     """Return the colour of 0 (blue) to 1 and above (red), by way of pale yellow."""
     red, green, blue = (round(np.interp(share, np.linspace(0, 1, len(HEAT)), channel)) for channel in HEAT.T)
     return f"#{red:02x}{green:02x}{blue:02x}"
-
-
-def picture(image: NDArray[np.uint8], caption: str, width_px: int = 150) -> str:
-    """Return (H, W, 3) RGB or (H, W) grey uint8 as an HTML figure that holds its own PNG."""
-    source = base64.b64encode(encode_png(image)).decode()
-    return (
-        f'<figure style="width:{width_px}px"><img alt="{escape(caption)}" width="{width_px}" '
-        f'src="data:image/png;base64,{source}"><figcaption>{escape(caption)}</figcaption></figure>'
-    )
 
 
 @dataclass(frozen=True)

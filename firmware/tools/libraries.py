@@ -1,4 +1,4 @@
-"""Build the C sources to the libraries that lie beside them: `python -m gellight.reconstruction.native.build`.
+"""Build the committed libraries of the frame path and of the simulated board: `python -m firmware.tools.libraries`.
 
 The same sources and the same compiler (PyPI's `ziglang`, in the extra `firmware`) give the same bytes on every machine.
 The libraries need nothing but memcpy and memset, so one serves every Linux, with glibc or musl.
@@ -14,10 +14,11 @@ from pathlib import Path
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
+from gellight.lab.core_board import core
+from gellight.reconstruction.native import library
+from gellight.ring.firmware.targets import CHECKOUT
 
-FOLDER = Path(__file__).parent
-CHECKSUMS = FOLDER / "libraries.sha256"
-TARGETS: dict[str, tuple[str, ...]] = {
+FRAME_PATHS: dict[str, tuple[str, ...]] = {
     "x86_64-v4": ("x86_64-linux-musl", "-mcpu=x86_64_v4", "-mprefer-vector-width=512"),
     "x86_64-v3": ("x86_64-linux-musl", "-mcpu=x86_64_v3"),
     "x86_64-v2": ("x86_64-linux-musl", "-mcpu=x86_64_v2"),
@@ -36,19 +37,39 @@ _LIBRARY = (
 )  # fmt: skip
 
 
+_NAMED = "-install_name", "core_board.so"  # or the place where it was built gets in
+BOARDS: dict[str, tuple[str, ...]] = {
+    "linux-x86_64": ("x86_64-linux-musl", "-nostdlib"),
+    "linux-aarch64": ("aarch64-linux-musl", "-nostdlib"),
+    "darwin-x86_64": ("x86_64-macos", *_NAMED),
+    "darwin-arm64": ("aarch64-macos", *_NAMED),
+}
+"""system and machine, as Python calls them: target for the compiler, and what it needs there"""
+_OF_BOARDS = (
+    "-std=c11", "-Os", "-fno-sanitize=all", "-fPIC", "-shared", "-g0", "-s", "-Wall", "-Wextra", "-Wconversion",
+    "-Werror", "-fno-asynchronous-unwind-tables", "-fno-unwind-tables",
+)  # fmt: skip
+_FOR_LINUX = ("-Wl,--build-id=none", "-Wl,--hash-style=gnu")
+_PLACES = "firmware/core", "firmware/boards/host"
+
+
 def sources() -> list[str]:
-    """Return the names of the C files in a fixed order."""
-    return sorted(path.name for path in FOLDER.glob("*.c"))
+    """Return the names of the C files of the frame path in a fixed order."""
+    return sorted(path.name for path in library.FOLDER.glob("*.c"))
 
 
-def library_file(name: str) -> Path:
-    """Return where the library of this name lies."""
-    return FOLDER / f"frame_path-linux-{name}.so"
+def frame_path(name: str) -> bytes:
+    """Compile one library of the frame path; InputError where the compiler is missing or complains."""
+    arguments = [*FRAME_PATHS[name], *FLAGS, *_LIBRARY, *sources()]
+    return compiled(f"the frame path for {name}", library.FOLDER, arguments)
 
 
-def build(name: str) -> bytes:
-    """Compile one library; InputError where the compiler is missing or complains."""
-    return compiled(f"the frame path for {name}", FOLDER, [*TARGETS[name], *FLAGS, *_LIBRARY, *sources()])
+def board(name: str, checkout: Path = CHECKOUT) -> bytes:
+    """Compile one core of the firmware from a checkout; InputError where the compiler is missing or complains."""
+    flags = [*_OF_BOARDS, *(_FOR_LINUX if name.startswith("linux") else ())]
+    files = [str(path.relative_to(checkout)) for place in _PLACES for path in sorted((checkout / place).glob("*.c"))]
+    arguments = [*BOARDS[name], *flags, *(f"-I{place}" for place in _PLACES), *files]
+    return compiled(f"the core of the firmware for {name}", checkout, arguments)
 
 
 def compiled(what: str, folder: Path, arguments: Sequence[str]) -> bytes:
@@ -76,7 +97,8 @@ def write_libraries(libraries: Mapping[Path, bytes], checksums: Path) -> None:
 
 def main() -> None:
     """Build and write all libraries and their checksums."""
-    write_libraries({library_file(name): build(name) for name in TARGETS}, CHECKSUMS)
+    write_libraries({library.library_file(name): frame_path(name) for name in FRAME_PATHS}, library.CHECKSUMS)
+    write_libraries({core.library_file(name): board(name) for name in BOARDS}, core.CHECKSUMS)
 
 
 if __name__ == "__main__":

@@ -3,12 +3,10 @@
 import re
 from xml.etree import ElementTree
 
-import cv2
 import numpy as np
 import pytest
 
-from gellight.lab.report.charts import Axes, Series, heat_colour, heat_map, line_chart, picture
-from gellight.lab.report.pictures import coloured_heights, encode_png, round_step
+from gellight_design.charts import Axes, Series, heat_colour, heat_map, line_chart
 
 AXES = Axes(title="<title>", x="x", y="y")
 SVG = "{http://www.w3.org/2000/svg}"
@@ -138,28 +136,3 @@ def test_a_heat_map_shows_each_value_and_frames_the_smallest_of_each_row() -> No
 
 def test_colours_go_from_blue_to_red() -> None:
     assert [heat_colour(share) for share in (-1, 0, 0.1, 1)] == ["#3160b4", "#3160b4", "#5286c2", "#a50f26"]
-
-
-@pytest.mark.parametrize("shape", [(7, 5, 3), (7, 5)])
-def test_a_png_holds_the_image(shape: tuple[int, ...]) -> None:
-    image = np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)
-    read = cv2.imdecode(np.frombuffer(encode_png(image), np.uint8), cv2.IMREAD_UNCHANGED)
-    assert ((read[..., ::-1] if len(shape) == 3 else read) == image).all()
-
-
-def test_a_picture_needs_nothing_from_outside() -> None:
-    figure = picture(np.zeros((2, 2), np.uint8), 'a "name"', 60)
-    assert 'alt="a &quot;name&quot;"' in figure
-    assert 'src="data:image/png;base64,' in figure
-
-
-@pytest.mark.parametrize(
-    ("span", "most", "step"), [(1000, 10, 100), (100, 6, 20), (0.03, 6, 0.005), (7, 6, 2), (1, 10, 0.1), (500, 10, 50)]
-)
-def test_steps_are_round(span: float, most: int, step: float) -> None:
-    assert round_step(span, most) == pytest.approx(step)
-
-
-def test_heights_that_nobody_knows_are_not_drawn() -> None:
-    with pytest.raises(ValueError, match="none of the 12 heights is known"):
-        coloured_heights(np.full((3, 4), np.nan))
