@@ -23,7 +23,7 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.report.pictures import encode_png
 from gellight.reconstruction.native import library
-from gellight.recording.array_files import STEP, write_arrays
+from gellight.recording.array_files import STEP
 from gellight.recording.frame_record import packed_picture
 from gellight.recording.lerobot_files import write_lerobot
 from gellight.recording.recording_file import Recording
@@ -52,13 +52,6 @@ def test_pictures_take_two_fifths_of_their_bytes_at_most(recording: Path) -> Non
     assert sum(map(len, packed)) < 0.4 * sum(image.nbytes for image in images)
     read = [cv2.imdecode(np.frombuffer(one, np.uint8), cv2.IMREAD_COLOR_RGB) for one in packed]
     assert all(map(np.array_equal, read, images))
-
-
-def test_a_recording_is_replayed_with_its_own_bundle(recording: Path) -> None:
-    done = done_of("run", recording, "--frames", 4, "--no-dashboard", "--json")
-    status = json.loads(done.stdout)
-    assert status["indentation_mm"] == pytest.approx(1.0, abs=0.05)
-    assert status["calibration"]["identity"] == gellight.load_bundle("synthetic").identity
 
 
 def test_a_replay_that_ends_before_its_frames_says_so_in_words(recording: Path) -> None:
@@ -143,13 +136,6 @@ def test_an_export_that_is_refused_leaves_no_folder(recording: Path, tmp_path: P
         why = refused(invoke("export", recording, "--as", "video", "--every", 999999, "--out", tmp_path / name))
         assert why.endswith("pictures a second make no video: leave out fewer frames")
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
-
-
-def test_without_the_library_of_arrays_the_remedy_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "h5py", None)
-    with pytest.raises(InputError, match="pip install h5py"):
-        write_arrays([], tmp_path / "a.h5")
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_force_pressure_and_confidence_are_recorded_and_are_the_same_when_exported(tmp_path: Path) -> None:

@@ -22,11 +22,12 @@ from gellight.base.errors import ConfigError, StreamError
 from gellight.base.settings import load_settings
 from gellight.cli.one_sensor import published
 from gellight.daemon.session import SensorSession
-from gellight.frames.point_cloud import points_of
+from gellight.frames.measures import Force
 from gellight.frames.pose import ObjectPose
+from gellight.frames.shear import DotsSeen, Shear, Unseen
 from gellight.recording.ros_messages import DEFINITIONS, POSE, TF
 from gellight.stream.ros2 import HASHES, QOS, Ros2Publisher
-from gellight.stream.ros_topics import RosTopics
+from gellight.stream.ros_topics import RosTopics, covariance_of, wrench_of
 from gellight.tracking.rigid import pose_of
 from tests.helpers.cdr import decoded
 from tests.helpers.children import run
@@ -142,13 +143,6 @@ def test_the_contacts_are_points_with_their_figures_in_si_units(heard: dict[str,
     assert 0.3 < first["volume"] / first["area"] / first["z"] < 1
     assert 1e-5 < first["area"] < 3e-4
     assert 0 < first["age"] < 60
-
-
-def test_the_wrench_is_the_normal_force_in_newtons(heard: dict[str, Any]) -> None:
-    told = heard["left_finger/contact/wrench"]
-    parts = told.wrench.force, told.wrench.torque
-    assert [getattr(part, axis) for part in parts for axis in "xyz"] == [0, 0, 1.25, 0, 0, 0]
-    assert told.header.frame_id == "left_finger_gel"
 
 
 def test_the_pose_of_the_object_is_that_of_axes_with_y_up() -> None:
@@ -285,14 +279,6 @@ def test_a_topic_that_nobody_subscribes_to_costs_nothing(router: tuple[zenoh.Ses
         assert publisher._count < 20, "the diagnostics alone"
 
 
-def test_the_points_lie_on_the_gel_right_handed() -> None:
-    """A slope that rises to the right and to the top of the image rises with x and y."""
-    depth = np.add.outer(-np.arange(4.0), np.arange(5.0)).astype(np.float32)
-    points = points_of(depth, (0.1, 0.2)).reshape(-1, 3)
-    slopes, *_ = np.linalg.lstsq(np.c_[points[:, :2], np.ones(20)], points[:, 2], rcond=None)
-    assert slopes[:2] == pytest.approx([10, 5])
-
-
 def test_where_another_computer_has_no_router_the_remedy_is_said() -> None:
     daemon: SensorSession = bump_daemon()[0]
     with daemon, pytest.raises(StreamError, match=r"no router of ROS 2 .*ros2 run rmw_zenoh_cpp rmw_zenohd"):
@@ -332,3 +318,47 @@ def test_what_is_no_address_of_a_router_is_refused_in_one_line(address: str) -> 
         load_settings({"stream.ros2": address})
     assert re.search(r"is not allowed: give an address such as `tcp/localhost:7447`$", str(told.value))
     assert "\n" not in str(told.value)
+
+
+# ---- the wrench along the gel ----
+
+
+REST = np.array([[10.0, 10.0], [30.0, 10.0], [50.0, 10.5]])
+DOTS = DotsSeen(
+    rest_px=REST, places_px=REST + np.array([[0.5, -0.25], [0, 0], [1.125, 0]]),
+    reasons=np.array([Unseen.SEEN, Unseen.MISSING, Unseen.SEEN], np.uint8),
+)  # fmt: skip
+SHEAR = Shear(
+    dots=DOTS, field_mm=np.array([[0.05, -0.025], [np.nan, np.nan], [0.1125, 0]]), force_n=(0.3, -0.4),
+    force_error_n=(0.02, 0.03), torque_nmm=1.5, torque_error_nmm=0.25, centre_mm=(2.0, -3.0), flags=("few_dots",),
+)  # fmt: skip
+PRESSED = Force(normal_n=2.0, error_n=0.1, pressure_of=lambda: np.zeros((1, 1), np.float32))
+
+
+def test_the_wrench_is_about_the_middle_of_the_image_with_y_up() -> None:
+    # At (2, 3) mm with y up pulls (0.3, 0.4, 2) N, and 1.5 N mm turn from x towards y down: r x F + M by hand.
+    wrench = np.array(wrench_of(PRESSED, SHEAR))
+    place, force = np.array([2e-3, 3e-3, 0]), np.array([0.3, 0.4, 2.0])
+    np.testing.assert_allclose(wrench[:3], force)
+    np.testing.assert_allclose(wrench[3:], np.cross(place, force) + np.array([0, 0, -1.5e-3]))
+
+
+def test_the_covariance_is_that_of_the_wrench() -> None:
+    rng = np.random.default_rng(0)
+    x, y, normal = (rng.normal(0, one, 20000) for one in (0.02, 0.03, 0.1))
+    turn = rng.normal(0, 0.25, 20000)
+    drawn = [
+        wrench_of(replace(PRESSED, normal_n=2 + n), replace(SHEAR, force_n=(0.3 + a, -0.4 + b), torque_nmm=1.5 + t))
+        for a, b, n, t in zip(x, y, normal, turn, strict=True)
+    ]
+    found, scale = covariance_of(PRESSED, SHEAR), np.sqrt(np.diag(covariance_of(PRESSED, SHEAR)))
+    np.testing.assert_allclose(
+        np.cov(np.array(drawn).T) / np.outer(scale, scale), found / np.outer(scale, scale), atol=0.04
+    )
+
+
+def test_an_unknown_force_is_no_number() -> None:
+    unknown = Shear(dots=DOTS, field_mm=SHEAR.field_mm, unknown="another gel")
+    wrench = np.array(wrench_of(PRESSED, unknown))
+    assert np.isnan(wrench[[0, 1, 5]]).all()
+    assert wrench[2] == 2.0

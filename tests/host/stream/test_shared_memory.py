@@ -4,7 +4,6 @@ import errno
 import gc
 import itertools
 import os
-import stat
 import threading
 import time
 import weakref
@@ -35,10 +34,6 @@ def reader(memory: FrameMemory):
     reader = MappedMemory(memory.path)
     yield reader
     reader.close()
-
-
-def test_the_memory_is_of_its_owner_alone(memory: FrameMemory) -> None:
-    assert stat.S_IMODE(os.stat(memory.path).st_mode) == 0o600  # noqa: PTH116  (a file without a name)
 
 
 def test_messages_arrive_in_pieces_and_whole(memory: FrameMemory, reader: MappedMemory) -> None:

@@ -40,22 +40,40 @@ def test_whatever_a_frame_has_arrives_as_it_was_sent(sent: TactileFrame) -> None
     assert got.shear is None or got.shear.dots is got.camera_frame.dots
 
 
-def test_a_frame_of_a_daemon_that_knew_no_contacts_is_read() -> None:
-    old = re.sub(rb'"contacts":\[.*?\}\],', lambda found: b" " * len(found[0]), encode(full_frame()))
-    assert b"contacts" not in old
-    assert decode(old, no_bundle).contacts == ()
+@pytest.mark.parametrize("left_out", [rb'"contacts":\[.*?\}\],', rb'"dots":null,"shear":null,"slip":null,'])
+def test_a_frame_of_a_daemon_that_knew_less_is_read(left_out: bytes) -> None:
+    old, times = re.subn(left_out, lambda found: b" " * len(found[0]), encode(full_frame()))
+    assert times == 1
+    got = decode(old, no_bundle)
+    assert (got.contacts == ()) == (b"contacts" not in old)
+    assert got.shear is got.slip is None
 
 
-def test_a_damaged_pose_is_refused() -> None:
+MOTION = b"[0.0,1.0,2.0,3.0,4.0,5.0,6.0,7.0,8.0,9.0,10.0,11.0]"
+
+
+@pytest.mark.parametrize(
+    ("whole", "spoilt"),
+    [
+        (b'"reasons":[0,1,0]', b'"reasons":[0,1]'),
+        (b'"reasons":[0,1,0]', b'"reasons":[0,9,0]'),
+        (b'"field_mm":[[0.05,-0.025],', b'"field_mm":['),
+        (MOTION, b"[1.0]"),
+    ],
+)
+def test_damaged_dots_and_a_damaged_pose_are_refused(whole: bytes, spoilt: bytes) -> None:
     motion = np.vstack([np.arange(12.0).reshape(3, 4), [0, 0, 0, 1]])
     pose = ObjectPose(number=3, since_sequence=9, motion=motion, origin_mm=np.arange(3.0), centre_mm=np.ones(3),
                       covariance=np.eye(6), untellable=np.zeros((0, 6)))  # fmt: skip
-    message = encode(replace(full_frame(), pose=pose))
-    whole = b"[0.0,1.0,2.0,3.0,4.0,5.0,6.0,7.0,8.0,9.0,10.0,11.0]"
-    cut = message.replace(whole, b"[1.0]".ljust(len(whole)))
-    assert cut != message
-    with pytest.raises(StreamError, match="pose"):
-        decode(cut, no_bundle)
+    places, frame = np.full((3, 2), 9.5), full_frame()
+    dots = DotsSeen(rest_px=places, places_px=places, reasons=np.array([0, 1, 0], np.uint8))
+    sent = replace(frame, pose=pose, camera_frame=replace(frame.camera_frame, dots=dots))
+    vars(sent)["shear"] = Shear(dots=dots, field_mm=np.array([[0.05, -0.025], [np.nan, np.nan], [0.1125, 0]]))
+    message = encode(sent)
+    assert decode(message, no_bundle).pose.number == 3
+    with pytest.raises(StreamError, match=r"damaged|pose"):
+        decode(message.replace(whole, spoilt.ljust(len(whole))), no_bundle)
+    assert message.count(whole) == 1
 
 
 def test_the_provenance_arrives_with_the_ages_of_the_journey() -> None:
