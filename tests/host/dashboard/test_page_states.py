@@ -5,7 +5,7 @@ import threading
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Page, expect
 
 from gellight.daemon.assembly import open_session
 from gellight.dashboard import messages
@@ -22,10 +22,8 @@ NO_TIMER = "() => { window.setTimeout = () => -1; }"
 
 
 def test_when_the_server_is_gone_the_values_are_dim_and_nothing_can_be_pressed(
-    opened: Open, source: FormulaSource, server: DashboardServer
+    page: Page, source: FormulaSource, server: DashboardServer
 ) -> None:
-    page = opened()
-    draw(page, source, 0.5)
     expect(page.get_by_test_id("indentation")).to_have_text("0.500")
     expect(page.get_by_test_id("press-here")).to_be_enabled()
     page.evaluate(NO_TIMER)  # the page's own attempts, else one of them may succeed before the button is pressed
@@ -200,10 +198,8 @@ def test_a_double_click_on_the_surface_turns_it_back(opened_3d: Open, source: Fo
 
 
 def test_a_frame_of_another_version_is_said_with_the_remedy_and_the_page_goes_on_after_it(
-    opened: Open, source: FormulaSource, monkeypatch: pytest.MonkeyPatch
+    page: Page, source: FormulaSource, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    page = opened()
-    draw(page, source, 0.5)
     with monkeypatch.context() as patch:
         patch.setattr(messages, "VERSION", messages.VERSION + 1)
         source.put(bump(0.6, 0, 0))

@@ -74,9 +74,7 @@ def test_a_laptop_shows_all_its_panels_without_scrolling(opened: Open, source: F
     assert page.evaluate("document.documentElement.scrollHeight") <= 768
 
 
-def test_escape_closes_one_thing_at_a_time(opened: Open, source: FormulaSource) -> None:
-    page = opened()
-    draw(page, source, 1.0)
+def test_escape_closes_one_thing_at_a_time(page: Page, source: FormulaSource) -> None:
     page.get_by_test_id("measure").click()
     box = page.get_by_test_id("depth").bounding_box()
     page.mouse.move(box["x"] + 20, box["y"] + 20)
@@ -94,9 +92,7 @@ def test_escape_closes_one_thing_at_a_time(opened: Open, source: FormulaSource) 
     assert left == [[True, True, True], [False, True, True], [False, False, True], [False, False, False]]
 
 
-def test_the_surface_in_2d_says_why(opened: Open, source: FormulaSource) -> None:
-    page = opened()
-    draw(page, source, 1.0)
+def test_the_surface_in_2d_says_why(page: Page, source: FormulaSource) -> None:
     expect(page.get_by_test_id("level")).to_have_text("2D relief: this browser offers no WebGL 2")
 
 
@@ -107,10 +103,8 @@ def lightness_a_b(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=1)
 
 
-def test_every_eye_tells_the_depths_of_a_map_apart(opened: Open, source: FormulaSource) -> None:
+def test_every_eye_tells_the_depths_of_a_map_apart(page: Page, source: FormulaSource) -> None:
     """For each defect: deeper is brighter, every tenth of the scale is another colour, and none is that beyond it."""
-    page = opened()
-    draw(page, source, 1.0)
     for name in ("ocean", "viridis", "cividis", "grey"):
         page.get_by_test_id("map").select_option(name)
         colours = page.evaluate("""async () => {
