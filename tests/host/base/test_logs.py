@@ -9,7 +9,6 @@ import pytest
 
 from gellight.base import logs
 from tests.helpers.children import gellight
-from tests.helpers.command_line import invoke, refused
 
 KEYS = {"time", "level", "logger", "process", "sensor", "message"}
 
@@ -71,7 +70,3 @@ def test_a_run_logs_json_from_its_first_word_to_its_error(tmp_path) -> None:  # 
     (line,) = [json.loads(text) for text in refused.stderr.splitlines()]
     assert line["level"] == "error"
     assert line["message"].startswith("gellight: ")
-
-
-def test_an_unknown_form_is_refused() -> None:
-    assert "service.log" in refused(invoke("run", "--sensor", "sim://", "--set", "service.log=xml"))
