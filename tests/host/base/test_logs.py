@@ -60,8 +60,9 @@ def test_as_text_nothing_is_changed(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_run_logs_json_from_its_first_word_to_its_error(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    run = gellight("run", "--sensor", "sim://?board=0", "--frames", "2", "--set", "service.log=json", "--json")
-    assert run.returncode == 0, run.stderr
+    run = gellight(
+        "run", "--sensor", "sim://?board=0", "--frames", "2", "--set", "service.log=json", "--json", check=True
+    )
     said = [json.loads(line)["message"] for line in run.stderr.splitlines()]
     assert any(text.startswith("dashboard: ") for text in said)
     assert any(text.startswith("publishing: ") for text in said)

@@ -14,7 +14,7 @@ from gellight.bundle.bundle import Bundle, pack_bundle
 from gellight.daemon.assembly import open_session
 from gellight.sensor.sensor_camera import SensorCamera
 from sim_reference.geometry import SensorGeometry
-from tests.helpers.command_line import invoke
+from tests.helpers.command_line import invoke, succeeded
 from tests.helpers.doc_examples import examples
 from tests.helpers.places import CHECKOUT
 from tests.helpers.sensor_bench import Bench, lit_bundle
@@ -196,9 +196,7 @@ class TestCommand:
         write(folders, "[reconstruction]\nsmoothing_px = 3\n")
 
     def run(self, *arguments: str) -> str:
-        result = invoke("config", *arguments)
-        assert result.exit_code == 0, result.output
-        return result.output
+        return succeeded(invoke("config", *arguments)).output
 
     def test_show_tells_values_and_where_they_come_from(self) -> None:
         text = self.run("show")

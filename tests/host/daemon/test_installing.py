@@ -49,7 +49,13 @@ class Stream:
         return self.taken.pop
 
 
-def test_the_old_bundle_can_be_restored_and_the_new_one_after_it(store: BundleStore, tmp_path: Path) -> None:
+def test_the_old_bundle_can_be_restored_and_the_new_one_after_it_and_none_that_is_not_there(
+    store: BundleStore, tmp_path: Path
+) -> None:
+    with pytest.raises(BundleError, match="no calibration bundle on this computer: run `gellight calibrate`"):
+        store.current("GL-7")
+    with pytest.raises(BundleError, match="had no other bundle before"):
+        restore("", sensor="GL-7", store=store)
     stream, first, second = Stream(), verified_bundle(tmp_path / "first"), verified_bundle(tmp_path / "second")
     for one in (first, second):
         install(one, sensor="GL-7", store=store)
@@ -58,6 +64,8 @@ def test_the_old_bundle_can_be_restored_and_the_new_one_after_it(store: BundleSt
     restore(second.identity[:6], sensor="GL-7", store=store, running=stream)
     assert store.current("GL-7").identity == second.identity
     assert stream.taken == [first.identity, second.identity]
+    with pytest.raises(BundleError, match="no bundle of identity 'ffff'"):
+        restore("ffff", sensor="GL-7", store=store)
 
 
 def test_what_did_not_pass_replaces_nothing(store: BundleStore, tmp_path: Path) -> None:
@@ -108,15 +116,6 @@ def test_a_sensor_of_any_name_stays_inside_the_store(store: BundleStore, tmp_pat
     install(verified_bundle(tmp_path / "one", sensor=sensor), sensor=sensor, store=store)
     assert store.sensors() == [sensor]
     assert store.current(sensor).path.parent.parent == store.folder
-
-
-def test_what_is_not_there_is_said(store: BundleStore, tmp_path: Path) -> None:
-    with pytest.raises(BundleError, match="no calibration bundle on this computer: run `gellight calibrate`"):
-        store.current("GL-7")
-    with pytest.raises(BundleError, match="had no other bundle before"):
-        restore("", sensor="GL-7", store=store)
-    with pytest.raises(BundleError, match="no bundle of identity 'ffff'"):
-        restore("ffff", sensor="GL-7", store=store)
 
 
 def test_the_board_remembers_the_bundle_and_the_sensor_finds_it(store: BundleStore, tmp_path: Path) -> None:

@@ -40,19 +40,14 @@ def with_depth(depth_mm: np.ndarray) -> TactileFrame:
     return replace(FRAME, depth_mm=depth_mm.astype(np.float32))
 
 
-def test_the_image_is_a_faithful_jpeg_in_rgb_order() -> None:
+def test_the_image_is_a_faithful_jpeg_in_rgb_order_and_the_contact_is_beside_it() -> None:
     view = decode(encode(FRAME, pixel_size_mm=PIXEL))
     assert np.abs(view.image.astype(float) - blocks(FRAME.camera_frame.image)).mean() < 1.5
+    assert np.array_equal(view.contact, blocks(FRAME.contact.mask) >= 0.5)
     red = replace(
         FRAME, camera_frame=replace(FRAME.camera_frame, image=np.full((480, 640, 3), (200, 20, 20), np.uint8))
     )
     assert np.allclose(decode(encode(red, pixel_size_mm=PIXEL)).image[100, 100], (200, 20, 20), atol=3)
-
-
-def test_the_contact_patch_comes_through() -> None:
-    view = decode(encode(FRAME, pixel_size_mm=PIXEL))
-    assert np.array_equal(view.contact, blocks(FRAME.contact.mask) >= 0.5)
-    assert 0 < view.contact.sum() < view.contact.size
 
 
 def test_the_header_carries_the_figures() -> None:
@@ -69,12 +64,12 @@ def test_the_header_carries_the_figures() -> None:
     }
     assert header["light"] == LIGHT.tolist()
     assert header["stage_ms"] == {"gelnet": 8.0, "integration": 3.0}
-
-
-def test_the_header_carries_the_force_where_it_is_known() -> None:
-    assert decode(encode(FRAME, pixel_size_mm=PIXEL)).header["force"] is None
-    force = decode(encode(replace(FRAME, measures=HeavyFrames()), pixel_size_mm=PIXEL)).header["force"]
-    assert force == {"normal_n": 1.25, "error_n": 0.1, "flags": ["heavier"]}
+    assert header["force"] is None
+    (patch,) = FRAME.contacts
+    many = tuple(replace(patch, number=number) for number in range(1, 14))
+    heavy = decode(encode(replace(FRAME, measures=HeavyFrames(), contacts=many), pixel_size_mm=PIXEL)).header
+    assert heavy["force"] == {"normal_n": 1.25, "error_n": 0.1, "flags": ["heavier"]}
+    assert [one["number"] for one in heavy["contacts"]] == list(range(1, 13)), "the first twelve"
 
 
 def test_the_header_numbers_the_contacts_by_depth() -> None:
@@ -91,13 +86,6 @@ def test_the_header_numbers_the_contacts_by_depth() -> None:
     assert larger["area_mm2"] == pytest.approx(1600 * 0.02)
     assert larger["volume_mm3"] == pytest.approx(0.5 * 1600 * 0.02)
     assert larger["slope_rad"] == pytest.approx(np.arctan(np.sqrt(2)))
-
-
-def test_the_header_carries_the_first_twelve_contacts() -> None:
-    (patch,) = FRAME.contacts
-    frame = replace(FRAME, contacts=tuple(replace(patch, number=number) for number in range(1, 14)))
-    told = decode(encode(frame, pixel_size_mm=PIXEL)).header["contacts"]
-    assert [one["number"] for one in told] == list(range(1, 13))
 
 
 def with_truth(depth_mm: np.ndarray, contact: np.ndarray) -> TactileFrame:

@@ -136,7 +136,9 @@ def test_what_the_watch_has_found_is_told_above_the_pictures(opened: Open, sourc
     expect(page.get_by_test_id("watch")).to_be_visible()
 
 
-def test_the_colour_of_a_depth_does_not_depend_on_the_rest_of_the_frame(page: Page, source: FormulaSource) -> None:
+def test_the_colour_of_a_depth_depends_on_the_scale_alone_which_says_its_ends(
+    page: Page, source: FormulaSource
+) -> None:
     alone = pixel(page, "depth", 160, 120)
     rest = pixel(page, "depth", 10, 10)
     draw(page, source, 1.4)
@@ -145,15 +147,12 @@ def test_the_colour_of_a_depth_does_not_depend_on_the_rest_of_the_frame(page: Pa
     assert len({tuple(alone), tuple(deeper), tuple(rest)}) == 3
     draw(page, source, 0.5, 5.0, 0.0)
     assert pixel(page, "depth", 160 + round(5.0 / PIXEL_MM / 2), 120) == pytest.approx(alone, abs=2)
-
-
-def test_the_depth_scale_can_be_chosen_and_says_its_ends(page: Page, source: FormulaSource) -> None:
+    draw(page, source, 0.5)
     expect(page.get_by_test_id("ticks").locator("li")).to_have_text(["0 µm", "800 µm", "1600 µm"])
-    before = pixel(page, "depth", 160, 120)
     page.get_by_test_id("scale").select_option("200")
     expect(page.get_by_test_id("ticks").locator("li").last).to_have_text("200 µm")
     above = pixel(page, "depth", 160, 120)
-    assert above != before
+    assert above != alone
     assert above[:3] == [200, 0, 255], "what is above the scale is told apart"
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser, Page, expect
 
 from gellight.dashboard.server import DashboardServer
-from tests.helpers.browsing import PATIENCE_MS, Open, draw
+from tests.helpers.browsing import PATIENCE_MS, Open, paint
 from tests.helpers.dashboard_source import FormulaSource, two_bumps
 
 pytestmark = pytest.mark.browser
@@ -67,11 +67,12 @@ def test_a_phone_has_depth_indentation_and_press_on_its_first_screen_and_targets
     assert small == []
 
 
-def test_a_laptop_shows_all_its_panels_without_scrolling(opened: Open, source: FormulaSource) -> None:
-    page = opened()
+def test_a_laptop_shows_all_its_panels_without_scrolling_and_a_surface_in_2d_says_why(page: Page) -> None:
     page.set_viewport_size({"width": 1366, "height": 768})
-    draw(page, source, 1.0)
+    paint(page)
     assert page.evaluate("document.documentElement.scrollHeight") <= 768
+    expect(page.get_by_test_id("level")).to_have_text("2D relief: this browser offers no WebGL 2")
+    expect(page.get_by_test_id("detail")).to_be_disabled()
 
 
 def test_escape_closes_one_thing_at_a_time(page: Page, source: FormulaSource) -> None:
@@ -90,10 +91,6 @@ def test_escape_closes_one_thing_at_a_time(page: Page, source: FormulaSource) ->
         )
         page.keyboard.press("Escape")
     assert left == [[True, True, True], [False, True, True], [False, False, True], [False, False, False]]
-
-
-def test_the_surface_in_2d_says_why(page: Page, source: FormulaSource) -> None:
-    expect(page.get_by_test_id("level")).to_have_text("2D relief: this browser offers no WebGL 2")
 
 
 def lightness_a_b(rgb: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -33,31 +33,20 @@ def masked(text: bytes) -> bytes:
     return bytes([0x81, 0x80 | len(text), 0, 0, 0, 0]) + text
 
 
-def test_a_credit_buys_one_frame_and_no_more(client: Page, source: FormulaSource) -> None:
-    first = source.put(bump(1.0, 0, 0))
-    assert client.is_silent(), "no frame without a credit"
-    client.credit()
-    assert client.frame()["sequence"] == first
-    source.put(bump(1.0, 1, 0))
-    assert client.is_silent(), "the credit is spent"
-
-
-def test_the_same_frame_is_never_sent_twice(client: Page, source: FormulaSource) -> None:
-    source.put(bump(1.0, 0, 0))
-    client.credit(4)
-    client.frame()
-    assert client.is_silent()
-
-
-def test_a_page_that_comes_late_gets_the_newest_frame(client: Page, source: FormulaSource) -> None:
+def test_a_credit_buys_one_frame_which_is_the_newest_and_never_the_same_twice(
+    client: Page, source: FormulaSource
+) -> None:
     for i in range(20):
         last = source.put(bump(1.0, i * 0.1, 0))
+    assert client.is_silent(), "no frame without a credit"
     client.credit()
     assert client.frame()["sequence"] == last
     for i in range(20):
         last = source.put(bump(1.0, i * 0.1, 0))
-    client.credit()
+    assert client.is_silent(), "the credit is spent"
+    client.credit(4)
     assert client.frame()["sequence"] == last, "what came in between is skipped, not queued"
+    assert client.is_silent(), "it is not sent twice"
 
 
 def test_a_slow_page_does_not_slow_another(open_page: Callable[[], Page], source: FormulaSource) -> None:
@@ -265,25 +254,17 @@ def test_health_is_200_or_503_with_the_reason(source: FormulaSource, server: Das
     assert (status, json.loads(text)["error"]) == (503, "reconnecting to sensor A")
 
 
-def test_the_touch_and_its_force_are_shown_where_they_are_known() -> None:
+def test_touch_force_findings_and_counters_are_shown_whole_where_they_are_known() -> None:
     weighed = {"touch": {"indentation_mm": 0.5, "area_mm2": 9.0, "force": {"normal_n": 1.25, "error_n": 0.1}}}
     assert {"gellight_indentation_mm 0.5", "gellight_force_newtons 1.25"} <= set(metric_lines(weighed))
-    assert not [line for line in metric_lines({"touch": None}) if "force" in line or "indentation" in line]
-    plain = {"touch": {**weighed["touch"], "force": None}}
-    assert not [line for line in metric_lines(plain) if "force" in line]
-
-
-def test_findings_are_shown_and_what_is_not_known_yet_is_left_out() -> None:
+    for unknown in ({"touch": None}, {"touch": {**weighed["touch"], "force": None}}):
+        assert not [line for line in metric_lines(unknown) if "force" in line]
     status = {"error": "away", "frames": 0, "fps": 0.0, "frame_age_ms": {}, "watch": {"findings": [{"kind": "drift"}]}}
     lines = list(metric_lines(status))
     assert 'gellight_finding{kind="drift"} 1' in lines
     assert "gellight_up 0" in lines
-    assert not [line for line in lines if "celsius" in line]
+    assert not [line for line in lines if "celsius" in line or "frame_age" in line or "indentation" in line]
     warm = metric_lines({"ring": {"chip_c": 41.4, "ring_c": None}})
     assert [line for line in warm if line.startswith("gellight_light")] == ['gellight_light_celsius{part="chip"} 41.4']
-    assert not [line for line in lines if "frame_age" in line]
-
-
-def test_counters_keep_all_of_their_digits() -> None:
     for frames in (999_999, 1_000_001, 12_345_678_901):
         assert f"gellight_frames_total {frames}" in list(metric_lines({"frames": frames, "error": None}))

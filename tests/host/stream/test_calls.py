@@ -32,16 +32,19 @@ from tests.helpers.streamed import bump_daemon
 from tests.helpers.weighed import HeavyFrames
 
 
-def test_a_call_is_answered_with_what_the_daemon_says() -> None:
+def test_a_call_is_answered_with_what_the_daemon_says_until_the_subscription_is_closed() -> None:
     daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon), subscribe() as frames:
+    with daemon, Publisher(daemon):
+        frames = subscribe()
         assert frames.status()["mode"] == "formula"
-        with pytest.raises(InputError, match="simulated gel only"):
-            frames.press("BALL", 0.5)
         with pytest.raises(InputError, match="no light ring"):
             frames.light(None)
         with pytest.raises(InputError, match="not watched"):
             frames.zero()
+        frames.close()
+        for ask in (frames.status, frames.zero, lambda: frames.bundle):
+            with pytest.raises(StreamError, match="subscribe anew"):
+                ask()
 
 
 def test_a_daemon_that_takes_too_long_is_said_to_be_busy(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,16 +65,6 @@ def test_why_no_frame_comes_is_told_as_far_as_the_daemon_says_it(monkeypatch: py
         monkeypatch.setattr(daemon, "status", lambda: 1 / 0)
         with pytest.raises(NoFrameError, match=r"no frame for 0\.1 s: the call failed in the daemon; its log says why"):
             frames.next_frame()
-
-
-def test_a_subscription_that_was_closed_says_so() -> None:
-    daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon):
-        frames = subscribe()
-        frames.close()
-        for ask in (frames.status, frames.zero, lambda: frames.bundle):
-            with pytest.raises(StreamError, match="subscribe anew"):
-                ask()
 
 
 CHANGES = [

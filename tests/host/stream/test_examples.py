@@ -8,12 +8,8 @@ import runpy
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from subprocess import Popen
-from typing import Any
 
 import cv2
 import numpy as np
@@ -25,7 +21,6 @@ from gellight.frames.measures import MapOnRequest
 from gellight.lab.report.pictures import write_png
 from gellight.stream.publisher import Publisher
 from gellight.stream.wire import encode
-from tests.helpers import children
 from tests.helpers.children import run
 from tests.helpers.doc_examples import examples
 from tests.helpers.fem_presses import force_n
@@ -209,74 +204,31 @@ def test_the_reader_in_c_plus_plus_refuses_what_is_cut_off(reader: Path, tmp_pat
         assert run([reader, tmp_path / "frame"]).returncode == 1
 
 
-# ---- what README and docs/streaming.md type, in order ----
+# ---- what docs/streaming.md types, in order ----
 
-
-README = (CHECKOUT / "README.md").read_text()
 SECTION = (CHECKOUT / "docs/streaming.md").read_text().partition("## Other computers")[0]
-BLOCKS = re.findall(r"```sh\n(.*?)```", SECTION, re.DOTALL)
+LEFT_OUT = ("pip install", "lerobot-record")
+"""what this environment has, and what needs one of its own"""
 
 
-@contextmanager
-def running(arguments: list[str], says: str) -> Iterator[tuple[Popen[Any], str]]:
-    """Run a command of the section until it says `says`; give it, and what it said then."""
-    environment = {**os.environ, "GELLIGHT_STREAM_FOXGLOVE_PORT": "0"}
-    with children.started([*children.GELLIGHT, *arguments], stderr=-1, text=True, env=environment) as verb:
-        for line in verb.stderr:
-            if says in line:
-                yield verb, line
-                return
-        raise AssertionError(f"it ended with {verb.wait()}")
-
-
-@pytest.mark.nightly
-def test_every_block_is_tried() -> None:
-    assert [len(re.findall("--ros2|--foxglove|live.py|lerobot-record", block)) for block in BLOCKS] == [1, 1, 1, 1]
-
-
-SLOW = "sim://?fps=4"
-"""three sensors at 30 frames/s, each of which stays open, ask for more than two processors have"""
-LEFT_OUT = ("git clone", "make demo", ". .venv/", "pip install", "lerobot-record", "sudo", "gellight calibrate")
-"""what is open already, what this environment has, what needs one of its own, and what tests/test_first_hour.py runs"""
-ENDED = {
-    "--foxglove$": "--frames 5",
-    "^gellight run$": f"--frames 5 --sensor {SLOW}",
-    "^gellight doctor$": "|| test $? = 1",
-}
-"""what is added to a line: an end, a sensor, the status where none is plugged in"""
-
-
-def typed(port: int) -> str:
-    """Return every block of the README, then of the ways to a robot, as it is typed into one shell."""
-    script = ["set -eu", "trap 'kill $(jobs -p)' EXIT"]
-    blocks = [*re.findall(r"```(sh|python)\n(.*?)```", README, re.DOTALL), *(("sh", block) for block in BLOCKS)]
-    for kind, block in blocks:
-        if kind == "python":
-            script += ["python - <<'END'", block, "END"]
-            continue
-        for line in block.splitlines():
-            if not line.startswith(LEFT_OUT):
-                added = [more for lines, more in ENDED.items() if re.search(lines, line)]
-                script.append(" ".join([line.replace("localhost:7447", f"127.0.0.1:{port}"), *added]))
-    return "\n".join(script)
+def typed(router: str) -> str:
+    """Return every block of the ways to a robot, typed into one shell: sensors are slow, and the last one ends."""
+    blocks = re.findall(r"```sh\n(.*?)```", SECTION, re.DOTALL)
+    assert [len(re.findall("--ros2|--foxglove|live.py|lerobot-record", block)) for block in blocks] == [1, 1, 1, 1]
+    lines = [line for block in blocks for line in block.splitlines() if not line.startswith(LEFT_OUT)]
+    text = "\n".join(["set -eu", "trap 'kill $(jobs -p)' EXIT", *lines, ""])
+    text = text.replace("tcp/localhost:7447", router).replace("ros2_check.py", f"ros2_check.py {router}")
+    return text.replace("sim://?object", "sim://?fps=4&object").replace("--foxglove\n", "--foxglove --frames 5\n")
 
 
 @pytest.mark.nightly
 @pytest.mark.timeout(700)
-def test_every_block_runs_in_order_while_the_demo_is_open(tmp_path: Path) -> None:
-    """`ros2_check.py` is told the port of this test."""
+def test_every_way_to_a_robot_runs_as_it_is_typed(tmp_path: Path) -> None:
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     folders = {f"XDG_{kind}_HOME": str(tmp_path / kind) for kind in ("CONFIG", "STATE", "DATA")}
-    ports = {"GELLIGHT_STREAM_FOXGLOVE_PORT": "0", "GELLIGHT_DASHBOARD_PORT": "0"}
-    environment = {**os.environ, **folders, **ports, "PATH": path}
-    port = free_port()
-    script = typed(port).replace("ros2_check.py", f"ros2_check.py tcp/127.0.0.1:{port}")
-    script = script.replace("sim://?object", f"{SLOW}&object")
-    with running(["demo", "--no-browser", "--port", "0", "--sensor", SLOW], "publishing") as (_, line):
-        assert "'sim'" in line
-        done = children.run(
-            ["bash", "-c", script], cwd=CHECKOUT, env=environment, stderr=subprocess.STDOUT, timeout_s=600
-        )
+    environment = {**os.environ, **folders, "GELLIGHT_STREAM_FOXGLOVE_PORT": "0", "PATH": path}
+    script = typed(f"tcp/127.0.0.1:{free_port()}")
+    done = run(["bash", "-c", script], cwd=CHECKOUT, env=environment, stderr=subprocess.STDOUT, timeout_s=600)
     assert done.returncode == 0, done.stdout
     names = re.findall(r"--name (\w+)", SECTION)
     assert len(names) == 2

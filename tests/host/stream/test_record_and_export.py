@@ -29,7 +29,7 @@ from gellight.recording.lerobot_files import write_lerobot
 from gellight.recording.recording_file import Recording
 from gellight.recording.replay_camera import open_replay
 from tests.helpers import children
-from tests.helpers.command_line import invoke, refused
+from tests.helpers.command_line import invoke, refused, succeeded
 from tests.helpers.doc_examples import examples, run
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.places import CHECKOUT
@@ -40,9 +40,7 @@ from tests.helpers.weighed import force_files, weighed
 
 def done_of(*words: object) -> Result:
     """Run `gellight` with these words in this process to its good end."""
-    done = invoke(*words)
-    assert done.exit_code == 0, (done.output, done.exception)
-    return done
+    return succeeded(invoke(*words))
 
 
 def test_pictures_take_two_fifths_of_their_bytes_at_most(recording: Path) -> None:
@@ -247,8 +245,7 @@ def test_the_first_block_of_the_page_runs_as_it_is_printed(tmp_path: Path) -> No
     block = page.partition("```sh\n")[2].partition("```")[0].replace("--seconds 20", "--seconds 2")
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     environment = {**os.environ, "PATH": path, "GELLIGHT_DASHBOARD_PORT": "0"}
-    done = children.run(["bash", "-euc", block], cwd=tmp_path, env=environment)
-    assert done.returncode == 0, done.stderr
+    children.run(["bash", "-euc", block], cwd=tmp_path, env=environment, check=True)
     assert list((tmp_path / "press").glob("*.npz"))
 
 
@@ -259,9 +256,8 @@ def test_every_picture_of_a_folder_is_recorded_and_none_gets_the_bundle_of_anoth
     for number in range(count):
         (tmp_path / f"{number}.png").write_bytes(encode_png(np.full((48, 64, 3), 40 * number + 40, np.uint8)))
     done = children.gellight(
-        "record", "--sensor", str(tmp_path), "--out", str(tmp_path / "all.mcap"), "--set", "stream.enabled=false"
+        "record", "--sensor", tmp_path, "--out", tmp_path / "all.mcap", "--set", "stream.enabled=false", check=True
     )
-    assert done.returncode == 0, done.stderr
     assert "these pictures have no bundle, so there is no depth: give that of their sensor by" in done.stderr
     recording = Recording(tmp_path / "all.mcap")
     assert [one.image("here")[0, 0, 0] for one in recording.frames()] == [40 * number + 40 for number in range(count)]

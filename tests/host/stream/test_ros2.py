@@ -113,20 +113,27 @@ def test_a_client_of_another_make_gets_the_image(finger: tuple[zenoh.Session, in
     assert told == [48, 64, "rgb8", 192, 48 * 192, "left_finger_camera"]
 
 
-def test_image_and_depth(heard: dict[str, Any]) -> None:
+def test_images_points_and_the_contact_are_in_metres(heard: dict[str, Any]) -> None:
     image, depth = heard["left_finger/image_raw"], heard["left_finger/depth/image"]
     for one, encoding, step in ((image, "rgb8", 192), (depth, "32FC1", 256)):
         assert (one.height, one.width, one.step, one.encoding, len(one.data)) == (48, 64, step, encoding, 48 * step)
         assert (one.header.frame_id, one.header.stamp.sec > 1.6e9) == ("left_finger_camera", True)
-    assert 0.0003 < depth.data.view("<f4").max() < 0.01, "metres"
-
-
-def test_the_contact_and_the_points_are_in_metres(heard: dict[str, Any]) -> None:
+    assert 0.0003 < depth.data.view("<f4").max() < 0.01
     points, contact = heard["left_finger/points"], heard["left_finger/contact"]
     assert (points.height, points.width, points.point_step, points.row_step) == (48, 64, 12, 768)
     assert (len(points.data), points.header.frame_id) == (48 * 768, "left_finger_gel")
     assert [contact.point.x, contact.point.y] == pytest.approx([0, 0], abs=1e-4)
     assert 0.00049 < contact.point.z < 0.01, "the first bump is 0.5 mm high, between pixels"
+
+
+def test_camera_info_and_diagnostics(heard: dict[str, Any]) -> None:
+    told = heard["left_finger/camera_info"]
+    assert (told.height, told.width, told.distortion_model) == (48, 64, "plumb_bob")
+    assert told.k == pytest.approx([400, 0, 31.5, 0, 200, 23.5, 0, 0, 1]), "a gel 40 mm away, 0.1 and 0.2 mm a pixel"
+    assert told.d.tolist() == [0] * 5
+    assert told.p == pytest.approx([400, 0, 31.5, 0, 0, 200, 23.5, 0, 0, 0, 1, 0])
+    (status,) = heard["diagnostics"].status
+    assert (status.name, status.message, len(status.values)) == ("gellight: left_finger", "ok", 5)
 
 
 def test_the_contacts_are_points_with_their_figures_in_si_units(heard: dict[str, Any]) -> None:
@@ -199,16 +206,6 @@ def test_without_a_constant_for_the_force_there_is_no_wrench(router: tuple[zenoh
         del held
 
 
-def test_camera_info_and_diagnostics(heard: dict[str, Any]) -> None:
-    told = heard["left_finger/camera_info"]
-    assert (told.height, told.width, told.distortion_model) == (48, 64, "plumb_bob")
-    assert told.k == pytest.approx([400, 0, 31.5, 0, 200, 23.5, 0, 0, 1]), "a gel 40 mm away, 0.1 and 0.2 mm a pixel"
-    assert told.d.tolist() == [0] * 5
-    assert told.p == pytest.approx([400, 0, 31.5, 0, 0, 200, 23.5, 0, 0, 0, 1, 0])
-    (status,) = heard["diagnostics"].status
-    assert (status.name, status.message, len(status.values)) == ("gellight: left_finger", "ok", 5)
-
-
 @pytest.mark.nightly
 def test_hashes_definitions_and_messages_are_those_of_ros() -> None:
     """The hash covers every field, its type and its place; constants and comments do not count."""
@@ -279,10 +276,15 @@ def test_a_topic_that_nobody_subscribes_to_costs_nothing(router: tuple[zenoh.Ses
         assert publisher._count < 20, "the diagnostics alone"
 
 
-def test_where_another_computer_has_no_router_the_remedy_is_said() -> None:
+def test_where_there_is_no_router_and_none_can_be_made_the_remedy_is_said() -> None:
     daemon: SensorSession = bump_daemon()[0]
     with daemon, pytest.raises(StreamError, match=r"no router of ROS 2 .*ros2 run rmw_zenoh_cpp rmw_zenohd"):
         Ros2Publisher(daemon, "tcp/nowhere.invalid:7447", name="finger").__enter__()
+    daemon = bump_daemon()[0]
+    with socket.create_server(("127.0.0.1", 0)) as taken, daemon:
+        address = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        with pytest.raises(StreamError, match=r"cannot be made there .*start one by"):
+            Ros2Publisher(daemon, address, name="finger").__enter__()
 
 
 @pytest.mark.nightly
@@ -300,14 +302,6 @@ def test_where_this_computer_has_no_router_the_first_publisher_is_it_and_data_ar
     assert done.returncode == 0, done.stderr
     assert "/one/depth/image: sensor_msgs/msg/Image, stamped" in done.stdout
     assert "/two/image_raw: sensor_msgs/msg/Image, stamped" in done.stdout
-
-
-def test_where_another_program_has_the_port_the_remedy_is_said() -> None:
-    daemon: SensorSession = bump_daemon()[0]
-    with socket.create_server(("127.0.0.1", 0)) as taken, daemon:
-        address = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
-        with pytest.raises(StreamError, match=r"cannot be made there .*start one by"):
-            Ros2Publisher(daemon, address, name="finger").__enter__()
 
 
 @pytest.mark.parametrize(
