@@ -40,7 +40,7 @@ LONGEST = (
     "scan/test_scan.py", "touch/test_mujoco_carry.py", "benchmarks/test_integrators.py",
     "host/lab/optics/lights/test_channel_fit.py", "host/cli/test_demo.py", "host/reconstruction/test_native_path.py",
     "host/watch/test_rezero.py", "host/stream/test_recorder.py", "host/stream/test_subscription.py",
-    "host/cli/test_service.py", "host/stream/test_lerobot.py", "host/stream/test_readme_robot.py",
+    "host/cli/test_service.py", "host/stream/test_lerobot.py", "host/stream/test_examples.py",
     "touch/test_examples.py", "soak/test_kills.py", "sim_reference/test_fem_gel.py",
     "sim_reference/test_fem_dragging.py", "sim_reference/test_fem_contact.py",
 )  # fmt: skip

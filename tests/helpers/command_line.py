@@ -15,6 +15,12 @@ def invoke(*words: object, app: Any = gellight, **options: Any) -> Result:
     return CliRunner().invoke(app, [str(word) for word in words], **options)
 
 
+def succeeded(result: Result) -> Result:
+    """Return the result of a verb that came to its good end."""
+    assert result.exit_code == 0, (result.output, result.exception)
+    return result
+
+
 def refused(result: Result) -> str:
     """Return why a verb refused what it was asked."""
     assert isinstance(result.exception, GellightError), result.output

@@ -9,7 +9,6 @@ import pytest
 
 from gellight.base import logs
 from tests.helpers.children import gellight
-from tests.helpers.command_line import invoke, refused
 
 KEYS = {"time", "level", "logger", "process", "sensor", "message"}
 
@@ -61,8 +60,9 @@ def test_as_text_nothing_is_changed(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_run_logs_json_from_its_first_word_to_its_error(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    run = gellight("run", "--sensor", "sim://?board=0", "--frames", "2", "--set", "service.log=json", "--json")
-    assert run.returncode == 0, run.stderr
+    run = gellight(
+        "run", "--sensor", "sim://?board=0", "--frames", "2", "--set", "service.log=json", "--json", check=True
+    )
     said = [json.loads(line)["message"] for line in run.stderr.splitlines()]
     assert any(text.startswith("dashboard: ") for text in said)
     assert any(text.startswith("publishing: ") for text in said)
@@ -71,7 +71,3 @@ def test_a_run_logs_json_from_its_first_word_to_its_error(tmp_path) -> None:  # 
     (line,) = [json.loads(text) for text in refused.stderr.splitlines()]
     assert line["level"] == "error"
     assert line["message"].startswith("gellight: ")
-
-
-def test_an_unknown_form_is_refused() -> None:
-    assert "service.log" in refused(invoke("run", "--sensor", "sim://", "--set", "service.log=xml"))

@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -87,30 +88,25 @@ def test_a_damaged_bundle_is_replaced_when_it_is_installed_again(tmp_path: Path)
     assert store.bundles()[0].problem == ""
 
 
-def verified(**figures: float) -> SimpleNamespace:
-    return SimpleNamespace(metrics={"verification": figures}, source="my-sensor")
-
-
-def test_a_bundle_within_the_limits_passes() -> None:
-    Limits().check(verified(depth_mm=0.02, true_depth_mm=0.03, normal_deg=2.0))  # type: ignore[arg-type]
-    Limits().check(verified(depth_mm=0.02, normal_deg=2.0))  # type: ignore[arg-type]
-
-
-def test_a_true_depth_error_beyond_the_limit_is_refused_and_named_first() -> None:
-    with pytest.raises(
-        BundleError, match=r"\(depth 150 um; 20 um with the mean error of each press taken off; normals"
-    ):
-        Limits().check(verified(depth_mm=0.02, true_depth_mm=0.15, normal_deg=2.0))  # type: ignore[arg-type]
-
-
-def test_where_only_the_shape_is_known_it_is_called_so() -> None:
-    with pytest.raises(BundleError, match="shape of the depth 150 um with the mean error of each press taken off"):
-        Limits().check(verified(depth_mm=0.15, normal_deg=2.0))  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize(
-    "metrics", [{}, {"verification": {}}, {"verification": None}, {"verification": {"depth_mm": 1}}]
+    ("figures", "told"),
+    [
+        ({"depth_mm": 0.08, "normal_deg": 7.0}, ""),
+        ({"depth_mm": 0.08, "true_depth_mm": 0.08, "normal_deg": 2.0}, ""),
+        ({"depth_mm": 0.081, "normal_deg": 2.0}, r"\(shape of the depth 81 um with the mean error of each press taken"),
+        ({"depth_mm": 0.02, "normal_deg": 7.1}, "normals 7.1 degrees"),
+        ({"depth_mm": 0.02, "true_depth_mm": 0.081, "normal_deg": 2.0}, r"\(depth 81 um; 20 um with the mean error"),
+        ({"depth_mm": 0.081, "true_depth_mm": 0.02, "normal_deg": 2.0}, r"\(depth 20 um; 81 um with the mean error"),
+        ({}, "was never verified on fresh presses"),
+        ({"depth_mm": 0.02}, "was never verified on fresh presses"),
+        ({"depth_mm": "good", "normal_deg": 2.0}, "was never verified on fresh presses"),
+        (None, "was never verified on fresh presses"),
+    ],
 )
-def test_a_bundle_that_was_never_verified_is_refused(metrics: dict[str, object]) -> None:
-    with pytest.raises(BundleError, match="was never verified on fresh presses"):
-        Limits().check(SimpleNamespace(metrics=metrics, source="my-sensor"))  # type: ignore[arg-type]
+def test_only_a_bundle_within_the_limits_passes(figures: object, told: str) -> None:
+    bundle: Any = SimpleNamespace(metrics={"verification": figures}, source="my-sensor")
+    if not told:
+        Limits().check(bundle)
+        return
+    with pytest.raises(BundleError, match=told):
+        Limits().check(bundle)

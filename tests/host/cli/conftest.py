@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.helpers.command_line import succeeded
 from tests.helpers.pressed_pictures import press_into, run, sources
 
 
@@ -16,6 +17,5 @@ def pressed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def bundle(pressed: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("bundles") / "sensor"
     options = ["--recipe", "fast", "--width", "16", "--sensor", "S1"]
-    result = run("fit", *sources(pressed), "--out", out, *options)
-    assert result.exit_code == 0, result.output
+    succeeded(run("fit", *sources(pressed), "--out", out, *options))
     return out

@@ -12,7 +12,7 @@ from gellight.bundle.bundle import load_bundle, write_bundle
 from gellight.photometric.lights_file import read_lights
 from gellight.sensor.discovery import discover
 from tests.helpers import simulated_bundle
-from tests.helpers.command_line import invoke
+from tests.helpers.command_line import invoke, succeeded
 
 
 def gellight(*arguments: str) -> Result:
@@ -42,8 +42,7 @@ def test_bundles_are_installed_listed_and_restored(tmp_path: Path, monkeypatch: 
     sensor = ("--sensor", "sim://?board=0")
     first, second = made(tmp_path / "first", "simulated", "1"), made(tmp_path / "second", "simulated", "2")
     for bundle in (first, second):
-        done = gellight("install", str(bundle), *sensor)
-        assert done.exit_code == 0, done.output
+        done = succeeded(gellight("install", str(bundle), *sensor))
         assert "it has no board" in done.stdout
     done = gellight("restore", *sensor, "--json")
     assert json.loads(done.stdout)["identity"] == load_bundle(first).identity
@@ -56,7 +55,6 @@ def test_bundles_are_installed_listed_and_restored(tmp_path: Path, monkeypatch: 
     other = made(tmp_path / "other", "GL-9", "3")
     done = gellight("install", str(other), *sensor)
     assert isinstance(done.exception, BundleError)
-    assert "is the bundle of sensor 'GL-9', this is 'simulated': nothing was replaced" in str(done.exception)
 
 
 def test_a_name_for_people_is_listed_and_changes_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

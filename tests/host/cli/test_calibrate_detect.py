@@ -10,16 +10,14 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.cli.calibrate import detect as command
 from gellight.frames.image_files import read_image
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.label_file import read_presses
-from gellight.lab.training.labelling import Detection
 from gellight.lab.training.presses import Ball
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.children import gellight
-from tests.helpers.command_line import invoke, refused
+from tests.helpers.command_line import invoke, refused, succeeded
 
 PIXEL_MM = 0.1176
 BALL = ["--ball-radius-mm", "4", "--pixel-size-mm", str(PIXEL_MM)]
@@ -46,8 +44,7 @@ def run(folder: Path, *arguments: str | Path, out: Path) -> Any:
 
 
 def test_the_csv_is_what_fit_reads_and_the_circles_are_right(folder: Path) -> None:
-    result = run(folder, *(folder / f"{name}.png" for name in "abc"), out=folder / "presses.csv")
-    assert result.exit_code == 0, result.output
+    result = succeeded(run(folder, *(folder / f"{name}.png" for name in "abc"), out=folder / "presses.csv"))
     assert "3 circles, 0 images refused" in result.stdout
     ball = Ball(radius_mm=4, pixel_size_mm=PIXEL_MM)
     presses = read_presses(folder / "presses.csv", ball=ball, image_shape=(240, 320))
@@ -59,8 +56,7 @@ def test_the_csv_is_what_fit_reads_and_the_circles_are_right(folder: Path) -> No
 def test_a_name_that_is_not_utf_8_is_in_the_csv_as_on_the_disk(folder: Path, tmp_path: Path) -> None:
     image, out = tmp_path / os.fsdecode("按压.png".encode("gbk")), tmp_path / "presses.csv"
     image.write_bytes((folder / "a.png").read_bytes())
-    done = gellight("calibrate", "detect", image, "--reference", folder / "untouched.png", *BALL, "--out", out)
-    assert done.returncode == 0, done.stderr
+    gellight("calibrate", "detect", image, "--reference", folder / "untouched.png", *BALL, "--out", out, check=True)
     (press,) = read_presses(out, ball=Ball(radius_mm=4, pixel_size_mm=PIXEL_MM), image_shape=(240, 320))
     assert press.image == image
 
@@ -69,8 +65,7 @@ def test_a_press_whose_centre_is_off_the_picture_has_its_row_and_its_errors(fold
     scene = Scene(SensorGeometry(image_width_px=320, image_height_px=240, pixel_size_mm=PIXEL_MM), CameraResponse())
     image = digitise(scene.show(Press("BALL", 1.5, -19.2, 2.0))[0], 1.0, np.random.default_rng(0))
     cv2.imwrite(str(tmp_path / "cut.png"), image[..., ::-1])
-    result = run(folder, tmp_path / "cut.png", "--json", out=tmp_path / "presses.csv")
-    assert result.exit_code == 0, result.output
+    result = succeeded(run(folder, tmp_path / "cut.png", "--json", out=tmp_path / "presses.csv"))
     (found,) = json.loads(result.stdout)
     ball = Ball(radius_mm=4, pixel_size_mm=PIXEL_MM)
     (press,) = read_presses(tmp_path / "presses.csv", ball=ball, image_shape=(240, 320))
@@ -97,8 +92,7 @@ def test_a_refused_image_has_its_reason_and_is_passed_over(folder: Path, tmp_pat
 def test_without_any_circle_every_reason_is_told_and_nothing_is_written(folder: Path, tmp_path: Path) -> None:
     images = [folder / "nothing.png", folder / "broken.png"]
     result = run(folder, *images, "--json", out=tmp_path / "presses.csv")
-    assert isinstance(result.exception, InputError)
-    assert "no circle in any of 2 images" in str(result.exception)
+    assert "no circle in any of 2 images" in refused(result)
     nothing, broken = json.loads(result.stdout)
     assert "no press" in nothing["refused"]
     assert "not an image" in broken["refused"]
@@ -110,8 +104,7 @@ def test_without_any_circle_every_reason_is_told_and_nothing_is_written(folder: 
 
 
 def test_the_overlay_shows_the_circle_on_the_picture(folder: Path, tmp_path: Path) -> None:
-    result = run(folder, folder / "c.png", "--overlay", tmp_path / "seen", out=tmp_path / "presses.csv")
-    assert result.exit_code == 0, result.output
+    succeeded(run(folder, folder / "c.png", "--overlay", tmp_path / "seen", out=tmp_path / "presses.csv"))
     drawn, before = read_image(tmp_path / "seen/c.png"), read_image(folder / "c.png")
     changed = np.argwhere((drawn != before).any(axis=2))
     centre = np.array([119.5, 0.5 / PIXEL_MM + 159.5])
@@ -126,8 +119,7 @@ def test_an_existing_csv_is_kept_and_no_image_counts_twice(folder: Path, tmp_pat
     assert "exists: choose another name" in refused(run(folder, folder / "a.png", out=tmp_path / "presses.csv"))
     assert (tmp_path / "presses.csv").read_text() == "mine"
     twice = run(folder, folder / "a.png", folder / "a.png", out=tmp_path / "other.csv")
-    assert isinstance(twice.exception, InputError)
-    assert "is given twice" in str(twice.exception)
+    assert "is given twice" in refused(twice)
 
 
 def test_a_place_that_cannot_be_written_is_told(folder: Path, tmp_path: Path) -> None:
@@ -137,13 +129,6 @@ def test_a_place_that_cannot_be_written_is_told(folder: Path, tmp_path: Path) ->
     result = run(folder, folder / "a.png", "--overlay", tmp_path / "file", out=tmp_path / "presses.csv")
     assert "--overlay: " in refused(result)
     assert not (tmp_path / "presses.csv").exists(), "it is refused before the work"
-
-
-def test_the_reference_itself_is_no_press(folder: Path, tmp_path: Path) -> None:
-    same = ["--reference", folder / "a.png", *BALL, "--out", tmp_path / "presses.csv"]
-    result = invoke("calibrate", "detect", folder / "a.png", *same)
-    assert isinstance(result.exception, InputError)
-    assert "no press: nothing has changed" in result.stdout
 
 
 def test_what_was_found_is_printed_also_where_it_cannot_be_written(folder: Path, tmp_path: Path) -> None:
@@ -156,9 +141,3 @@ def test_what_was_found_is_printed_also_where_it_cannot_be_written(folder: Path,
         found, nothing = json.loads(result.stdout)
         assert found["quality"] > 0.9
         assert "no press" in nothing["refused"]
-
-
-def test_a_long_name_keeps_its_distance_from_what_is_said_of_it() -> None:
-    refused = Detection(image=Path("a_name_of_twenty-six.letters.png"), contact=None, refused="no press")
-    table = command._table([refused], Path("p.csv"))
-    assert "letters.png refused: no press" in table

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,10 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.bundle.bundle import Bundle, load_bundle, save_bundle
+from gellight.cli.calibrate.training import depth_line
+from gellight.frame_path.pipeline import Reconstructor
+from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press, Scene
@@ -17,16 +22,19 @@ from gellight.lab.training import judged_fit
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.training import Learning, TrainingOptions, read_reference
-from sim_reference.camera import CameraResponse
+from gellight.photometric.lights_file import read_lights
+from gellight.reconstruction.errors import surface_errors
+from sim_reference.camera import CameraResponse, digitise
 from tests.helpers import cross_validation
+from tests.helpers.command_line import refused, succeeded
 from tests.helpers.cross_validation import cross_validate
 from tests.helpers.places import real
-from tests.helpers.pressed_pictures import GEOMETRY, photograph, run
+from tests.helpers.pressed_pictures import GEOMETRY, photograph, run, sources
+from tests.helpers.small_bundles import ordinary, with_files
 
 
 def test_the_bundle_feels_balls_it_was_not_trained_on(bundle: Path, pressed: Path) -> None:
-    result = run("evaluate", "--calibration", bundle, "--presses", pressed / "others.csv", "--json")
-    assert result.exit_code == 0, result.output
+    result = succeeded(run("evaluate", "--calibration", bundle, "--presses", pressed / "others.csv", "--json"))
     figures = json.loads(result.stdout)
     assert [image["image"] for image in figures["images"]] == ["10.png", "11.png", "12.png", "13.png"]
     # Under a flat answer it would be 22 degrees; what is left is noise and the gel that leaves the ball at the rim.
@@ -38,8 +46,7 @@ def test_the_bundle_feels_balls_it_was_not_trained_on(bundle: Path, pressed: Pat
 
 
 def test_evaluate_prints_a_line_an_image(bundle: Path, pressed: Path) -> None:
-    result = run("evaluate", "--calibration", bundle, "--presses", pressed / "others.csv")
-    assert result.exit_code == 0
+    result = succeeded(run("evaluate", "--calibration", bundle, "--presses", pressed / "others.csv"))
     assert len([line for line in result.stdout.splitlines() if ".png" in line]) == 4
     assert "depth error in contact" in result.stdout
     known, kept = map(int, re.search(r"tell of (\d+)% .* at most; (\d+)% of those", result.stdout).groups())
@@ -126,3 +133,61 @@ def test_on_real_presses_the_error_is_what_it_is_worth() -> None:
     assert figures["normal_error_deg"]["mean"] < 6.8
     assert figures["refined"]["normal_error_deg"]["mean"] < 5.4
     assert figures["contact_iou"] > 0.75
+
+
+# ---- fit --lights: the light of the depth is taken off, by the lights of an earlier bundle ----
+
+
+@pytest.fixture(scope="module")
+def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bundle of the same unit, without a window, that knows the light of its LEDs."""
+    lights = json.loads(ordinary().files["lights.json"])
+    lights["ring"]["window_mm"] = 0.0
+    straight = with_files(ordinary(), "ordinary", lights__json=json.dumps(lights).encode())
+    return Path(save_bundle(straight, tmp_path_factory.mktemp("earlier") / "earlier").source)
+
+
+def test_the_lights_of_an_earlier_bundle_take_the_light_of_depth_off(
+    bundle: Path, earlier: Path, pressed: Path, tmp_path: Path
+) -> None:
+    how = ["--recipe", "fast", "--width", "16"]
+    result = succeeded(run("fit", *sources(pressed), "--lights", earlier, "--out", tmp_path / "out", *how))
+    assert "learnt in the light that the gel has at rest" in result.output
+    assert "learnt in the light" not in run("fit", *sources(pressed), "--out", tmp_path / "b", "--epochs", "1").output
+    made = load_bundle(tmp_path / "out")
+    assert made.manifest.light_by_depth
+    assert read_lights(made).pattern_residual == read_lights(load_bundle(earlier)).pattern_residual
+    # The balls to learn from lay 1.5 mm deep: gentle slopes there are nearer to the LEDs than those of a light touch.
+    with_lights, without = (light_touch_deg(one) for one in (made, load_bundle(bundle)))
+    assert with_lights < 0.85 * without
+
+
+def test_the_user_is_told_whether_the_light_of_depth_was_taken_off() -> None:
+    known = ordinary()
+    without = replace(known, manifest=known.manifest.model_copy(update={"light_by_depth": False}))
+    assert "at rest" in depth_line(known)[0]
+    assert "in the light of their depth" in depth_line(without)[0]
+    unlit = {name: content for name, content in without.files.items() if name != "lights.json"}
+    assert depth_line(replace(without, files=unlit)) == []
+
+
+def light_touch_deg(bundle: Bundle) -> float:
+    """Return the error on balls 0.4 mm deep, degrees in contact."""
+    scene, reconstructor = Scene(GEOMETRY, CameraResponse()), Reconstructor(bundle)
+    errors = []
+    for number, (x, y) in enumerate([(0, 0), (-6, 5), (7, -4), (3, 6)]):
+        grey, surface = scene.show(Press("BALL", 0.4, x, y))
+        image = digitise(grey, 1.0, np.random.default_rng(number))
+        depth = reconstructor.reconstruct(CameraFrame(image=image, time_s=0.0, sequence=0, source="balls"))
+        errors.append(surface_errors(depth, surface).contact_normal_deg)
+    return float(np.mean(errors))
+
+
+def test_lights_of_another_unit_are_refused(bundle: Path, earlier: Path, pressed: Path, tmp_path: Path) -> None:
+    other = load_bundle(earlier)
+    save_bundle(other.with_reference(np.ascontiguousarray(other.reference[..., ::-1]), frames=30), tmp_path / "other")
+    for given, said in ((bundle, "has no lights.json"), (tmp_path / "other", "was made with another unit"),
+                        ("synthetic", "the untouched gel delivers 160x120 pixels")):  # fmt: skip
+        result = run("fit", *sources(pressed), "--lights", given, "--out", tmp_path / "out")
+        assert said in refused(result)
+    assert not (tmp_path / "out").exists()

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import BundleError, InputError
-from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.bundle.bundle import load_bundle
 from gellight.reconstruction.lens.undistortion import read_record
-from tests.helpers.command_line import invoke, refused
+from tests.helpers.command_line import invoke, succeeded
 from tests.helpers.distorted import PIXEL_MM, SHAPE, TrueLens, dimple_picture, pin_picture, untouched
 from tests.helpers.linear_sensor import linear_bundle
 
@@ -27,7 +27,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pictures |= {"dimples": dimple_picture(BARREL), "untouched": np.rint(untouched(SHAPE))}
     for name, picture in pictures.items():
         cv2.imwrite(str(place / f"{name}.png"), picture[..., ::-1])
-    (place / "text.png").write_bytes(b"no picture")
     return place
 
 
@@ -37,8 +36,9 @@ def run(folder: Path, *arguments: str | Path, out: Path, pitch: str = "2") -> An
 
 
 def test_the_new_bundle_has_the_lens_and_all_the_rest(folder: Path, tmp_path: Path) -> None:
-    result = run(folder, folder / "grid.png", "--overlay", tmp_path / "seen.png", "--json", out=tmp_path / "new")
-    assert result.exit_code == 0, result.output
+    result = succeeded(
+        run(folder, folder / "grid.png", "--overlay", tmp_path / "seen.png", "--json", out=tmp_path / "new")
+    )
     said = json.loads(result.stdout)
     assert said["rms_after_px"] < 0.1 < 1 < said["rms_before_px"]
     assert said["rms_before_mm"] == pytest.approx(said["rms_before_px"] * PIXEL_MM, rel=0.01)
@@ -52,8 +52,7 @@ def test_the_new_bundle_has_the_lens_and_all_the_rest(folder: Path, tmp_path: Pa
 
 def test_pins_in_the_gel_are_read_with_a_reference_and_told_in_words(folder: Path, tmp_path: Path) -> None:
     reference = ["--reference", folder / "untouched.png"]
-    result = run(folder, folder / "dimples.png", *reference, out=tmp_path / "new")
-    assert result.exit_code == 0, result.output
+    result = succeeded(run(folder, folder / "dimples.png", *reference, out=tmp_path / "new"))
     assert "off a straight grid" in result.stdout
     assert "um rms" in result.stdout
 
@@ -61,26 +60,16 @@ def test_pins_in_the_gel_are_read_with_a_reference_and_told_in_words(folder: Pat
 @pytest.mark.parametrize(
     ("image", "pitch", "error", "said"),
     [
-        ("untouched.png", "2", InputError, "no grid of pins"),
         ("half.png", "2", InputError, "hold no pin"),
-        ("text.png", "2", InputError, "is not an image"),
-        ("nowhere.png", "2", None, "nowhere.png"),
         ("small.png", "2", BundleError, "delivers 320x240 pixels"),
         ("grid.png", "2.5", InputError, "give the right pitch"),
         ("grid.png", "-1", InputError, "pitch -1.0 mm"),
     ],
 )
 def test_what_cannot_be_measured_is_refused_and_nothing_is_written(
-    folder: Path, tmp_path: Path, image: str, pitch: str, error: type[Exception] | None, said: str
+    folder: Path, tmp_path: Path, image: str, pitch: str, error: type[Exception], said: str
 ) -> None:
     result = run(folder, folder / image, out=tmp_path / "new", pitch=pitch)
-    assert result.exit_code != 0
-    assert said in f"{result.exception} {result.output}"
-    assert error is None or isinstance(result.exception, error)
+    assert said in str(result.exception)
+    assert isinstance(result.exception, error)
     assert not (tmp_path / "new").exists()
-
-
-def test_an_existing_bundle_is_kept(folder: Path, tmp_path: Path) -> None:
-    kept: Bundle = load_bundle(folder / "bundle")
-    assert "exists: choose another name" in refused(run(folder, folder / "grid.png", out=folder / "bundle"))
-    assert load_bundle(folder / "bundle").identity == kept.identity

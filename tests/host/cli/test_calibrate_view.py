@@ -17,7 +17,7 @@ from gellight.frames.picture import steps_of
 from gellight.lab.simulator.scene import Press, Scene
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
-from tests.helpers.command_line import invoke
+from tests.helpers.command_line import invoke, succeeded
 from tests.helpers.dotted import CORNERS, from_the_side, with_dots
 from tests.helpers.places import real
 
@@ -54,8 +54,7 @@ def taken(tmp_path_factory: pytest.TempPathFactory, places: list[tuple[float, fl
 @pytest.fixture(scope="module")
 def view(taken: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("view")
-    result = run("view", taken, *SEEN, "--out", out)
-    assert result.exit_code == 0, result.output
+    succeeded(run("view", taken, *SEEN, "--out", out))
     return out
 
 
@@ -63,21 +62,18 @@ def test_a_dotted_gel_from_the_side_is_calibrated_and_felt(
     taken: Path, view: Path, places: list[tuple[float, float]], tmp_path: Path
 ) -> None:
     reference = ["--reference", view / "untouched.png"]
-    found = run("detect", f"{view}/press*.png", *reference, *BALL, "--out", view / "presses.csv", "--json")
-    assert found.exit_code == 0, found.output
+    found = succeeded(run("detect", f"{view}/press*.png", *reference, *BALL, "--out", view / "presses.csv", "--json"))
     for record, (x, y) in zip(json.loads(found.stdout), places, strict=True):
         assert record["center_x_px"] == pytest.approx(x / PIXEL_MM + 79.5, abs=1.0)
         assert record["center_y_px"] == pytest.approx(y / PIXEL_MM + 59.5, abs=1.0)
     how = ["--recipe", "fast", "--view", view / "view.json"]
-    fitted = run("fit", "--presses", view / "presses.csv", *reference, *BALL, *how, "--out", tmp_path / "b")
-    assert fitted.exit_code == 0, fitted.output
+    succeeded(run("fit", "--presses", view / "presses.csv", *reference, *BALL, *how, "--out", tmp_path / "b"))
     steps = steps_of(load_bundle(tmp_path / "b"))
     assert steps.view is not None
     assert steps.dots is not None
     for number in (0, 5, 11):
         asked = [taken / f"press{number:02}.png", "--calibration", tmp_path / "b", "--out", tmp_path / "out"]
-        said = invoke(*asked, app=reconstruct)
-        assert said.exit_code == 0, said.output
+        succeeded(invoke(*asked, app=reconstruct))
         with np.load(tmp_path / f"out/press{number:02}.npz") as maps:
             depth_mm = maps["depth_mm"]
         assert depth_mm.max() == pytest.approx(1.5, abs=0.2)
@@ -89,8 +85,7 @@ def test_a_dotted_gel_from_the_side_is_calibrated_and_felt(
 def test_pictures_are_never_replaced_unasked(taken: Path, view: Path, tmp_path: Path) -> None:
     for arguments in ([taken / "press00.png", *SEEN, "--out", taken], [taken / "press00.png", *SEEN, "--out", view]):
         assert isinstance(run("view", *arguments).exception, InputError)
-    again = run("view", taken / "press00.png", *SEEN, "--out", view, "--overwrite")
-    assert again.exit_code == 0, again.output
+    succeeded(run("view", taken / "press00.png", *SEEN, "--out", view, "--overwrite"))
 
 
 @pytest.mark.parametrize(
@@ -113,8 +108,7 @@ def test_a_view_that_is_not_said_is_refused(taken: Path, tmp_path: Path, argumen
 
 def test_16_bit_pictures_of_fewer_bits_are_brought_to_white(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "deep.png"), np.full((20, 30), 511, np.uint16))
-    result = run("view", tmp_path / "deep.png", "--crop", "0,0,8,8", "--white", "1022", "--out", tmp_path / "out")
-    assert result.exit_code == 0, result.output
+    succeeded(run("view", tmp_path / "deep.png", "--crop", "0,0,8,8", "--white", "1022", "--out", tmp_path / "out"))
     assert (read_image(tmp_path / "out/deep.png") == 128).all()
 
 
@@ -125,8 +119,7 @@ def test_the_presses_of_a_real_gel_with_dots_are_found(tmp_path: Path) -> None:
     corners = ["--corners", "33,58 208,61 185,244 56,250", "--size", "240x320"]
     assert run("view", f"{folder}/*.jpg", *corners, "--out", tmp_path / "view").exit_code == 0
     ball = ["--ball-radius-mm", "2.42", "--pixel-size-mm", "0.1", "--reference", tmp_path / "view/bg-0.png"]
-    result = run("detect", f"{tmp_path}/view/ball-*.png", *ball, "--out", tmp_path / "presses.csv", "--json")
-    assert result.exit_code == 0, result.output
+    result = succeeded(run("detect", f"{tmp_path}/view/ball-*.png", *ball, "--out", tmp_path / "presses.csv", "--json"))
     rows = [line.split(",") for line in (folder / "presses_after_warp.csv").read_text().splitlines()[1:]]
     labels = {Path(row[0]).stem: (float(row[1]), float(row[2])) for row in rows}
     found = {Path(record["image"]).stem: record for record in json.loads(result.stdout)}

@@ -4,6 +4,8 @@ import importlib.metadata
 import json
 import re
 import sys
+import time
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,18 +13,19 @@ from unittest.mock import Mock
 
 import pytest
 import typer
+from pydantic import BaseModel
 from typer.main import get_command
 
 import gellight
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import load_bundle
-from gellight.cli import main
+from gellight.cli import main, showing
 from gellight.cli.lazy import open_group
 from gellight.cli.main import app
 from gellight.cli.one_sensor import warn_of_foreign_bundle
 from gellight.cli.options import between
-from gellight.cli.run_options import RunOptions
+from gellight.cli.showing import progress, show
 from tests.helpers import children
 from tests.helpers.command_line import invoke, refused, verbs
 
@@ -171,14 +174,6 @@ def test_an_empty_text_is_refused_but_for_what_may_be_empty(verb: tuple[str, ...
     assert "'' is empty: give it a value, or leave it out" in refused(invoke(*verb, *option))
 
 
-def test_the_help_prints_the_groups() -> None:
-    said = children.gellight("calibrate", "--help", check=True).stdout
-    first, _, rest = said.partition(" Files ")
-    assert "--ball-radius-mm" in first
-    assert "--resume" not in first
-    assert "--resume" in rest
-
-
 def test_a_verb_that_is_not_here_is_named_with_its_remedy() -> None:
     known = typer.Typer(cls=open_group({}, {"weigh": "comes with gellight_weigh", "scan": "is never missed"}))
     known.callback()(lambda: None)
@@ -207,12 +202,6 @@ def test_what_was_typed_before_is_answered_with_what_is_typed_now(typed: str, no
     assert now in refused(invoke(*typed.split()))
 
 
-def test_a_setting_is_given_as_an_option() -> None:
-    told = RunOptions(port=1, settings=["stream.lan=true", "dashboard.port=2"]).flags()
-    settings = load_settings(told)
-    assert (settings.stream.lan, settings.dashboard.port) == (True, 2)
-
-
 @pytest.mark.parametrize(
     ("pair", "said"),
     [
@@ -230,3 +219,71 @@ def test_a_setting_that_cannot_be_is_refused(pair: str, said: str) -> None:
 @pytest.mark.parametrize("typed", ["press.mcap --sensor sim://", "--sensor sim:// --sensor v4l2:///dev/video9"])
 def test_one_run_runs_one_sensor(typed: str) -> None:
     assert "start it for each, their pages list all" in refused(invoke("run", *typed.split()))
+
+
+# ---- results of verbs, for people and for programs ----
+
+
+@dataclass(frozen=True)
+class Part:
+    depth_mm: float
+    error: str | None = None
+
+
+class Kept(BaseModel):
+    name: str
+
+
+class Figures:
+    def as_json(self) -> dict[str, object]:
+        return {"parts": (Part(1.5),)}
+
+
+@pytest.mark.parametrize(
+    ("result", "told"),
+    [
+        ({"a": [Part(0.5, "no")]}, {"a": [{"depth_mm": 0.5, "error": "no"}]}),
+        ([Kept(name="it")], [{"name": "it"}]),
+        (Figures(), {"parts": [{"depth_mm": 1.5, "error": None}]}),
+    ],
+)
+def test_programs_get_one_line_of_json(result: object, told: object, capsys: pytest.CaptureFixture[str]) -> None:
+    show(result, True, "for people")
+    shown = capsys.readouterr().out
+    assert json.loads(shown) == told
+    assert shown.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("result", "text", "shown"),
+    [(Part(0.5), None, "depth_mm  0.5\n"), ({"a": 1, "of": 2}, None, "a   1\nof  2\n"), (Part(0.5), "deep", "deep\n")],
+)
+def test_people_get_text_or_a_table(
+    result: object, text: str | None, shown: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    show(result, False, text)
+    assert capsys.readouterr().out == shown
+
+
+def test_what_json_does_not_know_is_an_error_and_not_a_guess() -> None:
+    strange: Any = object()
+    with pytest.raises(TypeError, match="cannot be shown as JSON"):
+        show({"it": strange}, True)
+
+
+def test_a_log_has_a_line_now_and_then_and_first_how_long_it_takes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with progress("training") as tell:
+        tell(1, 2, 0.25)
+    assert capsys.readouterr() == ("", ""), "what ends within ten seconds needs none"
+    monkeypatch.setattr(showing, "LOG_S", 0.2)
+    with progress("training", "a minute") as tell:
+        tell(3, 40, 0.25)
+        time.sleep(0.5)
+        tell(None, None, "step 3")
+        time.sleep(0.5)
+    first, second, *_, last = capsys.readouterr().err.splitlines()
+    assert first == "training: takes a minute"
+    assert second == "training, 3 of 40 (0 s)"
+    assert last.startswith("training: step 3, 3 of 40 (")

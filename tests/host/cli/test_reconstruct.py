@@ -1,12 +1,10 @@
 """`gellight reconstruct`: the files it writes, what it prints, and what it refuses before and during the work."""
 
-import errno
 import json
 import os
 import re
 from dataclasses import replace
 from pathlib import Path
-from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -204,14 +202,6 @@ def test_the_bundle_of_another_sensor_is_found_out(tmp_path: Path, name: str) ->
     assert "mm deep in a gel that is 5 mm thick" in result.stdout
 
 
-def test_noise_is_no_contact_of_the_simulated_gel(tmp_path: Path) -> None:
-    noise = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
-    write_png(tmp_path / "noise.png", noise)
-    result = run(tmp_path / "noise.png", "--calibration", "synthetic", "--out", tmp_path / "out")
-    assert result.exit_code == Ending.JUDGED_BAD
-    assert "mm deep in a gel that is 5 mm thick" in result.stdout
-
-
 def test_images_that_would_write_one_file_are_refused_before_any_work(tmp_path: Path, bundle: Path) -> None:
     first, second = press(tmp_path / "a" / "Ball.png"), press(tmp_path / "b" / "ball.png")
     message = refused(run(first, second, "--calibration", bundle, "--out", tmp_path / "out"))
@@ -236,13 +226,6 @@ def test_an_image_of_another_size_ends_the_work_with_its_name(tmp_path: Path, bu
     assert "160 x 120 px" in refused(run(second, "--calibration", bundle, "--out", tmp_path / "out"))
 
 
-def test_a_missing_image_or_bundle_is_named(tmp_path: Path, bundle: Path) -> None:
-    path = press(tmp_path / "1.png")
-    assert "none.png" in refused(run(tmp_path / "none.png", "--calibration", bundle, "--out", tmp_path / "out"))
-    assert "nothing does not exist" in refused(run(path, "--calibration", "nothing", "--out", tmp_path / "out"))
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize("option", [["--least-squares"], ["--white", "200"]])
 def test_an_option_that_would_change_nothing_is_refused(tmp_path: Path, bundle: Path, option: list[str]) -> None:
     result = invoke(
@@ -250,14 +233,6 @@ def test_an_option_that_would_change_nothing_is_refused(tmp_path: Path, bundle: 
     )
     assert f"{option[0]} has no effect with a bundle of one light" in refused(result)
     assert not (tmp_path / "out").exists()
-
-
-def test_a_full_disk_leaves_no_part_of_a_file(tmp_path: Path, bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = press(tmp_path / "1.png")
-    monkeypatch.setattr(Path, "replace", Mock(side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
-    message = refused(run(path, "--calibration", bundle, "--out", tmp_path / "out"))
-    assert "No space left on device" in message
-    assert not list((tmp_path / "out").iterdir())
 
 
 def test_out_that_is_a_file_is_refused(tmp_path: Path, bundle: Path) -> None:

@@ -4,6 +4,7 @@ import hashlib
 import itertools
 import json
 import shutil
+import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -11,14 +12,16 @@ import cv2
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from typer.main import get_command
 
 from gellight.base.errors import GellightError
 from gellight.base.settings import load_settings
 from gellight.bundle.store import BundleStore
+from gellight.cli.main import app
 from gellight.daemon.assembly import open_session
 from gellight.daemon.calibration_service import CalibrationRequest, CalibrationService
 from tests.helpers.begun_calibration import begun_in
-from tests.helpers.command_line import invoke
+from tests.helpers.command_line import invoke, refused, verbs
 from tests.helpers.linear_sensor import linear_bundle
 
 BALL = "--ball-radius-mm 4 --pixel-size-mm 0.1"
@@ -164,3 +167,31 @@ def test_a_refused_wish_of_the_wizard_leaves_the_disk_as_it_was(place: Path) -> 
             with pytest.raises(GellightError):
                 refused()
             assert contents(place) == before
+
+
+# ---- trainers that are not installed ----
+
+
+RECORDED = f"--presses none.csv --reference none.png {BALL}"
+ASKED = {
+    "calibrate": "--auto --sensor none",
+    "fit": f"{RECORDED} --out new",
+    "channels": f"--sensor none --sequence rgb {BALL} --out new",
+}
+"""of files and sensors that are not there: who looks for them first is refused for another reason"""
+
+
+def test_every_verb_with_a_trainer_is_among_them() -> None:
+    assert {verb.name for verb in verbs(get_command(app)) for one in verb.params if "--trainer" in one.opts} == {*ASKED}
+
+
+@pytest.mark.parametrize("trainer", ["torch", "cuda"])
+@pytest.mark.parametrize("verb", ASKED)
+def test_a_trainer_that_is_not_installed_is_refused_before_any_work(
+    verb: str, trainer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.chdir(tmp_path)
+    words = ["calibrate", *([] if verb == "calibrate" else [verb]), *ASKED[verb].split(), "--trainer", trainer]
+    assert "PyTorch" in refused(invoke(*words))
+    assert list(tmp_path.iterdir()) == []

@@ -6,7 +6,9 @@ import re
 import signal
 import socket
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -14,8 +16,9 @@ from gellight.base.errors import ConfigError, InputError
 from gellight.base.settings import load_settings
 from gellight.cli.one_sensor import ServiceManager
 from gellight.cli.service import unit
+from gellight.sensor import udev
 from tests.helpers import children
-from tests.helpers.command_line import invoke, refused
+from tests.helpers.command_line import invoke, refused, succeeded
 
 SENSOR = "sim://?object=BALL&depth=0.5&board=0"
 
@@ -47,11 +50,6 @@ def test_a_service_that_delivers_is_alive_and_one_that_stands_still_is_not(
             systemd.recv(100)
 
 
-def test_without_a_manager_nobody_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
-    ServiceManager().ready()
-
-
 def test_what_runs_tells_systemd_and_is_shown_by_status_and_ends_with_0(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -62,8 +60,7 @@ def test_what_runs_tells_systemd_and_is_shown_by_status_and_ends_with_0(
     with listening(tmp_path) as systemd, children.started(command, env=surroundings, stderr=-3) as daemon:
         assert systemd.recv(100) == b"READY=1"
         assert systemd.recv(100) == b"WATCHDOG=1"
-        shown = invoke("status", "--json")
-        assert shown.exit_code == 0, shown.output
+        shown = succeeded(invoke("status", "--json"))
         status = json.loads(shown.stdout)["finger"]
         assert (status["process"], status["error"], status["mode"]) == (daemon.pid, None, "network")
         assert "finger (process" in invoke("status").stdout
@@ -128,3 +125,41 @@ def test_a_sensor_that_would_break_the_unit_file_is_refused(sensor: str) -> None
     assert done.stdout == ""
     reason = "is not possible" if sensor else "is empty"
     assert re.fullmatch(rf"--sensor .* {reason}: .*", refused(done))
+
+
+# ---- the udev rule: whose devices it opens, and how it is written ----
+
+
+def test_the_udev_rule_opens_no_device_of_another_maker() -> None:
+    """The number for tests is everybody's; the boot loader has no other."""
+    rules = [line for line in udev.RULE.read_text().splitlines() if line.startswith("SUBSYSTEM")]
+    ours = [rule for rule in rules if '"2e8a"' not in rule]
+    assert len(ours) == 3
+    assert all('{product}=="GelLight*"' in rule and '{idVendor}=="1209"' in rule for rule in ours)
+
+
+def test_the_udev_rule_is_written_and_applied(tmp_path: Path) -> None:
+    ran: list[Sequence[str]] = []
+    assert not udev.installed(folder=tmp_path / "rules.d")
+    target = udev.install(folder=tmp_path / "rules.d", run=ran.append)
+    assert udev.installed(folder=tmp_path / "rules.d")
+    assert [command[:2] for command in ran] == [("udevadm", "control"), ("udevadm", "trigger")]
+    target.write_text("old")
+    assert not udev.installed(folder=tmp_path / "rules.d")
+    assert invoke("install-udev", "--print").output == udev.RULE.read_text()
+
+
+def test_the_udev_rule_names_our_devices_and_comes_before_the_seat_rules() -> None:
+    from gellight.ring.usb_numbers import PRODUCT, VENDOR
+
+    text = udev.RULE.read_text()
+    assert text.count(f'{{idVendor}}=="{VENDOR:04x}"') == text.count(f'{{idProduct}}=="{PRODUCT:04x}"') == 3
+    assert udev.RULE.name < "73-seat-late.rules"
+
+
+def test_a_rule_that_cannot_be_written_or_applied_is_told_with_the_way_out(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"cannot write .*: run `sudo .* install-udev`"):
+        udev.install(folder=tmp_path / "file" / "rules.d", run=lambda command: None)
+    with pytest.raises(InputError, match="is written, but `udevadm control --reload` failed"):
+        udev.install(folder=tmp_path / "rules.d", run=Mock(side_effect=OSError("no udevadm")))

@@ -2,30 +2,31 @@
 
 import shutil
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, CameraError, GellightError, InputError
+from gellight.base.errors import CameraError, InputError
 from gellight.base.mailbox import Mailbox
-from gellight.base.settings import load_settings
+from gellight.bundle.bundle import Bundle
 from gellight.bundle.store import BundleStore
-from gellight.daemon.assembly import open_session
 from gellight.daemon.calibration_service import CalibrationRequest as Request
 from gellight.daemon.calibration_service import CalibrationService as Service
 from gellight.daemon.frame_threads import SharedCamera
 from gellight.daemon.session import SensorSession
 from gellight.frame_path.pipeline import Reconstructor
+from gellight.frames.camera import Camera
 from gellight.opening import open_camera
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.linear_sensor import linear_bundle, verified_bundle
 from tests.helpers.scripted_calibration import snapshot
-from tests.helpers.scripted_camera import flat_camera
+from tests.helpers.scripted_camera import LitCamera, flat_camera
 from tests.helpers.scripted_routine import ScriptedRoutine, served
 from tests.helpers.sessions import session_of
 from tests.helpers.waiting import eventually
@@ -138,42 +139,15 @@ def test_pictures_and_actions_that_are_not_there_are_told(service: Service) -> N
         service.act("next")
 
 
-def test_an_interrupted_calibration_is_offered_and_forgotten_only_when_asked(service: Service, tmp_path: Path) -> None:
+def test_a_sensor_that_cannot_be_calibrated_now_costs_no_interrupted_calibration(
+    service: Service, daemon: SensorSession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     begun_in(tmp_path / "state")
-    assert service.state().interrupted
-    service.begin(Request())
-    assert service.state().interrupted
-    service.act("abort")
-    service.begin(Request(anew=True))
-    assert not service.state().interrupted
-
-
-def test_what_is_no_like_unit_is_told_and_costs_no_interrupted_calibration(service: Service, tmp_path: Path) -> None:
-    begun_in(tmp_path / "state")
-    bare = BundleStore(tmp_path / "store").add(linear_bundle(tmp_path / "bare", SHAPE))
-    for wrong, told in (("0" * 16, "no bundle"), (bare.identity, r"has no presses\.npz")):
-        with pytest.raises(BundleError, match=told):
-            service.begin(Request(like=wrong, anew=True))
+    monkeypatch.setattr(daemon, "begin_calibration", Mock(side_effect=CameraError("no ring")))
+    with pytest.raises(CameraError):
+        service.begin(Request(anew=True))
     assert service.state().interrupted
     assert not service.calibrating
-
-
-@pytest.mark.parametrize(("wrong", "told"), [({"presses": 3}, "at least 8 are needed"), ({"away": True}, "no ring")])
-def test_a_request_that_cannot_be_met_costs_no_interrupted_calibration(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wrong: dict[str, int], told: str
-) -> None:
-    folder = begun_in(tmp_path / "state")
-    with (
-        open_session(load_settings({"sensor.url": "sim://?programme=0"})) as sensor,
-        Service(sensor, store=BundleStore(tmp_path / "store"), folder=folder.path) as real,
-    ):
-        sensor.wait_frame(-1, 30)
-        if wrong.pop("away", False):
-            monkeypatch.setattr(sensor, "begin_calibration", Mock(side_effect=CameraError("no ring")))
-        with pytest.raises(GellightError, match=told):
-            real.begin(Request(anew=True, **wrong))
-        assert real.state().interrupted
-        assert not real.calibrating
 
 
 def test_beginning_anew_removes_no_folder_of_another_program(service: Service, tmp_path: Path) -> None:
@@ -220,3 +194,116 @@ def test_the_routine_itself_runs_beside_the_stream_and_is_stopped(tmp_path: Path
         eventually(lambda: service.state().routine["step"] == "aborted", 120)
         assert service.state().interrupted
         assert daemon.bundle.identity == running.identity
+
+
+# ---- camera and LEDs are set as the running bundle says, however it ends ----
+
+
+WHITE = np.full((12, 3), 200, np.uint8)
+SENSOR = "E660C06213842F2A"
+
+
+class LightingRoutine(ScriptedRoutine):
+    """Sets exposure, gain and LEDs as a calibration does."""
+
+    def __init__(self, camera: Camera, install: Callable[[Bundle], object]) -> None:
+        super().__init__(Request(), install)
+        self.camera = camera
+
+    def act(self, action: str, **arguments: float) -> None:
+        if action == "start":
+            self.camera.controls.set("exposure_us", 20000)
+            self.camera.controls.set("gain", 3)
+            self.camera.ring.light(WHITE)
+        super().act(action, **arguments)
+
+
+@pytest.fixture
+def camera() -> LitCamera:
+    return LitCamera()
+
+
+@pytest.fixture
+def running(camera: LitCamera, tmp_path: Path) -> Bundle:
+    bundle = verified_bundle(tmp_path / "running", sensor=SENSOR, rgb=(255, 200, 90), exposure_us=9000)
+    camera.adopt(bundle.controls, bundle.colours)
+    return bundle
+
+
+@pytest.fixture
+def lit(camera: LitCamera, running: Bundle) -> Iterator[SensorSession]:
+    with session_of(camera, Reconstructor(running), watch=SensorWatch(running)) as lit:
+        yield lit
+
+
+def lighting(daemon: SensorSession, folder: Path) -> Service:
+    def make(request: Request, install: Callable[[Bundle], object]) -> LightingRoutine:
+        return LightingRoutine(daemon.camera, install)
+
+    return Service(daemon, store=BundleStore(folder / "store"), folder=folder / "state", make_routine=make)
+
+
+def finish(service: Service) -> None:
+    service.act("abort")
+    service._end.join(10)
+
+
+def test_a_routine_that_cannot_start_leaves_nothing_changed(
+    lit: SensorSession, camera: LitCamera, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = camera.setting()
+
+    def refuse(routine: LightingRoutine, action: str) -> None:
+        camera.ring.light(WHITE)
+        raise InputError("not now")
+
+    monkeypatch.setattr(LightingRoutine, "act", refuse)
+    with lighting(lit, tmp_path) as service:
+        with pytest.raises(InputError, match="not now"):
+            service.begin(Request())
+        assert camera.setting() == before
+        monkeypatch.undo()
+        service.begin(Request())
+
+
+def test_a_stopped_daemon_stays_dark(camera: LitCamera, running: Bundle, tmp_path: Path) -> None:
+    with session_of(camera, Reconstructor(running), watch=SensorWatch(running)) as lit:
+        service = lighting(lit, tmp_path)
+        service.begin(Request())
+    finish(service)
+    assert camera.closed
+    assert not camera.ring.lit.any()
+    with pytest.raises(CameraError, match="was stopped: its LEDs stay dark"):
+        lit.replace_bundle(running)
+
+
+def test_lighting_that_fails_is_shown_and_tried_again(
+    lit: SensorSession, camera: LitCamera, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gellight.daemon.calibration_service.RETRY_S", 0.05)
+    monkeypatch.setattr("gellight.daemon.calibration_service.SETTLE_S", 0.05)
+    before = camera.setting()
+    with lighting(lit, tmp_path) as service:
+        service.begin(Request())
+        camera.failures.reset("light")
+        service.act("abort")
+        eventually(lambda: lit.status()["error"])
+        assert str(lit.status()["error"]).startswith("the sensor is not set as its bundle says: light failed")
+        with pytest.raises(InputError, match="its status says why"):
+            service.begin(Request())
+        camera.failures.reset()
+        service._end.join(10)
+        assert camera.setting() == before
+        assert lit.status()["error"] is None
+
+
+def test_a_sensor_that_does_not_say_how_it_is_set_can_be_calibrated_later(
+    lit: SensorSession, camera: LitCamera, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with lighting(lit, tmp_path) as service:
+        with monkeypatch.context() as broken:
+            broken.setattr(camera.controls, "read", Mock(side_effect=CameraError("gain cannot be read")))
+            with pytest.raises(CameraError, match="cannot be read"):
+                service.begin(Request())
+        service.begin(Request())
+        finish(service)

@@ -14,13 +14,12 @@ from gellight.daemon.calibration_service import CalibrationService as Service
 from gellight.daemon.calibration_service import ViewFile
 from gellight.daemon.session import SensorSession
 from gellight.frame_path.picture_path import PicturePath
-from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import Camera
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.dotted import sloping_gel, with_dots
-from tests.helpers.linear_sensor import linear_bundle, verified_bundle
+from tests.helpers.linear_sensor import verified_bundle
 from tests.helpers.scripted_camera import ScriptedCamera
 from tests.helpers.scripted_routine import ScriptedRoutine, served
 from tests.helpers.sessions import session_of
@@ -157,15 +156,3 @@ def test_a_damaged_state_takes_the_view_back(service: Service, daemon: SensorSes
         service.begin(Request(anew=True, view=CHOSEN))
     comes(daemon, SHAPE)
     assert service.state().picture == ""
-
-
-def test_a_running_sensor_with_a_bundle_feels_again_when_nothing_came_of_it(tmp_path: Path) -> None:
-    bundle = linear_bundle(tmp_path / "running", SHAPE)
-    with session_of(gel_camera(dots=False), Reconstructor(bundle)) as daemon:
-        back = daemon.prepare(PictureSteps.with_view(VIEW))
-        comes(daemon, VIEW.image_shape)
-        assert not daemon.bundle.calibrated
-        back()
-        comes(daemon, SHAPE)
-        assert daemon.bundle is bundle
-        assert np.isfinite(daemon.wait_frame(-1, 10).depth_mm).all()

@@ -125,24 +125,20 @@ def test_a_slow_reconstruction_drops_the_old_and_takes_the_newest() -> None:
     assert status["dropped"] >= 48
 
 
-def test_a_camera_that_fails_ends_the_run_with_its_own_words() -> None:
-    camera = ScriptedCamera(count=1, ending=CameraError("the cable is out: plug it in"))
-    with daemon_of(camera) as daemon:
+@pytest.mark.parametrize("fails", ["camera", "reconstruction"])
+def test_what_fails_ends_the_run_with_its_own_words_for_every_reader_at_once(fails: str) -> None:
+    camera, network = ScriptedCamera(period_s=0.001), CountingReconstructor()
+    if fails == "camera":
+        camera.count, camera.ending = 1, CameraError("the cable is out: plug it in")
+    else:
+        network.failure = CameraError("the cable is out: plug it in")
+    with daemon_of(camera, network) as daemon:
         with pytest.raises(CameraError, match="cable is out"):
             daemon.wait_frame(1, 10)
+        with pytest.raises(CameraError, match="cable is out"):
+            read_on(daemon.camera)
         assert daemon.status()["error"] == "the cable is out: plug it in"
     assert camera.closed
-
-
-def test_a_reconstruction_that_fails_ends_the_run_and_is_told_to_a_second_reader_of_the_camera_at_once() -> None:
-    reconstructor = CountingReconstructor()
-    reconstructor.failure = ValueError("broken network")
-    with daemon_of(ScriptedCamera(period_s=0.001), reconstructor) as daemon:
-        with pytest.raises(ValueError, match="broken network"):
-            daemon.wait_frame(0, 10)
-        with pytest.raises(ValueError, match="broken network"):
-            read_on(daemon.camera)
-        assert daemon.status()["error"] == "broken network"
 
 
 def test_after_the_end_nobody_waits_and_no_thread_is_left() -> None:
@@ -295,7 +291,9 @@ def test_a_camera_is_closed_whatever_keeps_its_threads_from_ending_or_starting(
     assert not {"capture", "reconstruct"} & {thread.name for thread in threading.enumerate()}
 
 
-def test_camera_and_reconstruction_run_first_if_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_camera_and_reconstruction_run_first_if_asked_where_the_system_lets_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     given: list[tuple[int, int, int]] = []
     monkeypatch.setattr(
         os, "sched_setscheduler", lambda thread, policy, param: given.append((thread, policy, param.sched_priority))
@@ -305,6 +303,11 @@ def test_camera_and_reconstruction_run_first_if_asked(monkeypatch: pytest.Monkey
         running = {thread.name: thread.native_id for thread in threading.enumerate()}
         assert daemon.status()["priority"] == "real time"
     assert given == [(running[name], os.SCHED_FIFO, 10) for name in ("capture", "reconstruct")]
+    monkeypatch.setattr(os, "sched_setscheduler", Mock(side_effect=PermissionError(1, "Operation not permitted")))
+    camera = ScriptedCamera(period_s=0.01)
+    with pytest.raises(InputError, match=r"- rtprio 10` to /etc/security/limits.conf.*leave service.realtime out"):
+        session_of(camera, CountingReconstructor(), realtime=True).__enter__()
+    assert camera.closed
 
 
 def test_what_looks_now_and_then_uses_its_share_of_the_processor_at_most() -> None:
@@ -324,13 +327,3 @@ def test_what_looks_now_and_then_uses_its_share_of_the_processor_at_most() -> No
     threads.stop()
     camera.close()
     assert min(np.diff(looks)) > 0.2
-
-
-def test_a_system_that_lets_nothing_run_first_is_told_of_and_the_camera_is_closed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(os, "sched_setscheduler", Mock(side_effect=PermissionError(1, "Operation not permitted")))
-    camera = ScriptedCamera(period_s=0.01)
-    with pytest.raises(InputError, match=r"- rtprio 10` to /etc/security/limits.conf.*leave service.realtime out"):
-        session_of(camera, CountingReconstructor(), realtime=True).__enter__()
-    assert camera.closed

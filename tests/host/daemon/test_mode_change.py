@@ -1,21 +1,24 @@
 """The mode of a running sensor is changed: frames go on, numbered on; what cannot be leaves everything as it was."""
 
-import json
+import threading
 from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, CameraError, ConfigError, InputError
+import gellight
+from gellight.base.errors import BundleError, CameraError, GellightError, InputError
 from gellight.base.settings import ReconstructionSettings, Settings, load_settings
-from gellight.bundle.bundle import load_bundle
-from gellight.daemon import switched_camera
+from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.daemon import active_pipeline, assembly, switched_camera
 from gellight.daemon.active_pipeline import path_for
 from gellight.daemon.assembly import open_session
 from gellight.daemon.bundle_choice import placeholder
-from gellight.daemon.configuration import STILL, LightPlan, mode_config
+from gellight.daemon.configuration import STILL, LightPlan, PathKind, mode_config
 from gellight.daemon.session import SensorSession
 from gellight.daemon.switched_camera import SensorState, SwitchedCamera
 from gellight.frames.camera import Camera
@@ -23,11 +26,12 @@ from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
+from gellight.sensor.series_cameras import SeriesCamera
 from gellight.stream.publisher import Publisher
 from gellight.stream.subscription import subscribe
 from sim_reference.geometry import AS_BUILT
 from tests.benchmarks.photometric import Bench
-from tests.helpers.children import gellight
+from tests.helpers.linear_sensor import verified_bundle, with_lights_of_its_own
 from tests.helpers.scripted_camera import ScriptedCamera
 from tests.helpers.simulated_bundle import ball_presses
 
@@ -138,31 +142,6 @@ def test_pictures_of_files_that_are_on_their_way_are_not_prepared_otherwise(
     assert camera.prepared(config).image_shape == (12, 16)
 
 
-def test_the_photometric_demo_works_at_once_and_feels_the_ball() -> None:
-    run = gellight("demo", "--set", "reconstruction.mode=photometric", "--frames", "2", "--json", "--sensor", HELD)
-    assert run.returncode == 0, run.stderr
-    status = json.loads(run.stdout.splitlines()[-1])
-    assert status["mode"] == "photometric"
-    assert status["exposures"]["exposures"] == 4
-    assert status["exposures"]["moved"] is False
-    assert status["lost"] == 0
-    assert status["selfcheck"]["passed"], status["selfcheck"]
-    assert status["selfcheck"]["contact_normal_error_deg"] < 0.3
-    assert status["selfcheck"]["depth_error_mm"] < 0.005
-    assert status["indentation_mm"] == pytest.approx(1.0, abs=0.02)
-
-
-def test_a_camera_without_a_ring_says_how_to_go_on() -> None:
-    settings = load_settings({"sensor.url": "sim://?board=0", "reconstruction.mode": "photometric"})
-    with pytest.raises(CameraError, match="no light ring"):
-        open_session(settings)
-
-
-def test_an_unknown_mode_lists_the_modes() -> None:
-    with pytest.raises(ConfigError, match="network, photometric"):
-        load_settings({"reconstruction.mode": "magic"})
-
-
 @pytest.mark.nightly
 def test_a_second_look_under_other_lights_errs_by_little_more_than_half_as_much() -> None:
     """Over four balls; over twenty it is 0.54."""
@@ -181,3 +160,108 @@ def test_the_settings_say_whether_cast_shadows_are_made_good(wanted: bool) -> No
     bundle = load_bundle("synthetic")
     path = path_for(mode_config(bundle, settings), bundle)
     assert path._network.cast_shadows is wanted
+
+
+# ---- camera, frame path and watch always belong together ----
+
+
+SHAPE = (24, 32)
+SMALL = {"image_width_px": SHAPE[1], "image_height_px": SHAPE[0], "pixel_size_mm": 1.176}
+FITTING = {PathKind.NETWORK: False, PathKind.OWN_LIGHTS: True}
+"""whether a series camera stands in front"""
+
+
+@pytest.fixture
+def ordinary(tmp_path: Path) -> Bundle:
+    return verified_bundle(tmp_path / "ordinary", sensor="simulated", rgb=(200, 200, 200))
+
+
+def opened(bundle: Bundle, monkeypatch: pytest.MonkeyPatch) -> SensorSession:
+    monkeypatch.setattr("gellight.daemon.bundle_choice.load_bundle", lambda name: bundle)
+    settings = {"sensor": {"url": "sim://?fps=200", "calibration": "it"}, "geometry": SMALL}
+    return assembly.open_session(Settings.model_validate(settings))
+
+
+def fits(session: SensorSession) -> bool:
+    """Whether what stands in front of the camera is what the frame path takes."""
+    in_series = isinstance(session._camera._camera, SeriesCamera)
+    return in_series == FITTING[session._active.config.path]
+
+
+def goes_on(session: SensorSession) -> None:
+    """Two more frames come, without an error."""
+    before = session.wait_frame(-1, 30).camera_frame.sequence
+    assert session.wait_frame(before + 1, 30).camera_frame.sequence > before
+    assert session.status()["error"] is None
+
+
+def test_two_who_change_what_runs_at_once_take_turns(ordinary: Bundle, monkeypatch: pytest.MonkeyPatch) -> None:
+    building, go_on = threading.Event(), threading.Event()
+    build = active_pipeline.path_for
+
+    def slowly(*parts: Any) -> Any:
+        path = build(*parts)
+        building.set()
+        assert go_on.wait(20)
+        return path
+
+    series = with_lights_of_its_own(ordinary)
+    with opened(ordinary, monkeypatch) as session:
+        session.wait_frame(-1, 60)
+        monkeypatch.setattr(active_pipeline, "path_for", slowly)
+        first = threading.Thread(target=session.replace_bundle, args=(ordinary,))
+        second = threading.Thread(target=session.replace_bundle, args=(series,))
+        first.start()
+        assert building.wait(20)
+        second.start()
+        second.join(0.3)
+        assert second.is_alive(), "it waits for the first"
+        go_on.set()
+        first.join(30)
+        second.join(30)
+        assert session.bundle.source == "single lights"
+        assert fits(session)
+        goes_on(session)
+
+
+def test_the_mode_of_files_that_wait_for_their_reader_is_changed_and_no_picture_is_missed(
+    ordinary: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    for k in range(6):
+        image = np.clip(np.rint(ordinary.reference), 0, 255).astype(np.uint8)
+        assert cv2.imwrite(str(pictures / f"{k}.png"), image[..., ::-1])
+    with gellight.connect(str(pictures), calibration=ordinary.source, every=True, patience_s=20) as sensor:
+        seen = [sensor.next_frame().camera_frame.sequence]
+        problems: list[GellightError] = []
+
+        def change() -> None:
+            try:
+                sensor.mode("network")
+            except GellightError as error:
+                problems.append(error)
+
+        changing = threading.Thread(target=change, daemon=True)
+        changing.start()
+        changing.join(10)
+        assert not changing.is_alive(), "it waits for a reader who waits for it"
+        assert problems == []
+        seen += [frame.camera_frame.sequence for frame in sensor]
+    assert len(seen) == 6
+    assert seen == sorted(set(seen))
+
+
+def test_a_picture_that_was_given_is_not_given_again_where_it_is_reconstructed_anew(
+    ordinary: Bundle, tmp_path: Path
+) -> None:
+    """A reader may have taken it in the very moment in which the mode is changed."""
+    image = np.clip(np.rint(ordinary.reference), 0, 255).astype(np.uint8)
+    for k in range(3):
+        assert cv2.imwrite(str(tmp_path / f"{k}.png"), image[..., ::-1])
+    with gellight.connect(str(tmp_path), calibration=ordinary.source, every=True, patience_s=20) as sensor:
+        first = sensor.next_frame()
+        sensor.daemon.delivered.put(first)
+        seen = [frame.camera_frame.sequence for frame in sensor]
+    assert first.camera_frame.sequence not in seen
+    assert len(seen) == 2

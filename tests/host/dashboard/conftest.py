@@ -4,8 +4,10 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 import pytest
+from playwright.sync_api import Page as BrowserPage
 
 from gellight.dashboard.server import DashboardServer
+from tests.helpers.browsing import Open, draw
 from tests.helpers.dashboard_source import FormulaSource
 from tests.helpers.page_client import Page, pages
 from tests.helpers.scripted_calibration import Scripted
@@ -37,5 +39,13 @@ def open_page(server: DashboardServer) -> Iterator[Callable[[], Page]]:
 
 
 @pytest.fixture
-def page(open_page: Callable[[], Page]) -> Page:
+def client(open_page: Callable[[], Page]) -> Page:
     return open_page()
+
+
+@pytest.fixture
+def page(opened: Open, source: FormulaSource) -> BrowserPage:
+    """The page in a browser without 3D, which shows a bump 0.5 mm deep."""
+    page = opened()
+    draw(page, source, 0.5)
+    return page

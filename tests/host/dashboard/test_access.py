@@ -1,8 +1,10 @@
 """The token: who brings none, or a wrong one, gets nothing; who brings it once needs it no more."""
 
+import ssl
 import stat
 import urllib.request
 from collections.abc import Iterator
+from pathlib import Path
 
 import aiohttp
 import pytest
@@ -14,6 +16,7 @@ from gellight.base.settings import load_settings
 from gellight.dashboard.access import cookie, is_loopback
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.browsing import becomes_live, draw, opening
+from tests.helpers.children import run
 from tests.helpers.dashboard_source import FormulaSource
 from tests.helpers.page_client import get, pages
 
@@ -139,3 +142,72 @@ def test_a_browser_opens_the_address_once_and_then_without_the_token(
         assert TOKEN not in page.url
         page.goto(base(server))
         draw(page, source, 0.6)
+
+
+# ---- over TLS ----
+
+
+EC = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1")
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder with two certificates, their keys, and a key with a password."""
+    folder = tmp_path_factory.mktemp("tls")
+    for name, locked in (("own", ["-nodes"]), ("other", ["-nodes"]), ("locked", ["-passout", "pass:secret"])):
+        made = ["-keyout", f"{name}.key", "-out", f"{name}.pem", "-subj", "/CN=localhost"]
+        names = ["-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1"]
+        run(["openssl", "req", "-x509", *EC, *locked, *made, *names], cwd=folder, check=True)
+    return folder
+
+
+@pytest.fixture
+def encrypted(source: FormulaSource, files: Path) -> Iterator[DashboardServer]:
+    own = {"tls_cert": str(files / "own.pem"), "tls_key": str(files / "own.key")}
+    with DashboardServer(source, port=0, token=TOKEN, **own) as server:
+        yield server
+
+
+def test_page_cookie_and_frames_are_encrypted(encrypted: DashboardServer, files: Path) -> None:
+    trusting = ssl.create_default_context(cafile=files / "own.pem")
+    base, origin = encrypted.base, encrypted.base.strip("/")
+    bearer = {"Authorization": f"Bearer {TOKEN}"}
+    assert base.startswith("https://")
+    assert "Secure" in get(encrypted.url, ssl=trusting)[2]["Set-Cookie"]
+    assert "wss://127.0.0.1" in get(base, ssl=trusting, headers=bearer)[2]["Content-Security-Policy"]
+    with pages() as connect:
+        assert connect(base, ssl=trusting, headers=bearer | {"Origin": origin}).text("status")
+        with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+            connect(base, ssl=trusting, headers=bearer | {"Origin": origin.replace("https", "http")})
+    with pytest.raises(aiohttp.ClientConnectorCertificateError):
+        get(base)  # a certificate that nobody vouches for
+    with pytest.raises(aiohttp.ClientError):
+        get(base.replace("https", "http"))
+
+
+@pytest.mark.browser
+def test_a_browser_shows_frames_over_tls(browser: Browser, encrypted: DashboardServer, source: FormulaSource) -> None:
+    with browser.new_context(ignore_https_errors=True) as context:
+        page = context.new_page()
+        page.goto(encrypted.url)
+        draw(page, source, 0.5)
+        becomes_live(page, source)
+
+
+@pytest.mark.parametrize(
+    ("cert", "key", "said"),
+    [
+        ("own.pem", "", "dashboard.tls_cert and dashboard.tls_key belong together"),
+        ("", "own.key", "dashboard.tls_cert and dashboard.tls_key belong together"),
+        ("own.pem", "missing.key", r"missing\.key is no file"),
+        ("own.pem", "other.key", "no certificate with its private key"),
+        ("own.key", "own.key", "no certificate with its private key"),
+        ("locked.pem", "locked.key", "without a password"),
+    ],
+)
+def test_files_that_cannot_be_used_are_refused(
+    source: FormulaSource, files: Path, cert: str, key: str, said: str
+) -> None:
+    given = [str(files / name) if name else "" for name in (cert, key)]
+    with pytest.raises(ConfigError, match=said):
+        DashboardServer(source, port=0, tls_cert=given[0], tls_key=given[1])

@@ -1,6 +1,7 @@
 """Commands of the page: what reaches the sensor, and what happens to nonsense."""
 
 import json
+import urllib.request
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
@@ -12,7 +13,8 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import FormulaSource, bump
-from tests.helpers.page_client import Page, post
+from tests.helpers.page_client import Page, bearer, get, post
+from tests.helpers.scripted_calibration import Scripted
 from tests.helpers.waiting import eventually
 
 PRESS = {"type": "press", "object": "BALL", "depth_mm": 0.5, "x_mm": 0.0, "y_mm": 0.0}
@@ -27,21 +29,11 @@ def test_press_and_release_reach_the_stage(server: DashboardServer, source: Form
     assert source.stage.calls == [("WAVE", 0.75, -3.0, 4.5), None]
 
 
-def test_the_zero_is_set_without_a_calibration(source: FormulaSource) -> None:
-    with DashboardServer(source, port=0) as server:
-        assert post(server.base, {"type": "zero"})[0] == 200
-        assert source.zeros == 1
-
-
-def test_a_reader_asks_the_same_way(server: DashboardServer) -> None:
-    assert post(server.base, {"type": "status"})[1]["frames"] == 1234
-
-
 def test_a_running_calibration_is_in_the_status_and_nobody_else_may_press(
-    server: DashboardServer, page: Page, source: FormulaSource
+    server: DashboardServer, client: Page, source: FormulaSource
 ) -> None:
     source.calibrating = True
-    while page.text("status")["calibrating"] is not True:
+    while client.text("status")["calibrating"] is not True:
         pass
     for call in (PRESS, RELEASE):
         status, answer = post(server.base, call)
@@ -63,14 +55,14 @@ def press_being_computed(server: DashboardServer, source: FormulaSource) -> Iter
 
 
 def test_a_press_is_computed_before_it_is_made_and_stops_neither_frames_nor_status(
-    server: DashboardServer, page: Page, source: FormulaSource
+    server: DashboardServer, client: Page, source: FormulaSource
 ) -> None:
-    page.credit(8)
+    client.credit(8)
     with press_being_computed(server, source) as pressed:
         sequence = source.put(bump(1.0, 0, 0))
-        assert page.frame()["sequence"] == sequence
-        first = page.text("status")
-        assert page.text("status")["now_s"] > first["now_s"]
+        assert client.frame()["sequence"] == sequence
+        first = client.text("status")
+        assert client.text("status")["now_s"] > first["now_s"]
         assert source.stage.calls == []
     assert pressed.result()[0] == 200
     assert source.stage.calls == [("BALL", 0.5, 0.0, 0.0)]
@@ -120,16 +112,16 @@ def test_a_bad_command_is_answered_and_harms_nothing(
     ],
 )
 def test_what_is_no_credit_is_answered_with_the_reason(
-    page: Page, source: FormulaSource, content: str | bytes, said: str
+    client: Page, source: FormulaSource, content: str | bytes, said: str
 ) -> None:
-    page.send(content)
-    told = page.text("error")["message"]
+    client.send(content)
+    told = client.text("error")["message"]
     assert told.startswith("no credit: ")
     assert said in told
     assert "Error" not in told
     sequence = source.put(bump(1.0, 0, 0))
-    page.credit()
-    assert page.frame()["sequence"] == sequence
+    client.credit()
+    assert client.frame()["sequence"] == sequence
 
 
 def test_a_huge_message_closes_only_its_own_connection(
@@ -154,3 +146,54 @@ def test_what_the_stage_refuses_is_told(server: DashboardServer, source: Formula
 def test_a_sensor_without_stage_says_so() -> None:
     with DashboardServer(FormulaSource(), port=0) as server:
         assert "simulated gel only" in post(server.base, RELEASE)[1]["message"]
+
+
+# ---- of the wizard ----
+
+
+def test_what_is_nonsense_is_refused_in_words(server: DashboardServer, calibration: Scripted) -> None:
+    for body in (b"{", {"type": "jump"}, {"type": "act", "action": "explode"}, {"type": "restore", "identity": "../x"},
+                 {"type": "calibrate", "request": {"ball_radius_mm": -4}},
+                 {"type": "calibrate", "request": {"presses": 1}},
+                 {"type": "calibrate", "request": {"pin_pitch_mm": -1}},
+                 {"type": "calibrate", "request": {"ball_radius_mm": 51}},
+                 {"type": "act", "action": "correct", "contact_radius_px": 0}):  # fmt: skip
+        status, answer = post(server.base, body)
+        assert status in (400, 409)
+        assert answer["message"]
+    assert calibration.asked == []
+
+
+def test_what_the_calibration_refuses_is_said_in_its_words(server: DashboardServer, calibration: Scripted) -> None:
+    calibration.refusal = "next is not possible now: choose nothing, but wait"
+    assert post(server.base, {"type": "act", "action": "next"}) == (409, {"message": calibration.refusal})
+
+
+def test_another_site_can_send_nothing(server: DashboardServer, source: FormulaSource) -> None:
+    assert post(server.base, {"type": "zero"}, Origin="http://evil.example")[0] == 403
+    assert post(server.base, {"type": "zero"}, **{"Content-Type": "text/plain"})[0] == 415
+    assert source.zeros == 0
+    assert post(server.base, {"type": "zero"})[0] == 200
+    assert source.zeros == 1
+
+
+def test_without_a_calibration_service_everything_says_so(source: FormulaSource) -> None:
+    with DashboardServer(source, port=0) as server:
+        assert "no calibration" in post(server.base, {"type": "calibrate"})[1]["message"]
+        assert get(server.base + "calibration")[0] == 404
+
+
+def test_a_report_is_shown_without_scripts_and_a_missing_one_told(server: DashboardServer) -> None:
+    _, text, headers = get(server.base + "calibration/report/" + "a" * 16)
+    assert "Calibration of A17" in text
+    assert headers["Content-Security-Policy"].startswith("default-src 'none'; style-src 'unsafe-inline'")
+    for wrong in ("b" * 16, "..%2F..%2Fx"):
+        assert get(server.base + "calibration/report/" + wrong)[0] == 404
+
+
+def test_a_picture_that_is_not_there_is_told(server: DashboardServer) -> None:
+    with urllib.request.urlopen(
+        urllib.request.Request(server.base + "calibration/picture/live", headers=bearer())
+    ) as answer:
+        assert answer.read()[:2] == b"\xff\xd8"
+    assert get(server.base + "calibration/picture/press")[0] == 404

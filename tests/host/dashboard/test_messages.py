@@ -1,6 +1,9 @@
 """The binary message of a tactile frame: what goes in comes out, within the stated bounds."""
 
+import base64
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from gellight.dashboard.messages import IdentityCache, without_nan
 from gellight.dashboard.view import DEPTH_UNIT_MM, ReferenceViews, view_shape
 from gellight.frames.frames import Contact, GroundTruth, TactileFrame
 from gellight.reconstruction.contact import measure_patches
+from tests.helpers.browsing import Open
 from tests.helpers.dashboard_source import LIGHT, PIXEL_MM, bump
 from tests.helpers.view_messages import decode
 from tests.helpers.weighed import HeavyFrames
@@ -36,26 +40,14 @@ def with_depth(depth_mm: np.ndarray) -> TactileFrame:
     return replace(FRAME, depth_mm=depth_mm.astype(np.float32))
 
 
-def test_depth_is_kept_to_half_its_unit() -> None:
-    view = decode(encode(FRAME, pixel_size_mm=PIXEL))
-    error = np.abs(view.depth_mm - blocks(FRAME.depth_mm))
-    assert view.depth_mm.shape == (240, 320)
-    assert error.max() <= 0.5 * DEPTH_UNIT_MM + 1e-6
-
-
-def test_the_image_is_a_faithful_jpeg_in_rgb_order() -> None:
+def test_the_image_is_a_faithful_jpeg_in_rgb_order_and_the_contact_is_beside_it() -> None:
     view = decode(encode(FRAME, pixel_size_mm=PIXEL))
     assert np.abs(view.image.astype(float) - blocks(FRAME.camera_frame.image)).mean() < 1.5
+    assert np.array_equal(view.contact, blocks(FRAME.contact.mask) >= 0.5)
     red = replace(
         FRAME, camera_frame=replace(FRAME.camera_frame, image=np.full((480, 640, 3), (200, 20, 20), np.uint8))
     )
     assert np.allclose(decode(encode(red, pixel_size_mm=PIXEL)).image[100, 100], (200, 20, 20), atol=3)
-
-
-def test_the_contact_patch_comes_through() -> None:
-    view = decode(encode(FRAME, pixel_size_mm=PIXEL))
-    assert np.array_equal(view.contact, blocks(FRAME.contact.mask) >= 0.5)
-    assert 0 < view.contact.sum() < view.contact.size
 
 
 def test_the_header_carries_the_figures() -> None:
@@ -72,12 +64,12 @@ def test_the_header_carries_the_figures() -> None:
     }
     assert header["light"] == LIGHT.tolist()
     assert header["stage_ms"] == {"gelnet": 8.0, "integration": 3.0}
-
-
-def test_the_header_carries_the_force_where_it_is_known() -> None:
-    assert decode(encode(FRAME, pixel_size_mm=PIXEL)).header["force"] is None
-    force = decode(encode(replace(FRAME, measures=HeavyFrames()), pixel_size_mm=PIXEL)).header["force"]
-    assert force == {"normal_n": 1.25, "error_n": 0.1, "flags": ["heavier"]}
+    assert header["force"] is None
+    (patch,) = FRAME.contacts
+    many = tuple(replace(patch, number=number) for number in range(1, 14))
+    heavy = decode(encode(replace(FRAME, measures=HeavyFrames(), contacts=many), pixel_size_mm=PIXEL)).header
+    assert heavy["force"] == {"normal_n": 1.25, "error_n": 0.1, "flags": ["heavier"]}
+    assert [one["number"] for one in heavy["contacts"]] == list(range(1, 13)), "the first twelve"
 
 
 def test_the_header_numbers_the_contacts_by_depth() -> None:
@@ -94,13 +86,6 @@ def test_the_header_numbers_the_contacts_by_depth() -> None:
     assert larger["area_mm2"] == pytest.approx(1600 * 0.02)
     assert larger["volume_mm3"] == pytest.approx(0.5 * 1600 * 0.02)
     assert larger["slope_rad"] == pytest.approx(np.arctan(np.sqrt(2)))
-
-
-def test_the_header_carries_the_first_twelve_contacts() -> None:
-    (patch,) = FRAME.contacts
-    frame = replace(FRAME, contacts=tuple(replace(patch, number=number) for number in range(1, 14)))
-    told = decode(encode(frame, pixel_size_mm=PIXEL)).header["contacts"]
-    assert [one["number"] for one in told] == list(range(1, 13))
 
 
 def with_truth(depth_mm: np.ndarray, contact: np.ndarray) -> TactileFrame:
@@ -133,12 +118,6 @@ def test_no_depth_is_lost_however_rough_it_is(seed: int) -> None:
 def test_where_nothing_touches_the_error_is_that_of_the_whole_map() -> None:
     figures = decode(encode(with_truth(FRAME.depth_mm - 0.5, np.zeros((480, 640), bool)), pixel_size_mm=PIXEL)).header
     assert figures["truth"]["depth_error_mm"] == figures["truth"]["map_depth_error_mm"] == pytest.approx(0.5)
-
-
-def test_a_real_sensor_sends_no_truth() -> None:
-    view = decode(encode(FRAME, pixel_size_mm=PIXEL))
-    assert view.truth_mm is None
-    assert view.header["truth"] is None
 
 
 def test_what_is_unknown_is_null() -> None:
@@ -177,3 +156,99 @@ def test_any_image_size_comes_through(shape: tuple[int, int]) -> None:
 
 def test_numbers_that_json_cannot_carry_become_null() -> None:
     assert without_nan({"a": [float("nan"), 1.0, (float("inf"),)], 3: "x"}) == {"a": [None, 1.0, [None]], "3": "x"}
+
+
+# ---- what the page makes of it ----
+
+
+DECODE = """async (text) => {
+    const { Decoder } = await import("./message.js");
+    const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+    let complete;
+    const completed = new Promise((resolve) => { complete = resolve; });
+    const view = await new Decoder(complete).decode(bytes.buffer);
+    const atFirst = view.difference;
+    await completed;
+    const text64 = ({ buffer, byteOffset, byteLength }) => new Promise((resolve) => {
+        const reader = new FileReader();
+        reader.onload = () => resolve(reader.result.split(",")[1]);
+        reader.readAsDataURL(new Blob([new Uint8Array(buffer, byteOffset, byteLength)]));
+    });
+    const found = { size: [view.width, view.height], atFirst };
+    for (const name of ["depth", "truth", "slopes", "contact", "difference"])
+        found[name] = view[name] && [view[name].constructor.name, await text64(view[name])];
+    return found;
+}"""
+TYPES = {
+    "Uint8Array": np.uint8, "Uint8ClampedArray": np.uint8, "Uint16Array": np.uint16, "Float32Array": np.float32,
+}  # fmt: skip
+Seen = Callable[[TactileFrame], tuple[bytes, dict[str, Any]]]
+
+
+@pytest.fixture
+def seen(opened: Open) -> Seen:
+    """Give the message of a frame, and what the page makes of it."""
+    references, page = ReferenceViews(), opened()
+    page.route(
+        "**/reference/*",
+        lambda route: route.fulfill(
+            body=references.picture(route.request.url.rsplit("/", 1)[1]), content_type="image/webp"
+        ),
+    )
+
+    def decoded(frame: TactileFrame) -> tuple[bytes, dict[str, Any]]:
+        message = messages.encode(
+            frame, pixel_size_mm=(PIXEL_MM, PIXEL_MM), references=references, once=IdentityCache()
+        )
+        view = page.evaluate(DECODE, base64.b64encode(message).decode())
+        for name in ("depth", "truth", "slopes", "contact", "difference"):
+            if view[name]:
+                kind, text = view[name]
+                view[name] = np.frombuffer(base64.b64decode(text), TYPES[kind])
+        return message, view
+
+    return decoded
+
+
+@pytest.mark.browser
+def test_the_page_unpacks_what_the_server_packed(seen: Seen) -> None:
+    frame = bump(1.2, 3.0, -2.0)
+    depth = frame.depth_mm.copy()
+    depth[:40, :60] = np.nan
+    depth[200:240, 300:330] = -0.7
+    truth = GroundTruth(depth_mm=frame.depth_mm * 1.3, gradient_map=frame.gradient_map, contact=frame.contact.mask)
+    message, view = seen(replace(frame, depth_mm=depth, camera_frame=replace(frame.camera_frame, truth=truth)))
+    expected = decode(message)
+    assert view["size"] == [320, 240]
+    for name, depth_mm in (("depth", expected.depth_mm), ("truth", expected.truth_mm)):
+        codes = np.where(np.isnan(depth_mm), 65535, np.rint((depth_mm + 1) / DEPTH_UNIT_MM))
+        assert np.array_equal(np.reshape(view[name], (240, 320)), codes), name
+    assert np.array_equal(np.unpackbits(view["contact"]).reshape(240, 320), expected.contact)
+
+
+@pytest.mark.browser
+def test_difference_and_slopes_are_derived_as_the_frame_has_them(seen: Seen) -> None:
+    frame = bump(1.2, 3.0, -2.0)
+    _, view = seen(frame)
+    true = frame.difference.reshape(240, 2, 320, 2, 3).mean(axis=(1, 3))
+    error = np.abs(np.reshape(view["difference"], (240, 320, 3)) - 128.0 - true)
+    assert view["atFirst"] is None, "nothing waits for the reference image"
+    assert error.mean() < 1.0, "grey levels"
+    assert np.abs(true).max() > 20
+    slopes = np.reshape(view["slopes"], (240, 320, 2))
+    true = frame.gradient_map.reshape(240, 2, 320, 2, 2).mean(axis=(1, 3))
+    inside = (slice(1, -1), slice(1, -1))
+    assert np.abs(slopes - true)[inside].max() < 0.5 * DEPTH_UNIT_MM / (2 * PIXEL_MM) + 0.001
+    assert np.abs(true).max() > 0.2, "the scene must have slopes"
+    assert view["truth"] is None, "a sensor without truth has none"
+
+
+@pytest.mark.browser
+def test_where_depth_is_missing_the_gel_is_shown_flat(seen: Seen) -> None:
+    frame = bump(1.2, 0.0, 0.0)
+    depth = frame.depth_mm.copy()
+    depth[:200] = np.nan
+    slopes = np.reshape(seen(replace(frame, depth_mm=depth))[1]["slopes"], (240, 320, 2))
+    assert not slopes[:100].any()
+    assert np.isfinite(slopes).all()
+    assert np.abs(slopes).max() < 0.5, "no cliff to what is not there"

@@ -61,11 +61,6 @@ def test_libraries_are_kept_by_the_browser_for_good(server: DashboardServer) -> 
     assert any(character.isdigit() for character in vendored), "the folder names the version"
 
 
-def test_all_that_the_page_loads_is_small(server: DashboardServer) -> None:
-    names = [path.relative_to(PAGE).as_posix() for path in PAGE.rglob("*.js")]
-    assert sum(len(get(server.base + name, **PACKED)[1]) for name in names) < 260_000
-
-
 def test_a_map_that_stays_the_same_is_packed_once() -> None:
     once, made = IdentityCache(), []
     flat = np.zeros(3)

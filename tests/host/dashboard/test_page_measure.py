@@ -113,9 +113,7 @@ def white_pixels(page: Page) -> int:
     return int((shown.min(axis=2) > 220).sum())
 
 
-def test_the_arrow_keys_measure_too(opened: Open, source: FormulaSource) -> None:
-    page = opened()
-    draw(page, source, 0.8)
+def test_the_arrow_keys_measure_too(page: Page, source: FormulaSource) -> None:
     page.keyboard.press("m")
     page.get_by_test_id("depth").focus()
     for _ in range(4):
@@ -129,9 +127,7 @@ def test_the_arrow_keys_measure_too(opened: Open, source: FormulaSource) -> None
     assert page.evaluate("gellight.section.measured.at(-1)[0]") == pytest.approx(math.hypot(4, 0.1))
 
 
-def test_the_arrow_keys_press_where_they_are(opened: Open, source: FormulaSource) -> None:
-    page = opened()
-    draw(page, source, 0.8)
+def test_the_arrow_keys_press_where_they_are(page: Page, source: FormulaSource) -> None:
     page.get_by_test_id("image").focus()
     page.keyboard.press("ArrowUp")
     page.keyboard.press("Enter")

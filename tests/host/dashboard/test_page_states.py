@@ -5,14 +5,12 @@ import threading
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Page, expect
 
-from gellight.daemon.assembly import open_session
 from gellight.dashboard import messages
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.browsing import Open, draw, wait_until
 from tests.helpers.dashboard_source import FormulaSource, bump
-from tests.helpers.settings import loaded
 
 pytestmark = pytest.mark.browser
 
@@ -22,10 +20,8 @@ NO_TIMER = "() => { window.setTimeout = () => -1; }"
 
 
 def test_when_the_server_is_gone_the_values_are_dim_and_nothing_can_be_pressed(
-    opened: Open, source: FormulaSource, server: DashboardServer
+    page: Page, source: FormulaSource, server: DashboardServer
 ) -> None:
-    page = opened()
-    draw(page, source, 0.5)
     expect(page.get_by_test_id("indentation")).to_have_text("0.500")
     expect(page.get_by_test_id("press-here")).to_be_enabled()
     page.evaluate(NO_TIMER)  # the page's own attempts, else one of them may succeed before the button is pressed
@@ -71,21 +67,6 @@ def test_an_object_that_is_being_prepared_is_named_and_moves_nothing(opened: Ope
     assert page.evaluate("movements") == 0
     page.set_viewport_size({"width": 700, "height": 800})
     page.wait_for_function("() => movements > 0")
-
-
-@pytest.mark.nightly
-def test_nothing_moves_in_a_minute_of_the_demo(browser: Browser) -> None:
-    """With its own programme, on whatever computer: a slow link and a press that is computed are told in the pill."""
-    settings = loaded({"sensor.url": "sim://?board=0"})
-    with open_session(settings) as daemon, DashboardServer(daemon, port=0) as server:
-        page = browser.new_page(viewport={"width": 1366, "height": 768})
-        page.goto(server.url)
-        page.wait_for_function("() => gellight.drawn > 3", timeout=60_000)
-        count_movements(page)
-        page.wait_for_timeout(60_000)
-        assert page.evaluate("movements") == 0, page.get_by_test_id("banners").inner_text()
-        assert page.evaluate("gellight.drawn") > 20
-        page.close()
 
 
 def count_movements(page: Any) -> None:
@@ -200,10 +181,8 @@ def test_a_double_click_on_the_surface_turns_it_back(opened_3d: Open, source: Fo
 
 
 def test_a_frame_of_another_version_is_said_with_the_remedy_and_the_page_goes_on_after_it(
-    opened: Open, source: FormulaSource, monkeypatch: pytest.MonkeyPatch
+    page: Page, source: FormulaSource, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    page = opened()
-    draw(page, source, 0.5)
     with monkeypatch.context() as patch:
         patch.setattr(messages, "VERSION", messages.VERSION + 1)
         source.put(bump(0.6, 0, 0))

@@ -87,9 +87,7 @@ def test_the_snapshot_shows_all_pictures(opened: Open, source: FormulaSource, tm
     assert min(variances) > 3
 
 
-def test_keys_do_what_the_help_says(opened: Open, source: FormulaSource) -> None:
-    page = opened()
-    draw(page, source, 0.5)
+def test_keys_do_what_the_help_says(page: Page, source: FormulaSource) -> None:
     page.keyboard.press("m")
     expect(page.get_by_test_id("measure")).to_have_attribute("aria-pressed", "true")
     page.keyboard.press("Escape")
@@ -106,9 +104,7 @@ def test_keys_do_what_the_help_says(opened: Open, source: FormulaSource) -> None
     assert keys[:10] == ["Space", "M", "T", "C", "S", "N", "P", "R", "F", "?"]
 
 
-def test_choices_are_kept_over_a_reload_and_in_the_address(opened: Open, source: FormulaSource) -> None:
-    page = opened()
-    draw(page, source, 0.5)
+def test_choices_are_kept_over_a_reload_and_in_the_address(page: Page, source: FormulaSource) -> None:
     page.get_by_test_id("scale").select_option("400")
     page.get_by_test_id("span").select_option("60")
     page.get_by_test_id("diagnostics").locator("summary").click()

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser, Page, expect
 
 from gellight.dashboard.server import DashboardServer
-from tests.helpers.browsing import PATIENCE_MS, Open, draw
+from tests.helpers.browsing import PATIENCE_MS, Open, paint
 from tests.helpers.dashboard_source import FormulaSource, two_bumps
 
 pytestmark = pytest.mark.browser
@@ -67,16 +67,15 @@ def test_a_phone_has_depth_indentation_and_press_on_its_first_screen_and_targets
     assert small == []
 
 
-def test_a_laptop_shows_all_its_panels_without_scrolling(opened: Open, source: FormulaSource) -> None:
-    page = opened()
+def test_a_laptop_shows_all_its_panels_without_scrolling_and_a_surface_in_2d_says_why(page: Page) -> None:
     page.set_viewport_size({"width": 1366, "height": 768})
-    draw(page, source, 1.0)
+    paint(page)
     assert page.evaluate("document.documentElement.scrollHeight") <= 768
+    expect(page.get_by_test_id("level")).to_have_text("2D relief: this browser offers no WebGL 2")
+    expect(page.get_by_test_id("detail")).to_be_disabled()
 
 
-def test_escape_closes_one_thing_at_a_time(opened: Open, source: FormulaSource) -> None:
-    page = opened()
-    draw(page, source, 1.0)
+def test_escape_closes_one_thing_at_a_time(page: Page, source: FormulaSource) -> None:
     page.get_by_test_id("measure").click()
     box = page.get_by_test_id("depth").bounding_box()
     page.mouse.move(box["x"] + 20, box["y"] + 20)
@@ -94,12 +93,6 @@ def test_escape_closes_one_thing_at_a_time(opened: Open, source: FormulaSource) 
     assert left == [[True, True, True], [False, True, True], [False, False, True], [False, False, False]]
 
 
-def test_the_surface_in_2d_says_why(opened: Open, source: FormulaSource) -> None:
-    page = opened()
-    draw(page, source, 1.0)
-    expect(page.get_by_test_id("level")).to_have_text("2D relief: this browser offers no WebGL 2")
-
-
 def lightness_a_b(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
     """CIELAB of linear RGB."""
     scaled = rgb.clip(0) @ TO_XYZ.T / TO_XYZ.sum(axis=1)
@@ -107,10 +100,8 @@ def lightness_a_b(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=1)
 
 
-def test_every_eye_tells_the_depths_of_a_map_apart(opened: Open, source: FormulaSource) -> None:
+def test_every_eye_tells_the_depths_of_a_map_apart(page: Page, source: FormulaSource) -> None:
     """For each defect: deeper is brighter, every tenth of the scale is another colour, and none is that beyond it."""
-    page = opened()
-    draw(page, source, 1.0)
     for name in ("ocean", "viridis", "cividis", "grey"):
         page.get_by_test_id("map").select_option(name)
         colours = page.evaluate("""async () => {

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 import resource
 import socket
 import threading
@@ -16,6 +17,7 @@ import aiohttp
 import pytest
 
 from gellight.base.errors import CameraError, ServerError
+from gellight.dashboard.metrics import metric_lines
 from gellight.dashboard.server import DashboardServer
 from tests.helpers.dashboard_source import FormulaSource, bump
 from tests.helpers.page_client import FRAME_S, SILENCE_S, Page, bearer, get, pages, post
@@ -31,31 +33,20 @@ def masked(text: bytes) -> bytes:
     return bytes([0x81, 0x80 | len(text), 0, 0, 0, 0]) + text
 
 
-def test_a_credit_buys_one_frame_and_no_more(page: Page, source: FormulaSource) -> None:
-    first = source.put(bump(1.0, 0, 0))
-    assert page.is_silent(), "no frame without a credit"
-    page.credit()
-    assert page.frame()["sequence"] == first
-    source.put(bump(1.0, 1, 0))
-    assert page.is_silent(), "the credit is spent"
-
-
-def test_the_same_frame_is_never_sent_twice(page: Page, source: FormulaSource) -> None:
-    source.put(bump(1.0, 0, 0))
-    page.credit(4)
-    page.frame()
-    assert page.is_silent()
-
-
-def test_a_page_that_comes_late_gets_the_newest_frame(page: Page, source: FormulaSource) -> None:
+def test_a_credit_buys_one_frame_which_is_the_newest_and_never_the_same_twice(
+    client: Page, source: FormulaSource
+) -> None:
     for i in range(20):
         last = source.put(bump(1.0, i * 0.1, 0))
-    page.credit()
-    assert page.frame()["sequence"] == last
+    assert client.is_silent(), "no frame without a credit"
+    client.credit()
+    assert client.frame()["sequence"] == last
     for i in range(20):
         last = source.put(bump(1.0, i * 0.1, 0))
-    page.credit()
-    assert page.frame()["sequence"] == last, "what came in between is skipped, not queued"
+    assert client.is_silent(), "the credit is spent"
+    client.credit(4)
+    assert client.frame()["sequence"] == last, "what came in between is skipped, not queued"
+    assert client.is_silent(), "it is not sent twice"
 
 
 def test_a_slow_page_does_not_slow_another(open_page: Callable[[], Page], source: FormulaSource) -> None:
@@ -70,16 +61,16 @@ def test_a_slow_page_does_not_slow_another(open_page: Callable[[], Page], source
     assert slow.frame()["sequence"] == last, "the slow page skips to the newest"
 
 
-def test_credits_are_bounded(page: Page, source: FormulaSource) -> None:
+def test_credits_are_bounded(client: Page, source: FormulaSource) -> None:
     for _ in range(5):
-        page.credit(8)
-    page.send("0")
-    page.text("error")  # all credits have been seen
+        client.credit(8)
+    client.send("0")
+    client.text("error")  # all credits have been seen
     for i in range(8):
         source.put(bump(1.0, i * 0.1, 0))
-        page.frame()
+        client.frame()
     source.put(bump(1.0, 0, 0))
-    assert page.is_silent()
+    assert client.is_silent()
 
 
 def test_status_comes_by_itself_and_without_nan(open_page: Callable[[], Page], source: FormulaSource) -> None:
@@ -96,15 +87,15 @@ def test_status_comes_by_itself_and_without_nan(open_page: Callable[[], Page], s
     assert page.text("status")["now_s"] > status["now_s"]
 
 
-def test_the_error_that_stops_the_frames_is_in_the_status(page: Page, source: FormulaSource) -> None:
+def test_the_error_that_stops_the_frames_is_in_the_status(client: Page, source: FormulaSource) -> None:
     source.wait_frame = Mock(side_effect=CameraError("the cable is out: plug it in"))  # type: ignore[assignment,method-assign]
-    page.credit()
-    while page.text("status")["error"] != "the cable is out: plug it in":
+    client.credit()
+    while client.text("status")["error"] != "the cable is out: plug it in":
         pass
     del source.wait_frame
     sequence = source.put(bump(1.0, 0, 0))
-    assert page.frame()["sequence"] == sequence, "frames go on once the source does"
-    while page.text("status")["error"] is not None:
+    assert client.frame()["sequence"] == sequence, "frames go on once the source does"
+    while client.text("status")["error"] is not None:
         pass
 
 
@@ -112,12 +103,6 @@ def test_without_pages_no_frame_is_fetched(server: DashboardServer, source: Form
     source.put(bump(1.0, 0, 0))
     threading.Event().wait(SILENCE_S)
     assert source.asked == 0
-
-
-def test_status_is_served_as_json(server: DashboardServer) -> None:
-    status, text, headers = get(server.base + "status")
-    assert (status, headers["Content-Type"].split(";")[0]) == (200, "application/json")
-    assert json.loads(text)["frames"] == 1234
 
 
 def test_the_page_may_load_nothing_from_elsewhere(server: DashboardServer) -> None:
@@ -203,7 +188,7 @@ def test_a_page_that_reads_nothing_does_not_hold_up_the_end(source: FormulaSourc
 
 
 def test_a_thousand_pages_at_once_leave_the_others_their_frames(
-    server: DashboardServer, page: Page, source: FormulaSource
+    server: DashboardServer, client: Page, source: FormulaSource
 ) -> None:
     """Beyond 32 each is told why, and every place that becomes free is given away again."""
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -215,9 +200,9 @@ def test_a_thousand_pages_at_once_leave_the_others_their_frames(
             answers = await asyncio.gather(*wanted, return_exceptions=True)
             refused = [one for one in answers if isinstance(one, aiohttp.WSServerHandshakeError)]
             assert (len(answers) - len(refused), {one.status for one in refused}) == (31, {503})
-            await asyncio.to_thread(page.credit)
+            await asyncio.to_thread(client.credit)
             last = source.put(bump(1.0, 0, 0))
-            assert (await asyncio.to_thread(page.frame))["sequence"] == last
+            assert (await asyncio.to_thread(client.frame))["sequence"] == last
             for one in answers:
                 if isinstance(one, aiohttp.ClientWebSocketResponse):
                     await one.close()
@@ -238,3 +223,48 @@ def test_who_commands_faster_than_is_done_is_told_to_wait(server: DashboardServe
     told = {"message": "16 commands are being carried out: wait for them"}
     assert refused == [(429, told)] * 4
     assert sorted(answer.result()[0] for answer in answers) == [200] * 16 + [429] * 4
+
+
+# ---- what Prometheus and a health check are told ----
+
+
+LINE = re.compile(r'[a-z_]+(\{[a-z]+="[^"]*"\})? [-+0-9.e]+')
+
+
+def test_every_figure_has_its_type_and_a_number(server: DashboardServer) -> None:
+    _, text, headers = get(server.base + "metrics")
+    assert headers["Content-Type"].startswith("text/plain; version=0.0.4")
+    lines = text.splitlines()
+    values = dict(line.rsplit(" ", 1) for line in lines if not line.startswith("#"))
+    assert [line for line in lines if not line.startswith("# ") and not LINE.fullmatch(line)] == []
+    assert values["gellight_frames_total"] == "1234"
+    assert values["gellight_up"] == "1"
+    assert values['gellight_frame_age_seconds{quantile="0.95"}'] == "0.0178"
+    assert values['gellight_stage_seconds{stage="gelnet"}'] == "0.0081"
+    assert {line.split()[2] for line in lines if line.startswith("# TYPE")} == {
+        line.partition("{")[0] for line in values
+    }
+
+
+def test_health_is_200_or_503_with_the_reason(source: FormulaSource, server: DashboardServer) -> None:
+    status, text, _ = get(server.base + "health")
+    assert (status, json.loads(text)) == (200, {"ok": True, "error": None})
+    source.error = "reconnecting to sensor A"
+    status, text, _ = get(server.base + "health")
+    assert (status, json.loads(text)["error"]) == (503, "reconnecting to sensor A")
+
+
+def test_touch_force_findings_and_counters_are_shown_whole_where_they_are_known() -> None:
+    weighed = {"touch": {"indentation_mm": 0.5, "area_mm2": 9.0, "force": {"normal_n": 1.25, "error_n": 0.1}}}
+    assert {"gellight_indentation_mm 0.5", "gellight_force_newtons 1.25"} <= set(metric_lines(weighed))
+    for unknown in ({"touch": None}, {"touch": {**weighed["touch"], "force": None}}):
+        assert not [line for line in metric_lines(unknown) if "force" in line]
+    status = {"error": "away", "frames": 0, "fps": 0.0, "frame_age_ms": {}, "watch": {"findings": [{"kind": "drift"}]}}
+    lines = list(metric_lines(status))
+    assert 'gellight_finding{kind="drift"} 1' in lines
+    assert "gellight_up 0" in lines
+    assert not [line for line in lines if "celsius" in line or "frame_age" in line or "indentation" in line]
+    warm = metric_lines({"ring": {"chip_c": 41.4, "ring_c": None}})
+    assert [line for line in warm if line.startswith("gellight_light")] == ['gellight_light_celsius{part="chip"} 41.4']
+    for frames in (999_999, 1_000_001, 12_345_678_901):
+        assert f"gellight_frames_total {frames}" in list(metric_lines({"frames": frames, "error": None}))

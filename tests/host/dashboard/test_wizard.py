@@ -125,36 +125,26 @@ def test_what_is_wrong_with_a_view_is_told_on_the_page(
     page.close()
 
 
-def test_pictures_that_are_prepared_already_are_said_to_be_and_offer_no_choice(
+def test_an_interrupted_calibration_goes_on_with_its_view_and_another_can_be_chosen_where_it_is_forgotten(
     opened: Open, calibration: Scripted
 ) -> None:
     calibration.preparation = "a view of 320 x 240 px is taken and 120 marker dots are filled"
     page = opened()
-    expect(page.get_by_test_id("picture-note")).to_have_text(
-        "Of each picture a view of 320 x 240 px is taken and 120 marker dots are filled; the calibration keeps that."
-    )
-    expect(page.get_by_test_id("view")).to_be_hidden()
-    expect(page.get_by_test_id("dots")).to_be_hidden()
-
-
-def test_a_view_can_be_chosen_where_an_interrupted_calibration_is_forgotten(
-    opened: Open, calibration: Scripted
-) -> None:
-    calibration.interrupted, calibration.interrupted_preparation = True, "a view of 320 x 240 px is taken"
+    note, view, dots = (page.get_by_test_id(name) for name in ("picture-note", "view", "dots"))
+    expect(note).to_have_text(f"Of each picture {calibration.preparation}; the calibration keeps that.")
+    expect(view).to_be_hidden()
+    expect(dots).to_be_hidden()
+    calibration.preparation, calibration.interrupted = "", True
+    calibration.interrupted_preparation = "a view of 320 x 240 px is taken"
     page = opened()
-    expect(page.get_by_test_id("picture-note")).to_contain_text("Of each picture a view of 320 x 240 px is taken")
-    expect(page.get_by_test_id("view")).to_be_hidden()
-    page.get_by_test_id("anew").check()
-    expect(page.get_by_test_id("view")).to_be_visible()
-    expect(page.get_by_test_id("dots")).to_be_visible()
-    expect(page.get_by_test_id("picture-note")).to_be_hidden()
-
-
-def test_an_interrupted_calibration_is_offered_to_go_on(opened: Open, calibration: Scripted) -> None:
-    calibration.interrupted = True
-    page = opened()
+    note, view, dots = (page.get_by_test_id(name) for name in ("picture-note", "view", "dots"))
+    expect(note).to_contain_text("Of each picture a view of 320 x 240 px is taken")
     expect(page.get_by_test_id("action-begin")).to_have_text("Go on")
+    expect(view).to_be_hidden()
     page.get_by_test_id("anew").check()
+    expect(view).to_be_visible()
+    expect(dots).to_be_visible()
+    expect(note).to_be_hidden()
     page.get_by_test_id("action-begin").click()
     assert wait_for(calibration, page, 1)[0][1].anew
 
@@ -182,39 +172,48 @@ def test_the_presses_show_instruction_advice_coverage_and_error(opened: Open, ca
     expect(page.get_by_test_id("advice")).to_have_text("Enough: go on when you like.")
 
 
-def test_where_a_virtual_hand_presses_nothing_is_asked_of_yours(opened: Open, calibration: Scripted) -> None:
-    calibration.simulated = True
-    page = opened()
-    expect(page.get_by_test_id("instruction")).to_contain_text("a virtual hand presses everything")
-    calibration.hand, calibration.routine = True, pressing()
-    expect(page.get_by_test_id("instruction")).to_contain_text("The virtual hand presses the ball")
-    expect(page.get_by_test_id("advice")).to_be_empty()
-    calibration.hand = False
-    expect(page.get_by_test_id("instruction")).to_contain_text("Press the ball of 4 mm radius")
-
-
-def test_the_check_list_stands_before_the_start_and_not_beside_the_work(opened: Open, calibration: Scripted) -> None:
+def test_the_check_list_stands_before_the_start_and_nothing_is_asked_of_you_where_a_virtual_hand_presses(
+    opened: Open, calibration: Scripted
+) -> None:
     calibration.needs = (
         Need(name="ball", state="yours", text="smooth and hard"),
         Need(name="disk", state="missing", text="1 MB are free: make room"),
         Need(name="training", state="ready", text="by NumPy"),
     )
+    calibration.simulated = True
     page = opened()
-    needs = page.get_by_test_id("needs").locator("li")
+    needs, instruction = page.get_by_test_id("needs").locator("li"), page.get_by_test_id("instruction")
     expect(needs).to_have_text(["○ballsmooth and hard", "✗disk1 MB are free: make room", "✓trainingby NumPy"])
     expect(needs.nth(1).get_by_role("img")).to_have_attribute("aria-label", "missing")
-    calibration.routine = pressing()
+    expect(instruction).to_contain_text("a virtual hand presses everything")
+    calibration.hand, calibration.routine = True, pressing()
+    expect(instruction).to_contain_text("The virtual hand presses the ball")
+    expect(page.get_by_test_id("advice")).to_be_empty()
     expect(page.get_by_test_id("needs")).to_be_hidden()
+    calibration.hand = False
+    expect(instruction).to_contain_text("Press the ball of 4 mm radius")
 
 
-def test_after_success_the_live_view_is_the_first_button(opened: Open, calibration: Scripted) -> None:
-    verdict = {"passed": True, "depth_um": 10.5, "normal_deg": 1.88, "text": "Passed."}
-    calibration.routine = snapshot("finished", verdict=verdict, actions=[])
+def test_training_draws_its_loss_the_verdict_is_told_and_then_the_live_view_is_the_first_button(
+    opened: Open, calibration: Scripted
+) -> None:
     page = opened()
-    expect(page.get_by_test_id("actions").locator("> *")).to_have_text(["Live view", "Calibrate again"])
-    calibration.routine = snapshot("failed", verdict={**verdict, "passed": False}, actions=[])
-    expect(page.get_by_test_id("actions").locator("> *")).to_have_text(["Calibrate again"])
-    calibration.routine = snapshot("finished", verdict=verdict, actions=[])
+    for epoch, loss in ((1, 0.11), (2, 0.05), (3, 0.031)):
+        calibration.routine = snapshot("fit", progress={"done": epoch, "wanted": 16, "unit": "epochs", "loss": loss})
+        expect(page.get_by_test_id("done")).to_have_text(f"{epoch} of 16 epochs")
+    expect(page.get_by_test_id("loss-now")).to_have_text("0.0310")
+    expect(page.get_by_test_id("loss")).to_be_visible()
+    verdict = {"passed": True, "depth_um": 10.5, "normal_deg": 1.88, "text": "Passed. 6 fresh presses."}
+    passed = snapshot("finished", verdict=verdict, figures={"verify": {"depth_mm": 0.0105}}, actions=[])
+    failed = snapshot("failed", verdict={**verdict, "passed": False, "text": "Not passed."}, actions=[])
+    buttons = {"passed": ["Live view", "Calibrate again"], "failed": ["Calibrate again"]}
+    for name, calibration.routine in (("passed", passed), ("failed", failed), ("passed", passed)):
+        expect(page.get_by_test_id("verdict")).to_have_class(f"verdict-text {name}")
+        expect(page.get_by_test_id("verdict")).to_have_text(str(calibration.routine["verdict"]["text"]))
+        expect(page.get_by_test_id("actions").locator("> *")).to_have_text(buttons[name])
+        service = "in service: 0123456789abcdef" if name == "passed" else ""
+        expect(page.get_by_test_id("bundle")).to_have_text(service)
+    expect(page.get_by_test_id("figures")).to_contain_text("10.5 µm")
     page.get_by_test_id("action-live").click()
     page.wait_for_function("() => window.gellight")
 
@@ -245,24 +244,6 @@ def test_a_circle_is_corrected_by_dragging_and_a_press_dropped(opened: Open, cal
     assert circle == pytest.approx({"center_x_px": 340, "center_y_px": 170, "contact_radius_px": 75}, abs=2)
     page.get_by_test_id("action-drop").click()
     assert wait_for(calibration, page, 3)[2] == ("drop", {})
-
-
-def test_training_draws_its_loss_and_the_verdict_is_told(opened: Open, calibration: Scripted) -> None:
-    page = opened()
-    for epoch, loss in ((1, 0.11), (2, 0.05), (3, 0.031)):
-        calibration.routine = snapshot("fit", progress={"done": epoch, "wanted": 16, "unit": "epochs", "loss": loss})
-        expect(page.get_by_test_id("done")).to_have_text(f"{epoch} of 16 epochs")
-    expect(page.get_by_test_id("loss-now")).to_have_text("0.0310")
-    expect(page.get_by_test_id("loss")).to_be_visible()
-    verdict = {"passed": True, "depth_um": 10.5, "normal_deg": 1.88, "text": "Passed. 6 fresh presses."}
-    calibration.routine = snapshot("finished", verdict=verdict, figures={"verify": {"depth_mm": 0.0105}}, actions=[])
-    expect(page.get_by_test_id("verdict")).to_have_text("Passed. 6 fresh presses.")
-    expect(page.get_by_test_id("verdict")).to_have_class("verdict-text passed")
-    expect(page.get_by_test_id("bundle")).to_have_text("in service: 0123456789abcdef")
-    expect(page.get_by_test_id("figures")).to_contain_text("10.5 µm")
-    calibration.routine = snapshot("failed", verdict={**verdict, "passed": False, "text": "Not passed."}, actions=[])
-    expect(page.get_by_test_id("verdict")).to_have_class("verdict-text failed")
-    expect(page.get_by_test_id("bundle")).to_be_empty()
 
 
 def test_an_old_bundle_is_restored_and_a_damaged_one_is_not_offered(opened: Open, calibration: Scripted) -> None:

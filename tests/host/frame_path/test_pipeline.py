@@ -75,17 +75,14 @@ def test_a_bulge_around_the_touch_does_not_shift_the_zero(tmp_path: Path) -> Non
     assert frame.depth_mm.min() == pytest.approx(true_mm.min(), abs=0.003)
 
 
-def test_the_far_quarter_of_the_untouched_view_is_at_rest() -> None:
+@pytest.mark.parametrize("shape", [(7, 9), (61, 83), (240, 320)])
+def test_rest_is_the_far_quarter_of_the_untouched_view_and_always_a_part_of_it(shape: tuple[int, int]) -> None:
     touched = np.zeros((480, 640), np.bool_)
     touched[100:200, 0:160] = True
     far = far_from_touch(touched)
     assert 0.2 < far.mean() < 0.3
     assert far[:, 500:].all()
     assert not far[:, :400].any()
-
-
-@pytest.mark.parametrize("shape", [(7, 9), (61, 83), (240, 320)])
-def test_rest_is_always_a_part_of_what_is_untouched(shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(0)
     for share in (0.0, 0.01, 0.5, 0.99, 1.0):
         touched = rng.uniform(size=shape) < share
@@ -194,10 +191,6 @@ def test_under_any_other_light_nothing_is_said_of_the_depth(
     assert not felt.contact.mask.any()
     assert felt.contact.centroid_mm is None
     assert np.abs(felt.difference).max() <= 0.5
+    with pytest.raises(InputError, match="64 x 48 px"):
+        path.reconstruct(frame(bundle, label, image=np.zeros((48, 64, 3), np.uint8)))
     page_message(felt, pixel_size_mm=bundle.pixel_size_mm, references=ReferenceViews(), once=IdentityCache())
-
-
-def test_a_picture_of_another_size_is_refused_under_every_light(bundle: Bundle, path: SequencePath) -> None:
-    for label in (None, LightLabel(state=LightState.CLEAN, group=1)):
-        with pytest.raises(InputError, match="64 x 48 px"):
-            path.reconstruct(frame(bundle, label, image=np.zeros((48, 64, 3), np.uint8)))

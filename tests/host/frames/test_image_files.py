@@ -46,11 +46,12 @@ def test_a_folder_is_read_in_natural_order_and_ends(tmp_path: Path) -> None:
         camera.read()
 
 
-def test_channels_are_rgb(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["red.png", "red.webp"])
+def test_channels_are_rgb(tmp_path: Path, name: str) -> None:
     bgr = np.zeros((*SHAPE, 3), np.uint8)
     bgr[..., 2] = 200
-    cv2.imwrite(str(tmp_path / "red.png"), bgr)
-    image = open_camera(tmp_path / "red.png").read().image
+    cv2.imwrite(str(tmp_path / name), bgr, [cv2.IMWRITE_WEBP_QUALITY, 101])  # without loss
+    image = open_camera(tmp_path).read().image
     assert image.dtype == np.uint8
     assert image.flags.c_contiguous
     assert (image == [200, 0, 0]).all()
@@ -97,12 +98,6 @@ def test_images_are_taken_as_they_are(tmp_path: Path, channels: int, kind: type)
     np.testing.assert_array_equal(deep, stored[..., 0] if channels == 1 else stored[..., 2::-1])
 
 
-def test_webp_is_taken(tmp_path: Path) -> None:
-    levels = np.random.default_rng(0).integers(0, 256, (*SHAPE, 3)).astype(np.uint8)
-    cv2.imwrite(str(tmp_path / "x.webp"), levels, [cv2.IMWRITE_WEBP_QUALITY, 101])  # without loss
-    np.testing.assert_array_equal(open_camera(tmp_path).read().image, levels[..., ::-1])
-
-
 def test_values_of_another_type_are_refused(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "x.tiff"), np.zeros(SHAPE, np.float32))
     with pytest.raises(InputError, match=r"x\.tiff has values of type float32: save it with 8 or 16 bit"):
@@ -116,15 +111,6 @@ def write_video(path: Path, count: int) -> Path:
         writer.write(np.full((48, 64, 3), 10 * number, np.uint8))
     writer.release()
     return path
-
-
-def test_what_is_beyond_a_video_does_not_change_what_is_in_it(tmp_path: Path) -> None:
-    video = write_video(tmp_path / "press.avi", 12)
-    pictures = [video / f"press-{number:06}.png" for number in (3, 11, 30)]
-    assert round(float(read_image(pictures[0]).mean()) / 10) == 3
-    with pytest.raises(InputError, match="ends after 12 pictures"):
-        read_image(pictures[2])
-    assert round(float(read_image(pictures[1]).mean()) / 10) == 11
 
 
 def test_pictures_that_are_no_stream_follow_nothing_in_time(tmp_path: Path) -> None:
@@ -176,12 +162,14 @@ def test_a_video_is_read_picture_by_picture_in_order(tmp_path: Path) -> None:
             camera.read()
     assert [round(float(frame.image.mean()) / 10) for frame in frames] == list(range(12))
     assert Path(frames[3].source) == video / "press-000003.png"
-    # A picture by its name, as a csv of presses gives it, also backwards.
-    for number in (7, 2, 11):
+    # A picture by its name, as a csv of presses gives it, also backwards; what is beyond the end changes nothing.
+    for number in (7, 2, 40, 11):
+        if number == 40:
+            with pytest.raises(InputError, match="ends after 12 pictures: number 40"):
+                read_image(video / f"press-{number:06}.png")
+            continue
         image = read_image(video / f"press-{number:06}.png")
         np.testing.assert_array_equal(image, frames[number].image)
-    with pytest.raises(InputError, match="ends after 12 pictures: number 40"):
-        read_image(video / "press-000040.png")
 
 
 @pytest.mark.parametrize(

@@ -41,19 +41,13 @@ def test_means_are_those_of_each_block_and_odd_ends_are_left_out(shape: tuple[in
     np.testing.assert_allclose(block_means(single, side), plainly(single, side), rtol=2e-6, atol=1e-5)
 
 
-@pytest.mark.parametrize("side", [4, 16, 17])
-def test_sums_of_the_brightest_bytes_do_not_overflow(side: int) -> None:
+@pytest.mark.parametrize("side", [4, 8, 16, 17])
+def test_means_of_bytes_are_exact_and_the_sums_of_the_brightest_do_not_overflow(side: int) -> None:
     white = np.full((2 * side, 3 * side, 3), 255, np.uint8)
     assert block_means(white, side).dtype == np.float32
     assert (block_means(white, side) == 255).all()
-
-
-def test_means_of_bytes_are_exact_to_the_last_bit() -> None:
     image = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
     assert np.array_equal(block_means(image, 8), plainly(image, 8).astype(np.float32))
-
-
-def test_planes_are_averaged_one_by_one() -> None:
     planes = np.random.default_rng(1).normal(size=(5, 17, 24))
     assert np.array_equal(plane_means(planes, 8), np.stack([block_means(plane, 8) for plane in planes]))
 
@@ -65,17 +59,14 @@ def test_pixels_beyond_the_last_block_are_false_and_blocks_beyond_the_image_are_
     assert np.array_equal(spread_blocks(blocks, 4, shape), np.ones(shape))
 
 
-def test_gel_that_is_deep_lies_nearer_to_the_axis_than_it_is_seen() -> None:
+def test_points_of_the_gel_are_measured_from_the_image_centre_and_deep_ones_nearer_to_it_than_seen() -> None:
+    points = gel_points_mm((3, 4), (0.5, 2.0))
+    assert points[0, :, 0].tolist() == [-0.75, -0.25, 0.25, 0.75]
+    assert points[:, 3, 1].tolist() == [-2.0, 0.0, 2.0]
     depth = np.array([[0.0, 2.0], [1.0, 0.5]], np.float32)
     flat, seen = points_of(depth, (0.2, 0.4)), points_of(depth, (0.2, 0.4), 50.0)
     np.testing.assert_allclose(seen[0], [[-0.1, 0.2, 0], [0.1 * 0.96, 0.2 * 0.96, 2]], atol=1e-7)
     np.testing.assert_allclose(seen[..., :2], flat[..., :2] * (1 - depth[..., None] / 50), atol=1e-7)
-
-
-def test_points_of_the_gel_are_measured_from_the_image_centre() -> None:
-    points = gel_points_mm((3, 4), (0.5, 2.0))
-    assert points[0, :, 0].tolist() == [-0.75, -0.25, 0.25, 0.75]
-    assert points[:, 3, 1].tolist() == [-2.0, 0.0, 2.0]
 
 
 def waves() -> np.ndarray:

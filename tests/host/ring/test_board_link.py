@@ -199,17 +199,14 @@ def test_a_sequence_that_begins_before_a_dark_light_is_lit_again_is_not_taken_fo
     assert board.lights == 1, "the still light is not shown in the midst of the sequence"
 
 
-def test_a_light_whose_event_was_lost_is_known_by_the_status() -> None:
-    ring = LightRing(ForgettingBoard(mute=True), keep_alive_s=None)
-    assert ring.light(np.full((12, 3), 50, np.uint8)) == 1
-    assert np.isfinite(ring.lit_since_s())
-
-
-def test_a_light_that_was_latched_and_went_out_is_not_taken_for_one_that_shines() -> None:
+def test_a_light_whose_event_was_lost_is_known_by_the_status_while_it_shines() -> None:
     board = ForgettingBoard(mute=True)
     ring = LightRing(board, keep_alive_s=None)
+    assert ring.light(np.full((12, 3), 50, np.uint8)) == 1
+    assert np.isfinite(ring.lit_since_s())
+    ring = LightRing(board, keep_alive_s=None)
     ring.status = lambda: replace(STATUS, dark=Dark.FAULT, light_id=board.lights)  # type: ignore[method-assign]
-    with pytest.raises(BoardError, match=r"light 1 was not latched within"):
+    with pytest.raises(BoardError, match=r"light 2 was not latched within"):
         ring.light(np.full((12, 3), 50, np.uint8), timeout_s=1.1)
     assert ring.lit_s == -np.inf
 

@@ -71,11 +71,8 @@ def test_every_preset_is_a_wiring_that_can_be(name: str, output: bool) -> None:
     assert len(find_board(name).printed.split(", ")) == 3
 
 
-def test_a_board_comes_wired_as_a_pico() -> None:
+def test_a_board_comes_wired_as_a_pico_and_one_without_a_preset_is_named_with_those_that_have_one() -> None:
     assert wired_as(AS_IT_COMES, BOARDS["pico"], output=False) == AS_IT_COMES
-
-
-def test_a_board_without_a_preset_is_named_with_those_that_have_one() -> None:
     with pytest.raises(InputError, match="'feather': choose pico, pico-w, xiao, rp2040-zero, qt-py, pico2"):
         find_board("feather")
 

@@ -32,12 +32,9 @@ def test_unequal_colours_are_used_again_so_that_every_led_shines(ring: str) -> N
         assert group.sum(axis=0).tolist() == [200, 200, 200]
 
 
-def test_a_ring_without_blue_has_no_triples() -> None:
+def test_a_ring_without_blue_or_of_mixed_colours_has_no_triples() -> None:
     with pytest.raises(ValueError, match="at least one of red, green and blue"):
         colour_triples(RING[:8])
-
-
-def test_a_ring_of_mixed_colours_has_no_triples() -> None:
     with pytest.raises(ValueError, match="one pure colour"):
         colour_triples(np.full((12, 3), 9, np.uint8))
 

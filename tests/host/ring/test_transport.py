@@ -73,18 +73,6 @@ def test_who_waits_for_the_light_of_a_board_that_ends_waits_no_longer() -> None:
     assert not waiting.is_alive()
 
 
-def test_a_host_that_is_silent_leaves_the_leds_dark_though_nobody_looks_at_the_board() -> None:
-    ring = LightRing(SimulatedBoard(), keep_alive_s=None)
-    ring.light(RED)
-    time.sleep(1.1)
-    board = ring.transport
-    lit, dark = board.timeline[-2], board.timeline[-1]
-    assert lit.colours.any()
-    assert not dark.colours.any()
-    assert 1.0e6 < dark.time_us - lit.time_us < 1.02e6
-    ring.close()
-
-
 def test_a_strobe_is_an_edge_that_rises_and_one_that_falls() -> None:
     with connect("sim://") as ring:
         board = ring.transport
@@ -219,15 +207,3 @@ def test_colours_have_to_be_twelve_times_rgb() -> None:
         colour_bytes(RED.astype(np.float32), 12)
     with pytest.raises(ValueError, match=r"\(12, 3\) uint8"):
         colour_bytes(RED[:11], 12)
-
-
-# ---- the verbs ----
-
-
-def test_a_sequence_runs_in_wall_time(terminal: TerminalBoard) -> None:
-    with connect(terminal.path) as ring:
-        before = len(terminal.timeline)
-        ring.load_sequence([RED], [Step(group=0, dwell_us=100_000, blank_us=100_000)])
-        ring.set_sync(SyncMode.FREE)
-        ring.start()
-        eventually(lambda: len(terminal.timeline) > before + 6)

@@ -79,14 +79,6 @@ def test_every_sensor_is_listed_with_a_url_that_opens_it_alone(usb: UsbTree) -> 
     assert [found.called(url.removeprefix("sensor://")) for url in urls] == list(found.sensors)
 
 
-def test_two_sensors_have_to_be_named(usb: UsbTree) -> None:
-    usb.plug("1-1", serial="GL0001", cameras=1, rings=1)
-    usb.plug("1-2", serial="GL0002", cameras=1, rings=1)
-    with pytest.raises(CameraError, match="2 sensors are plugged in: choose sensor://GL0001 or sensor://GL0002"):
-        seen(usb).only()
-    assert seen(usb).called("GL0002").port == "1-2"
-
-
 def test_the_same_serial_number_twice_is_told_and_the_ports_serve(usb: UsbTree) -> None:
     usb.plug("1-1", serial="GL0009", cameras=1, rings=1)
     usb.plug("1-2", serial="GL0009", cameras=1, rings=1)

@@ -112,19 +112,6 @@ def test_a_bundle_tells_capture_options_and_controls_apart_as_the_cameras_do() -
     assert set(CaptureOptions.model_fields) - set(c.KNOBS) == CAPTURE_OPTIONS
 
 
-def test_a_bundle_is_adopted_by_a_sensor_that_is_away_as_soon_as_it_is_back(bench: Bench, bundle: Bundle) -> None:
-    bench.plug("1-2", "GL0001")
-    with bench.open("auto?format=YUYV&width=32&height=24") as camera:
-        camera.read()
-        bench.unplug("1-2")
-        with pytest.raises(ReconnectingError):
-            camera.read()
-        camera.adopt(bundle.controls, bundle.colours)
-        bench.plug("1-3", "GL0001")
-        camera.read()
-        assert (bench.rings[-1].lit == [led.rgb for led in bundle.manifest.led]).all()
-
-
 def test_a_bundle_is_adopted_by_a_sensor_that_is_just_being_opened_again(
     bench: Bench, bundle: Bundle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -213,8 +200,10 @@ def test_the_leds_are_dark_when_the_camera_cannot_be_used(bench: Bench, fault: d
     assert bench.all_dark()
 
 
-def test_the_leds_are_dark_and_the_camera_is_free_when_the_light_is_refused(bench: Bench, bundle: Bundle) -> None:
-    bench.plug("1-2", "GL0001")
+def test_the_leds_are_dark_and_the_camera_is_free_when_light_or_controls_are_refused(
+    bench: Bench, bundle: Bundle
+) -> None:
+    device = bench.plug("1-2", "GL0001")
     open_ring = bench.open_ring
 
     def refusing(url: str) -> Any:
@@ -224,6 +213,10 @@ def test_the_leds_are_dark_and_the_camera_is_free_when_the_light_is_refused(benc
 
     bench.open_ring = refusing  # type: ignore[method-assign]
     with pytest.raises(BoardError, match="over the current limit"):
+        bench.open("auto", bundle)
+    assert bench.all_dark()
+    del device.controls[c.WHITE_BALANCE]
+    with pytest.raises(GellightError, match="no control white_balance_k"):
         bench.open("auto", bundle)
     assert bench.all_dark()
     assert not bench.kernel.opened
@@ -377,11 +370,3 @@ def test_time_stamps_that_stand_still_are_not_believed_for_long(bench: Bench, bu
         frame = camera.read()
         assert frame.time_s > bench.rings[0].lit_s
         assert camera.status()["wrong_stamps"] == 1
-
-
-def test_a_bundle_of_a_camera_with_other_controls_is_refused(bench: Bench, bundle: Bundle) -> None:
-    device = bench.plug("1-2", "GL0001")
-    del device.controls[c.WHITE_BALANCE]
-    with pytest.raises(GellightError, match="no control white_balance_k"):
-        bench.open("auto", bundle)
-    assert bench.all_dark()

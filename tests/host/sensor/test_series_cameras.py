@@ -194,9 +194,3 @@ def test_the_window_is_exposed_as_long_as_each_frame_can_be_of_another_light(mon
     assert hold_frames(timing, locked=True, clock_error_s=clock_error_s(LightMode.EXT)) == 1
     longer = replace(timing, exposure_s=timing.exposure_s + 2e-4)
     assert hold_frames(longer, locked=True, clock_error_s=clock_error_s(LightMode.EXT)) == 2
-
-
-@pytest.mark.parametrize("mode", ["network", "photometric"])
-def test_a_sequence_needs_a_ring(mode: str) -> None:
-    with pytest.raises(CameraError, match="no light ring"):
-        camera_for(fake_camera(ring=None), in_mode(mode, sequence="rgb", light_mode="free").light)

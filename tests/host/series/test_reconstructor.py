@@ -63,6 +63,7 @@ def test_a_ball_is_felt_as_it_is(
     assert felt.contact.indentation_mm == pytest.approx(1.0, abs=0.02)
     assert felt.contact.centroid_mm == pytest.approx((4.0, -3.0), abs=0.1)
     assert tuple(felt.stage_seconds) == STAGES
+    assert paths[kind].status()["exposures"]["exposures"] == {"triples": 4, "singles": 12}[kind]  # type: ignore[index]
     assert felt.depth_mm.dtype == felt.gradient_map.dtype == felt.normal_map.dtype == np.float32
 
 
@@ -178,20 +179,11 @@ def test_motion_is_flagged_where_it_was_and_nowhere_else(
     assert moving[felt.contact.mask].mean() > 0.5
 
 
-def test_one_picture_is_refused(gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]) -> None:
+def test_one_picture_and_lights_of_another_size_are_refused(
+    gel: Gel, bundle: Bundle, paths: dict[LightGroups, PhotometricReconstructor]
+) -> None:
     series = gel.series(LightGroups.TRIPLES, None)
     with pytest.raises(InputError, match=r"test is one picture.*--mode network"):
         paths[LightGroups.TRIPLES].reconstruct(series.opening)
-
-
-def test_the_status_tells_of_the_last_series(gel: Gel, paths: dict[LightGroups, PhotometricReconstructor]) -> None:
-    path = paths[LightGroups.SINGLES]
-    path.reconstruct(gel.series(LightGroups.SINGLES, None))
-    status = path.status()
-    assert status["mode"] == "photometric"
-    assert status["exposures"]["exposures"] == 12  # type: ignore[index]
-
-
-def test_lights_of_another_size_are_refused(gel: Gel, bundle: Bundle) -> None:
     with pytest.raises(ValueError, match="the lights are for"):
         PhotometricReconstructor(bundle, replace(gel.model(1), image_shape=(10, 10)), LightGroups.TRIPLES)

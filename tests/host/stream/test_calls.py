@@ -26,22 +26,25 @@ from gellight.stream.publisher import Publisher
 from gellight.stream.running import running
 from gellight.stream.sensor import Sensor
 from gellight.stream.source import NoFrameError
-from gellight.stream.subscription import read_status, subscribe
+from gellight.stream.subscription import subscribe
 from tests.helpers.command_line import invoke
 from tests.helpers.streamed import bump_daemon
 from tests.helpers.weighed import HeavyFrames
 
 
-def test_a_call_is_answered_with_what_the_daemon_says() -> None:
+def test_a_call_is_answered_with_what_the_daemon_says_until_the_subscription_is_closed() -> None:
     daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon), subscribe() as frames:
+    with daemon, Publisher(daemon):
+        frames = subscribe()
         assert frames.status()["mode"] == "formula"
-        with pytest.raises(InputError, match="simulated gel only"):
-            frames.press("BALL", 0.5)
         with pytest.raises(InputError, match="no light ring"):
             frames.light(None)
         with pytest.raises(InputError, match="not watched"):
             frames.zero()
+        frames.close()
+        for ask in (frames.status, frames.zero, lambda: frames.bundle):
+            with pytest.raises(StreamError, match="subscribe anew"):
+                ask()
 
 
 def test_a_daemon_that_takes_too_long_is_said_to_be_busy(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,16 +65,6 @@ def test_why_no_frame_comes_is_told_as_far_as_the_daemon_says_it(monkeypatch: py
         monkeypatch.setattr(daemon, "status", lambda: 1 / 0)
         with pytest.raises(NoFrameError, match=r"no frame for 0\.1 s: the call failed in the daemon; its log says why"):
             frames.next_frame()
-
-
-def test_a_subscription_that_was_closed_says_so() -> None:
-    daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon):
-        frames = subscribe()
-        frames.close()
-        for ask in (frames.status, frames.zero, lambda: frames.bundle):
-            with pytest.raises(StreamError, match="subscribe anew"):
-                ask()
 
 
 CHANGES = [
@@ -191,12 +184,6 @@ calls = st.builds(
     st.sampled_from(["status", "calibration", "light", "zero", "press", "release", "mode", "nonsense"]) | json_values,
     st.dictionaries(st.sampled_from(["colours", "object", "depth_mm", "x_mm", "y_mm", "x"]), json_values, max_size=5),
 )
-
-
-@pytest.mark.parametrize("answer", [b"", b"[" * 200_000, b"\xff", b"5", b"[]"])
-def test_an_answer_that_is_no_status_is_an_error_of_the_stream(answer: bytes) -> None:
-    with pytest.raises(StreamError, match="what answers as finger gives no status"):
-        read_status(answer, "finger")
 
 
 @pytest.mark.parametrize("url", ["v4l2://[", "sim://[x", "v4l2://[::1"])

@@ -6,6 +6,7 @@ import os
 import re
 import runpy
 import shutil
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +25,7 @@ from tests.helpers.children import run
 from tests.helpers.doc_examples import examples
 from tests.helpers.fem_presses import force_n
 from tests.helpers.places import CHECKOUT, real
-from tests.helpers.streamed import bump_daemon, full_frame
+from tests.helpers.streamed import bump_daemon, free_port, full_frame
 from tests.helpers.weighed import HeavyFrames
 
 EXAMPLES = CHECKOUT / "docs/examples"
@@ -201,3 +202,39 @@ def test_the_reader_in_c_plus_plus_refuses_what_is_cut_off(reader: Path, tmp_pat
     for length in (0, 50, 96, 200, 1000, len(message) // 2):
         (tmp_path / "frame").write_bytes(message[:length])
         assert run([reader, tmp_path / "frame"]).returncode == 1
+
+
+# ---- what docs/streaming.md types, in order ----
+
+SECTION = (CHECKOUT / "docs/streaming.md").read_text().partition("## Other computers")[0]
+LEFT_OUT = ("pip install", "lerobot-record")
+"""what this environment has, and what needs one of its own"""
+
+
+def typed(router: str) -> str:
+    """Return every block of the ways to a robot, typed into one shell: sensors are slow, and the last one ends."""
+    blocks = re.findall(r"```sh\n(.*?)```", SECTION, re.DOTALL)
+    assert [len(re.findall("--ros2|--foxglove|live.py|lerobot-record", block)) for block in blocks] == [1, 1, 1, 1]
+    lines = [line for block in blocks for line in block.splitlines() if not line.startswith(LEFT_OUT)]
+    text = "\n".join(["set -eu", "trap 'kill $(jobs -p)' EXIT", *lines, ""])
+    text = text.replace("tcp/localhost:7447", router).replace("ros2_check.py", f"ros2_check.py {router}")
+    return text.replace("sim://?object", "sim://?fps=4&object").replace("--foxglove\n", "--foxglove --frames 5\n")
+
+
+@pytest.mark.nightly
+@pytest.mark.timeout(700)
+def test_every_way_to_a_robot_runs_as_it_is_typed(tmp_path: Path) -> None:
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    folders = {f"XDG_{kind}_HOME": str(tmp_path / kind) for kind in ("CONFIG", "STATE", "DATA")}
+    environment = {**os.environ, **folders, "GELLIGHT_STREAM_FOXGLOVE_PORT": "0", "PATH": path}
+    script = typed(f"tcp/127.0.0.1:{free_port()}")
+    done = run(["bash", "-c", script], cwd=CHECKOUT, env=environment, stderr=subprocess.STDOUT, timeout_s=600)
+    assert done.returncode == 0, done.stdout
+    names = re.findall(r"--name (\w+)", SECTION)
+    assert len(names) == 2
+    assert [name for name in names if f"gellight.subscribe('{name}')" not in done.stdout] == []
+    assert re.search(rf"^frames of {names[0]}\n(0\.9|1\.0)\d mm deep over", done.stdout, re.MULTILINE), done.stdout
+    (shown,) = re.findall(r"!\[(/\S+), and (/\S+) from", SECTION)
+    for topic in shown:
+        assert f"\n{topic}: " in done.stdout, done.stdout
+    assert "Foxglove: open" in done.stdout

@@ -142,13 +142,12 @@ def test_hostile_messages_are_borne(served: tuple[str, BumpReconstructor], sent:
     assert looked_at(served[0], {"/gellight/contact"})
 
 
-def test_a_port_in_use_is_told(served: tuple[str, BumpReconstructor]) -> None:
+def test_a_port_in_use_and_a_package_that_is_missing_are_told(
+    served: tuple[str, BumpReconstructor], monkeypatch: pytest.MonkeyPatch
+) -> None:
     port = int(served[0].rpartition(":")[2])
     with pytest.raises(StreamError, match=rf"port {port}.*in use.*foxglove_port"):
         FoxgloveServer(bump_daemon()[0], name="other", port=port).__enter__()
-
-
-def test_without_the_package_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "foxglove", None)
     with pytest.raises(StreamError, match="pip install foxglove-sdk"):
         FoxgloveServer(bump_daemon()[0], name="finger", port=0).__enter__()

@@ -13,31 +13,12 @@ from mcap.reader import make_reader
 
 import gellight
 from gellight.base.errors import InputError
-from gellight.frame_path.pipeline import Reconstructor
 from gellight.recording.kinds import DepthKind
-from gellight.recording.recording_file import Recording, depth_image
-from gellight.recording.replay_camera import open_replay
+from gellight.recording.recording_file import Recording
 from gellight.stream import recorder as recorder_module
 from gellight.stream.recorder import Recorder
 from tests.helpers.streamed import bump_daemon
 from tests.helpers.waiting import eventually
-
-
-def test_every_camera_frame_is_there_and_the_depth_of_each_can_be_computed_again(recording: Path) -> None:
-    camera = open_replay(f"replay://{recording}?speed=0")
-    recorded = {info.sequence: (info, image) for info, image in Recording(recording).depths()}
-    reconstructor, equal, numbers = Reconstructor(camera.bundle), 0, []
-    for record in Recording(recording).frames():
-        frame = camera.read()
-        assert frame.sequence == record.info.sequence
-        numbers.append(frame.sequence)
-        if frame.sequence in recorded:
-            info, image = recorded[frame.sequence]
-            assert info.zero == camera.zero
-            assert depth_image(reconstructor.reconstruct(frame).depth_mm, DepthKind.FLOAT32) == image, "bit for bit"
-            equal += 1
-    assert equal == len(recorded) >= 3
-    assert numbers == list(range(numbers[0], numbers[-1] + 1)), "none is missing"
 
 
 def test_frames_that_wait_for_the_disk_keep_the_zero_that_they_were_taken_under(

@@ -22,11 +22,12 @@ from gellight.base.errors import ConfigError, StreamError
 from gellight.base.settings import load_settings
 from gellight.cli.one_sensor import published
 from gellight.daemon.session import SensorSession
-from gellight.frames.point_cloud import points_of
+from gellight.frames.measures import Force
 from gellight.frames.pose import ObjectPose
+from gellight.frames.shear import DotsSeen, Shear, Unseen
 from gellight.recording.ros_messages import DEFINITIONS, POSE, TF
 from gellight.stream.ros2 import HASHES, QOS, Ros2Publisher
-from gellight.stream.ros_topics import RosTopics
+from gellight.stream.ros_topics import RosTopics, covariance_of, wrench_of
 from gellight.tracking.rigid import pose_of
 from tests.helpers.cdr import decoded
 from tests.helpers.children import run
@@ -112,20 +113,27 @@ def test_a_client_of_another_make_gets_the_image(finger: tuple[zenoh.Session, in
     assert told == [48, 64, "rgb8", 192, 48 * 192, "left_finger_camera"]
 
 
-def test_image_and_depth(heard: dict[str, Any]) -> None:
+def test_images_points_and_the_contact_are_in_metres(heard: dict[str, Any]) -> None:
     image, depth = heard["left_finger/image_raw"], heard["left_finger/depth/image"]
     for one, encoding, step in ((image, "rgb8", 192), (depth, "32FC1", 256)):
         assert (one.height, one.width, one.step, one.encoding, len(one.data)) == (48, 64, step, encoding, 48 * step)
         assert (one.header.frame_id, one.header.stamp.sec > 1.6e9) == ("left_finger_camera", True)
-    assert 0.0003 < depth.data.view("<f4").max() < 0.01, "metres"
-
-
-def test_the_contact_and_the_points_are_in_metres(heard: dict[str, Any]) -> None:
+    assert 0.0003 < depth.data.view("<f4").max() < 0.01
     points, contact = heard["left_finger/points"], heard["left_finger/contact"]
     assert (points.height, points.width, points.point_step, points.row_step) == (48, 64, 12, 768)
     assert (len(points.data), points.header.frame_id) == (48 * 768, "left_finger_gel")
     assert [contact.point.x, contact.point.y] == pytest.approx([0, 0], abs=1e-4)
     assert 0.00049 < contact.point.z < 0.01, "the first bump is 0.5 mm high, between pixels"
+
+
+def test_camera_info_and_diagnostics(heard: dict[str, Any]) -> None:
+    told = heard["left_finger/camera_info"]
+    assert (told.height, told.width, told.distortion_model) == (48, 64, "plumb_bob")
+    assert told.k == pytest.approx([400, 0, 31.5, 0, 200, 23.5, 0, 0, 1]), "a gel 40 mm away, 0.1 and 0.2 mm a pixel"
+    assert told.d.tolist() == [0] * 5
+    assert told.p == pytest.approx([400, 0, 31.5, 0, 0, 200, 23.5, 0, 0, 0, 1, 0])
+    (status,) = heard["diagnostics"].status
+    assert (status.name, status.message, len(status.values)) == ("gellight: left_finger", "ok", 5)
 
 
 def test_the_contacts_are_points_with_their_figures_in_si_units(heard: dict[str, Any]) -> None:
@@ -142,13 +150,6 @@ def test_the_contacts_are_points_with_their_figures_in_si_units(heard: dict[str,
     assert 0.3 < first["volume"] / first["area"] / first["z"] < 1
     assert 1e-5 < first["area"] < 3e-4
     assert 0 < first["age"] < 60
-
-
-def test_the_wrench_is_the_normal_force_in_newtons(heard: dict[str, Any]) -> None:
-    told = heard["left_finger/contact/wrench"]
-    parts = told.wrench.force, told.wrench.torque
-    assert [getattr(part, axis) for part in parts for axis in "xyz"] == [0, 0, 1.25, 0, 0, 0]
-    assert told.header.frame_id == "left_finger_gel"
 
 
 def test_the_pose_of_the_object_is_that_of_axes_with_y_up() -> None:
@@ -203,16 +204,6 @@ def test_without_a_constant_for_the_force_there_is_no_wrench(router: tuple[zenoh
         eventually(lambda: len(points) >= 20)
         assert wrenches == []
         del held
-
-
-def test_camera_info_and_diagnostics(heard: dict[str, Any]) -> None:
-    told = heard["left_finger/camera_info"]
-    assert (told.height, told.width, told.distortion_model) == (48, 64, "plumb_bob")
-    assert told.k == pytest.approx([400, 0, 31.5, 0, 200, 23.5, 0, 0, 1]), "a gel 40 mm away, 0.1 and 0.2 mm a pixel"
-    assert told.d.tolist() == [0] * 5
-    assert told.p == pytest.approx([400, 0, 31.5, 0, 0, 200, 23.5, 0, 0, 0, 1, 0])
-    (status,) = heard["diagnostics"].status
-    assert (status.name, status.message, len(status.values)) == ("gellight: left_finger", "ok", 5)
 
 
 @pytest.mark.nightly
@@ -285,18 +276,15 @@ def test_a_topic_that_nobody_subscribes_to_costs_nothing(router: tuple[zenoh.Ses
         assert publisher._count < 20, "the diagnostics alone"
 
 
-def test_the_points_lie_on_the_gel_right_handed() -> None:
-    """A slope that rises to the right and to the top of the image rises with x and y."""
-    depth = np.add.outer(-np.arange(4.0), np.arange(5.0)).astype(np.float32)
-    points = points_of(depth, (0.1, 0.2)).reshape(-1, 3)
-    slopes, *_ = np.linalg.lstsq(np.c_[points[:, :2], np.ones(20)], points[:, 2], rcond=None)
-    assert slopes[:2] == pytest.approx([10, 5])
-
-
-def test_where_another_computer_has_no_router_the_remedy_is_said() -> None:
+def test_where_there_is_no_router_and_none_can_be_made_the_remedy_is_said() -> None:
     daemon: SensorSession = bump_daemon()[0]
     with daemon, pytest.raises(StreamError, match=r"no router of ROS 2 .*ros2 run rmw_zenoh_cpp rmw_zenohd"):
         Ros2Publisher(daemon, "tcp/nowhere.invalid:7447", name="finger").__enter__()
+    daemon = bump_daemon()[0]
+    with socket.create_server(("127.0.0.1", 0)) as taken, daemon:
+        address = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        with pytest.raises(StreamError, match=r"cannot be made there .*start one by"):
+            Ros2Publisher(daemon, address, name="finger").__enter__()
 
 
 @pytest.mark.nightly
@@ -316,14 +304,6 @@ def test_where_this_computer_has_no_router_the_first_publisher_is_it_and_data_ar
     assert "/two/image_raw: sensor_msgs/msg/Image, stamped" in done.stdout
 
 
-def test_where_another_program_has_the_port_the_remedy_is_said() -> None:
-    daemon: SensorSession = bump_daemon()[0]
-    with socket.create_server(("127.0.0.1", 0)) as taken, daemon:
-        address = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
-        with pytest.raises(StreamError, match=r"cannot be made there .*start one by"):
-            Ros2Publisher(daemon, address, name="finger").__enter__()
-
-
 @pytest.mark.parametrize(
     "address", ["nonsense", "tcp/localhost", "tcp/", "localhost:7447", "tcp/a b:7447", "tcp/a:1\n"]
 )
@@ -332,3 +312,47 @@ def test_what_is_no_address_of_a_router_is_refused_in_one_line(address: str) -> 
         load_settings({"stream.ros2": address})
     assert re.search(r"is not allowed: give an address such as `tcp/localhost:7447`$", str(told.value))
     assert "\n" not in str(told.value)
+
+
+# ---- the wrench along the gel ----
+
+
+REST = np.array([[10.0, 10.0], [30.0, 10.0], [50.0, 10.5]])
+DOTS = DotsSeen(
+    rest_px=REST, places_px=REST + np.array([[0.5, -0.25], [0, 0], [1.125, 0]]),
+    reasons=np.array([Unseen.SEEN, Unseen.MISSING, Unseen.SEEN], np.uint8),
+)  # fmt: skip
+SHEAR = Shear(
+    dots=DOTS, field_mm=np.array([[0.05, -0.025], [np.nan, np.nan], [0.1125, 0]]), force_n=(0.3, -0.4),
+    force_error_n=(0.02, 0.03), torque_nmm=1.5, torque_error_nmm=0.25, centre_mm=(2.0, -3.0), flags=("few_dots",),
+)  # fmt: skip
+PRESSED = Force(normal_n=2.0, error_n=0.1, pressure_of=lambda: np.zeros((1, 1), np.float32))
+
+
+def test_the_wrench_is_about_the_middle_of_the_image_with_y_up() -> None:
+    # At (2, 3) mm with y up pulls (0.3, 0.4, 2) N, and 1.5 N mm turn from x towards y down: r x F + M by hand.
+    wrench = np.array(wrench_of(PRESSED, SHEAR))
+    place, force = np.array([2e-3, 3e-3, 0]), np.array([0.3, 0.4, 2.0])
+    np.testing.assert_allclose(wrench[:3], force)
+    np.testing.assert_allclose(wrench[3:], np.cross(place, force) + np.array([0, 0, -1.5e-3]))
+
+
+def test_the_covariance_is_that_of_the_wrench() -> None:
+    rng = np.random.default_rng(0)
+    x, y, normal = (rng.normal(0, one, 20000) for one in (0.02, 0.03, 0.1))
+    turn = rng.normal(0, 0.25, 20000)
+    drawn = [
+        wrench_of(replace(PRESSED, normal_n=2 + n), replace(SHEAR, force_n=(0.3 + a, -0.4 + b), torque_nmm=1.5 + t))
+        for a, b, n, t in zip(x, y, normal, turn, strict=True)
+    ]
+    found, scale = covariance_of(PRESSED, SHEAR), np.sqrt(np.diag(covariance_of(PRESSED, SHEAR)))
+    np.testing.assert_allclose(
+        np.cov(np.array(drawn).T) / np.outer(scale, scale), found / np.outer(scale, scale), atol=0.04
+    )
+
+
+def test_an_unknown_force_is_no_number() -> None:
+    unknown = Shear(dots=DOTS, field_mm=SHEAR.field_mm, unknown="another gel")
+    wrench = np.array(wrench_of(PRESSED, unknown))
+    assert np.isnan(wrench[[0, 1, 5]]).all()
+    assert wrench[2] == 2.0

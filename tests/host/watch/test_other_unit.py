@@ -146,11 +146,9 @@ def test_only_a_unit_with_a_certain_pattern_is_judged_by_it(own: float, judged: 
     picture = np.random.default_rng(0).normal(100, 5, (160, 200, 3)).astype(np.float32)
     check = UnitCheck(SimpleNamespace(reference=picture, metrics={"pattern_match": own}, source="it"))  # type: ignore[arg-type]
     assert (check.figures(picture.astype(np.uint8)).pattern is not None) == judged
-
-
-def test_what_is_nearly_black_counts_as_two_grey_levels() -> None:
     dark = SimpleNamespace(reference=np.full((16, 24, 3), 1, np.float32), metrics={}, source="it")
-    assert UnitCheck(dark).figures(np.full((16, 24, 3), 4, np.uint8)).gain == pytest.approx(2)  # type: ignore[arg-type]
+    found = UnitCheck(dark).figures(np.full((16, 24, 3), 4, np.uint8))  # type: ignore[arg-type]
+    assert found.gain == pytest.approx(2), "what is nearly black counts as two grey levels"
 
 
 # ---- the watch ----

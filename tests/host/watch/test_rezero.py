@@ -14,7 +14,6 @@ from gellight.lab.simulator.objects import PROBES
 from gellight.lab.simulator.scene import Press
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.watch.cells import spread
-from gellight.watch.expected import ErrorEstimate
 from gellight.watch.explanation import Explanation, Situation, refusal
 from gellight.watch.findings import WatchFinding
 from gellight.watch.monitor import SensorWatch
@@ -157,13 +156,6 @@ def test_the_expected_error_is_the_error_that_presses_then_show(
     assert expected["zero_most_mm"] == pytest.approx(np.abs(untouched.depth_mm).max(), rel=0.1), "what the page shows"
     extra = sensor.contact_error_deg(again) - 0.5  # what the bundle itself is wrong by, in contact
     assert extra / 2 < expected["gain_deg"] < 2 * extra + 0.3
-
-
-def test_a_sound_sensor_expects_no_error(new_sensor: New, halved: Bundle) -> None:
-    nothing = np.zeros((30, 40, 3), np.float32)
-    reference = np.full_like(nothing, 100)
-    errors = ErrorEstimate(halved).of(nothing, reference, nothing)
-    assert vars(errors) == pytest.approx(dict.fromkeys(vars(errors), 0), abs=1e-4)
 
 
 def fading_camera(sensor: WatchedSensor, to: float, frames: int) -> ScriptedCamera:

@@ -151,11 +151,6 @@ def test_a_light_that_heat_dims_is_refused_and_the_ring_goes_dark(fake: FakeRing
     assert fake.still is None
 
 
-def test_a_camera_without_a_ring_is_told() -> None:
-    with open_camera("sim://?board=0&programme=0") as camera, pytest.raises(CameraError, match="no light ring"):
-        exposures(camera, TRIPLES)
-
-
 @pytest.mark.parametrize(
     "wrong", [{"exposure_s": 0.04}, {"exposure_s": 0.0}, {"readout_s": -1e-3}, {"pulse_period_s": -1.0}]
 )

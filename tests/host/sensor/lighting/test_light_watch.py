@@ -3,21 +3,14 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from gellight.base.errors import BoardError, InputError
 from gellight.frames.camera import CameraTiming, timing_of
-from gellight.frames.frames import LightLabel, LightState
-from gellight.opening import open_camera
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.light_groups import colour_triples
 from gellight.ring.light_ring import Ping, Step
-from gellight.sensor.lighting import light_watch
-from gellight.sensor.lighting.clock import ClockMap, Interval
-from gellight.sensor.lighting.light_watch import LightWatch, label_frame
-from gellight.sensor.lighting.sequenced import SequencedCamera
-from gellight.sensor.lighting.timeline import KnownLight
+from gellight.sensor.lighting.light_watch import LightWatch
 from tests.helpers.clock_bounds import board_us
 from tests.helpers.virtual_sensor import RING, virtual_sensor
 
@@ -68,43 +61,6 @@ def test_every_light_of_a_fast_sequence_is_heard_of_with_its_time(monkeypatch: p
         assert any(low_us - 30 <= when <= high_us for when in latched_us)
     assert watch.light.lost == 0
     camera.close()
-
-
-NOISE_GREY = 0.5
-ROW_PX = 640
-ROW_ERROR_GREY = 7 * np.hypot(NOISE_GREY, np.sqrt(1 / 12)) / np.sqrt(ROW_PX)
-"""the mean of a row is off by its pixels' noise and rounding, 0.58 grey / sqrt(640); 7 standard deviations of that are
-exceeded once in 1e11 rows"""
-
-
-def test_on_the_simulated_sensor_no_clean_label_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wall time, so nothing is said of how many frames are clean; but those that are show one light alone."""
-    bounds: dict[float, Interval] = {}
-
-    def label(clock: ClockMap, light: KnownLight, timing: CameraTiming, time_s: float, rows: int) -> LightLabel:
-        if clock.covers(*timing.span_s(time_s)):
-            bounds[time_s] = clock.offset_us(*timing.span_s(time_s))
-        return label_frame(clock, light, timing, time_s, rows)
-
-    monkeypatch.setattr(light_watch, "label_frame", label)
-    with open_camera(f"sim://?programme=0&noise={NOISE_GREY}") as camera:
-        board = camera.ring.transport
-        pure = [camera._scene.show(None, group / 255)[0].mean(axis=1) for group in TRIPLES]
-        with SequencedCamera(camera, TRIPLES, timing=TIMING, frames=3) as sequenced:
-            frames = [sequenced.read() for _ in range(30)]
-            offsets_us = {frame.time_s: board.virtual_us(frame.time_s) - frame.time_s * 1e6 for frame in frames}
-    for frame in (frame for frame in frames if frame.label.state == LightState.CLEAN):
-        low_us, high_us = bounds[frame.time_s]
-        assert low_us <= offsets_us[frame.time_s] <= high_us
-        assert np.abs(frame.image.mean(axis=1) - pure[frame.label.group]).max() < ROW_ERROR_GREY
-
-
-def test_a_row_that_saw_one_pulse_of_another_light_is_seen_as_mixed() -> None:
-    """The limit above is sharp: what it lets pass is less than the smallest mixture there can be."""
-    with open_camera("sim://?programme=0&board=0") as camera:
-        one, other = (camera._scene.show(None, group / 255)[0].mean(axis=1) for group in TRIPLES[:2])
-    share = 500 / 8000
-    assert (np.abs(share * (other - one)).max(axis=1) > ROW_ERROR_GREY).mean() > 0.9, "of the rows"
 
 
 def test_the_exposure_of_the_timing_is_the_one_the_camera_tells() -> None:

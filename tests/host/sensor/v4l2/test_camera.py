@@ -122,6 +122,7 @@ def test_the_start_of_the_exposure_follows_from_what_the_stamp_means(
     (tmp_path / "module/uvcvideo/parameters/hwtimestamps").write_text(f"{setting}\n")
     kernel, _ = fake(driver=driver, flags=v.TIMESTAMP_MONOTONIC | flags, payload=lambda number: b"\x80" * 32 * 24 * 2)
     options = parse_url(f"v4l2://x?exposure_us=8000&width=32&height=24{measured}")[1]
+    assert not hardware_stamps("uvcvideo", sysfs=tmp_path / "none"), "of a kernel without the parameter"
     with V4l2Camera(PATH, options, kernel=kernel, sysfs=tmp_path) as camera:
         assert camera.read().time_s == pytest.approx(100.0 + wanted_s, abs=1e-5)
 
@@ -163,10 +164,6 @@ def test_what_was_not_measured_makes_the_light_of_a_frame_less_sure(tmp_path: Pa
         assert camera.timing.stamp_error_s == 0.0005
 
 
-def test_hardware_stamps_of_a_kernel_without_the_parameter_are_not_assumed(tmp_path: Path) -> None:
-    assert not hardware_stamps("uvcvideo", sysfs=tmp_path)
-
-
 @pytest.mark.parametrize(
     ("query", "message"),
     [
@@ -180,13 +177,10 @@ def test_hardware_stamps_of_a_kernel_without_the_parameter_are_not_assumed(tmp_p
         ("gain=nan", "gain"),
     ],
 )
-def test_wrong_parameters_of_a_url_are_named(query: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        parse_url(f"v4l2:///dev/video0?{query}")
-
-
-def test_a_url_keeps_its_path_and_its_options() -> None:
+def test_wrong_parameters_of_a_url_are_named_and_right_ones_are_kept(query: str, message: str) -> None:
     path, options = parse_url("v4l2:///dev/v4l/by-id/usb-X_1-video-index0?format=yuyv&fps=25&gain=3")
     assert path == "/dev/v4l/by-id/usb-X_1-video-index0"
     assert options.wanted((480, 640)) == Wanted(width=640, height=480, letters="YUYV", fps=25)
     assert options.controls() == {"gain": 3}
+    with pytest.raises(InputError, match=message):
+        parse_url(f"v4l2:///dev/video0?{query}")
