@@ -71,22 +71,6 @@ def test_the_event_tells_when_the_first_bit_left_the_pin(board: BenchBoard, ring
 # ---- time ----
 
 
-def test_steps_keep_their_time_while_the_host_talks(board: BenchBoard, ring: LightRing) -> None:
-    """Replies, events and rejected packets keep the processor and its USB interrupt busy meanwhile."""
-    since = len(board.waveform.frame_starts_us)
-    ring.load_sequence([RED, GREEN], [Step(group=0, dwell_us=2_300), Step(group=1, dwell_us=2_300)])
-    ring.set_sync(SyncMode.FREE)
-    ring.start()
-    for _ in range(100):
-        ring.status()
-        board.host.send(b"\x07rubbish\0")
-        ring.counters()
-    times = starts(board, since)
-    assert len(times) > 6
-    assert np.abs(times - times[0] - 2_300 * np.arange(len(times))).max() <= JITTER_US
-    assert ring.counters().bad_framing == 100
-
-
 @pytest.mark.nightly
 def test_the_fastest_sequence_keeps_its_time_under_the_longest_commands(board: BenchBoard, ring: LightRing) -> None:
     """A whole table is loaded again and again, which takes all 32 steps' checksum, while the shortest steps run."""

@@ -8,11 +8,8 @@ import pytest
 
 from gellight.base.errors import BoardError
 from gellight.lab.doctor.sensor_checks import check_board
-from gellight.ring.heat import ring_temperature_c
 from gellight.ring.light_ring import LightRing
 from gellight.ring.protocol import DIMMING_US, HOTTEST_C, RING_HOTTEST_C, DimmedEvent
-from tests.firmware.emulator.analog import THERMISTOR_PIN
-from tests.firmware.helpers.wiring import opened, wired
 from tests.helpers.bench_board import BenchBoard
 
 RED = np.tile(np.array((100, 0, 0), np.uint8), (12, 1))
@@ -67,12 +64,6 @@ def test_a_board_that_has_cooled_shows_the_light_again(
     assert [event.dimmed for event in ring.events if isinstance(event, DimmedEvent)] == [1, 0]
 
 
-def ring_c(board: BenchBoard, ring: LightRing) -> float | None:
-    """What the board says once its mean has settled."""
-    attend(ring, board, 10e6)
-    return ring_temperature_c(ring.status())
-
-
 def test_a_hot_ring_beside_a_cool_chip_is_dimmed(
     board: BenchBoard, ring: LightRing, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -83,13 +74,3 @@ def test_a_hot_ring_beside_a_cool_chip_is_dimmed(
     np.testing.assert_array_equal(board.lit, RED // 2)
     assert "the ring 65 °C (its limit is 60)" in caplog.text
     assert "the ring 65 °C" in check_board(ring).remedy
-
-
-def test_a_pin_that_is_wired_otherwise_is_no_ntc(image: bytes) -> None:
-    board = wired(image, output_pin=THERMISTOR_PIN)
-    with opened(board) as ring:
-        board.set_ring_temperature(70)
-        assert ring_c(board, ring) is None
-        assert board.chip.gpio[THERMISTOR_PIN].pad_value & 0x80 == 0  # still an output
-        assert ring.dimmed == 0
-    assert board.faults == []

@@ -6,26 +6,18 @@ import pytest
 
 from gellight.ring.enumerations import ResetReason
 from gellight.ring.light_ring import LightRing
-from tests.firmware.emulator.chip import VTOR
+from tests.firmware.helpers.examined_board import break_down
 from tests.helpers.bench_board import RED, BenchBoard, VirtualTransport
 
 AFTER_US = 1_500, 64_700, 70_000
 """it waits for the crystal, copies, and has begun; at night at the other end of each, too"""
 OTHER_ENDS_US = (pytest.param(us, marks=pytest.mark.nightly) for us in (40_000, 65_300, 65_800))
-FAULT_VECTOR = 12
 
 
 def hang(board: BenchBoard) -> None:
     """No instruction gets through any more, and no interrupt."""
     board.chip.write_uint32(0x2003FF00, 0xE7FEE7FE)  # b . ; b .
     board.chip.core.pc, board.chip.core.pm, board.chip.core.waiting = 0x2003FF00, True, False
-
-
-def break_down(board: BenchBoard) -> None:
-    """Enter what the vector of HardFault points to."""
-    vectors = board.chip.read_uint32(VTOR)
-    board.chip.core.pc = board.chip.read_uint32(vectors + FAULT_VECTOR) & ~1
-    board.chip.core.waiting = False
 
 
 @pytest.mark.parametrize("after_us", [*AFTER_US, *OTHER_ENDS_US])

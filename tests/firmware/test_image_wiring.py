@@ -1,14 +1,11 @@
 """Pins, number and order of the LEDs, trigger output and status LED of the committed image, as its flash says."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from gellight.ring import protocol as p
-from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import ColourOrder, OutputAt, SyncMode
-from gellight.ring.light_ring import LightRing, Step
+from gellight.ring.light_ring import Step
 from gellight.ring.wire import Packet, encode
 from tests.firmware.emulator import registers
 from tests.firmware.emulator.chip import VTOR
@@ -48,35 +45,6 @@ def test_any_number_of_leds_in_any_order_at_any_pin(image: bytes, leds: int, ord
     assert board.faults == []
 
 
-def test_colours_for_another_number_of_leds_are_refused(image: bytes) -> None:
-    board = wired(image, Strip(5), led_count=5)
-    with opened(board) as ring:
-        with pytest.raises(ValueError, match=r"\(5, 3\) uint8"):
-            ring.set_leds(RED)
-        with pytest.raises(RefusedError, match=r"BAD_LENGTH .36."):
-            ring._request("SET_LEDS", p.LightReply, p.SetLeds(RED.tobytes()))
-
-
-def test_pins_and_leds_change_with_the_next_start_alone(board: BenchBoard, ring: LightRing) -> None:
-    ring.configure(replace(ring.configuration(), led_count=24, data_pin=7))
-    ring.set_leds(RED)
-    board.run(2_000)
-    np.testing.assert_array_equal(board.lit, RED)
-
-
-@pytest.mark.parametrize(
-    "fields",
-    [{"data_pin": 3}, {"data_pin": 30}, {"output_pin": 2}, {"status_pin": 3}, {"status_pin": p.ACTIVE_LOW + 3},
-     {"trigger_pin": p.NO_PIN}, {"data_pin": p.NO_PIN}, {"led_count": 0}, {"led_count": 25}, {"colour_order": 3},
-     {"output_at": 2}],
-)  # fmt: skip
-def test_a_wiring_that_cannot_be_is_refused(board: BenchBoard, ring: LightRing, fields: dict[str, int]) -> None:
-    before = ring.configuration()
-    with pytest.raises(RefusedError, match="OUT_OF_RANGE"):
-        ring.configure(replace(before, **fields))
-    assert ring.configuration() == before
-
-
 @pytest.mark.parametrize("at", list(OutputAt))
 def test_the_output_pulses_once_in_each_light(image: bytes, at: OutputAt) -> None:
     board = wired(image, output_pin=OUTPUT, output_at=at)
@@ -92,31 +60,6 @@ def test_the_output_pulses_once_in_each_light(image: bytes, at: OutputAt) -> Non
         assert len(rises) == len(falls) == 3
         np.testing.assert_allclose(rises, expected, atol=8)
         np.testing.assert_allclose(np.array(falls) - rises, PULSE_US, atol=5)
-    assert board.faults == []
-
-
-SWITCH = 6
-
-
-@pytest.mark.parametrize("low", [0, p.ACTIVE_LOW], ids=["high", "low"])
-def test_the_load_switch_is_closed_while_the_leds_are_lit_alone(image: bytes, low: int) -> None:
-    """The emulated LEDs are dark while it is open, and report light that comes before their supply has risen."""
-    board = wired(image, Strip(switch=SWITCH + low), switch_pin=SWITCH + low)
-    with opened(board) as ring:
-        changes = levels(board, SWITCH)
-        for end in (ring.blank, lambda: board.run(1_200_000)):  # the second: a host that is silent
-            ring.wait_for_light(ring.set_leds(RED).light_id)
-            board.run(1_000)
-            np.testing.assert_array_equal(board.lit, RED)
-            end()
-            board.run(2_000)
-            assert not board.lit.any()
-        ring.load_sequence([RED], [Step(group=0, dwell_us=5_000, blank_us=5_000)], loops=3)
-        ring.set_sync(SyncMode.FREE)
-        ring.start()
-        board.run(100_000)
-        assert ring.counters().late_steps == 0
-        assert [level for _, level in changes] == 3 * [not low, bool(low)]
     assert board.faults == []
 
 

@@ -18,7 +18,7 @@ def bus(board: BenchBoard, ring: LightRing) -> Iterator[str]:
     board.resume()
     ring.clock()
     device = board.host.descriptors["device"]
-    for abandoned in (usb.GET_CONFIGURATION, usb.SET_ADDRESS):
+    for abandoned in (usb.GET_CONFIGURATION, usb.SET_ADDRESS, usb.GET_INTERFACE, usb.SEND_BREAK):
         if usb.ask_after_abandoning(board, abandoned, usb.GET_DEVICE) != device:
             yield "a transfer that was cut short answers the next"
     if board.chip.read_uint32(usb.ADDRESS_REGISTER) != ADDRESS:
