@@ -1,4 +1,4 @@
-"""The kernel, udev, pyserial and pyusb take the virtual sensor for what it says it is."""
+"""The kernel, udev and pyserial take the virtual sensor for what it says it is."""
 
 import pytest
 
@@ -27,25 +27,6 @@ def test_camera_and_ring_share_one_usb_parent_and_say_who_they_are(guest: Guest,
     found = guest.run("commanding:identity", number=ONE)
     assert found["camera parent"] == found["ring parent"]
     assert found["ports"] == [[0x1209, 0x0001, "GelLight", "GelLight virtual sensor"]]
-
-
-def test_pyusb_finds_it_with_its_four_interfaces(guest: Guest, one: VirtualSensor) -> None:
-    assert guest.run("commanding:identity", number=ONE)["pyusb"] == [[ONE, 4]]
-
-
-def test_two_sensors_stand_side_by_side(guest: Guest, bench: Bench) -> None:
-    bench.plug("one", 0)
-    bench.plug("two", 3)
-    parents = [guest.run("commanding:identity", number=number)["camera parent"] for number in (ONE, TWO)]
-    assert parents == ["1-1", "1-4"]
-
-
-def test_two_sensors_with_one_serial_number_share_a_link_by_id_but_not_by_path(bench: Bench) -> None:
-    bench.plug("one", 0)
-    links = bench.plug("twin", 1)["links"]
-    cameras = [name for name in names(links, "by-path") if name.startswith("v4l") and name.endswith("index0")]
-    assert len([name for name in names(links, "by-id") if name.endswith("index0")]) == 1
-    assert len(cameras) == 2
 
 
 @pytest.mark.parametrize("letters", ["MJPG", "YUYV"])

@@ -13,11 +13,6 @@ def test_the_firmware_answers_over_the_real_serial_driver(guest: Guest, bench: B
     assert found["damaged"] == 0
 
 
-def test_the_firmware_answers_through_pyusb_too(guest: Guest, bench: Bench) -> None:
-    bench.plug("lit", 0)
-    assert guest.run("commanding:ring_through_pyusb", number=LIT) == LIT
-
-
 def test_what_the_ring_shows_is_what_the_camera_sees(guest: Guest, bench: Bench) -> None:
     bench.plug("lit", 0)
     found = guest.run("commanding:light_and_look", number=LIT, limit_s=60)

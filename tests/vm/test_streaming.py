@@ -38,12 +38,6 @@ def test_the_smaller_size_at_the_lower_rate(guest: Guest, one: VirtualSensor) ->
     assert min(np.diff(found["numbers"])) >= 2, "every other picture of the camera at most"
 
 
-def test_what_is_not_offered_is_refused_with_what_is(guest: Guest, one: VirtualSensor) -> None:
-    message = guest.run("looking:complaint", serial=ONE, options="width=640&height=480")
-    assert "does not offer" in message
-    assert "MJPG 160x120 at 30, 15, 7.5 fps" in message
-
-
 def test_controls_reach_the_device_hold_and_act(guest: Guest, one: VirtualSensor) -> None:
     wanted = {"exposure_us": 4000.0, "gain": 4.0, "white_balance_k": 4600.0}
     found = guest.run("looking:set_controls", serial=ONE, values=wanted)
