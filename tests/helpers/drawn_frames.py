@@ -39,15 +39,6 @@ def array(kind: Any, *shape: int) -> st.SearchStrategy[Any]:
     )
 
 
-def _drawn(kind: np.dtype[Any], seed: int, shape: tuple[int, ...]) -> np.ndarray:
-    random = np.random.default_rng(seed)
-    return (
-        random.normal(0, 100, shape).astype(kind)
-        if kind.kind == "f"
-        else random.integers(0, 2 if kind.kind == "b" else 256, shape).astype(kind)
-    )
-
-
 @st.composite
 def _shears(draw: st.DrawFn, dots: DotsSeen) -> Shear:
     seen = dots.seen[:, None]

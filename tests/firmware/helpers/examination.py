@@ -14,9 +14,7 @@ from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
 from tests.firmware.emulator.busy_bus import B1, B2, DATA_PLUS
 from tests.firmware.emulator.flash_chip import WORN_ERASE_NS
-from tests.firmware.helpers.examined_board import PATTERN, break_down, dark, reopen
-from tests.firmware.helpers.examined_bus import bus, refusals
-from tests.firmware.helpers.wired_otherwise import wiring
+from tests.firmware.helpers.examined import PATTERN, break_down, bus, dark, refusals, reopen, wiring
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 TRIGGER_DELAY_US, EDGE_TOLERANCE_US = 300.0, 3.0
