@@ -7,7 +7,7 @@ so each coarser mesh lies inside the finer one: that is what the multigrid solve
 
 Sizes are powers of two, so that nearly every patch is whole, and the square of the size grows with the depth, by the
 size at the surface a mm. Too few layers in the depth, or patches cut in part, make the gel too stiff however fine its
-surface is (`tests.benchmarks.gel_force`).
+surface is.
 
 The free surface is z = 0, the support z = thickness, as everywhere in GelLight (z from the gel to the camera). The rim
 follows the edges of the tetrahedra: the disc's volume is right to one per cent.

@@ -7,12 +7,11 @@ that of the bundle, measured on noisy pictures of the untouched gel like on a re
 """
 
 import sys
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.daemon.switched_camera import bright_exposure_of
 from gellight.frame_path.pipeline import Reconstructor
@@ -35,29 +34,15 @@ FILLING_MM = 3.0
 """how far from the middle objects are pressed that fill the view"""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Figures(SurfaceErrors):
-    """Errors of one way to measure, means over presses."""
+@dataclass(frozen=True)
+class Way:
+    """A light and an exposure to measure a press with."""
 
-    way: str
-    objects: str
-    presses: int
-    exposures: int
+    name: str
+    kind: LightGroups | None
+    """None: GelNet under the whole ring"""
     exposure_us: float
     """of one picture"""
-    over_network: float
-    """error of the normals in contact, as a multiple of GelNet's on the same presses"""
-
-
-def compare_ways(bundle: Bundle) -> list[Figures]:
-    """Press balls of 4 mm radius 1 mm deep at random places, then each benchmark object once; return all figures.
-
-    Raises BundleError for a bundle that does not know its lights, InputError for one of another sensor.
-    """
-    bench = Bench(bundle, NOISE_GREY, SEED)
-    random = np.random.default_rng([SEED, 1])
-    result = bench.measure("4 mm ball", list(ball_presses(bench.geometry, BALLS, random)))
-    return result + bench.measure("10 objects", object_presses(random))
 
 
 def object_presses(random: np.random.Generator) -> list[Press]:
@@ -68,64 +53,31 @@ def object_presses(random: np.random.Generator) -> list[Press]:
     return [Press(name, depth, x, y) for name, depth, (x, y) in zip(names, depths, places, strict=True)]
 
 
-@dataclass(frozen=True)
-class _Way:
-    """A light and an exposure to measure a press with."""
-
-    name: str
-    kind: LightGroups | None
-    """None: GelNet under the whole ring"""
-    exposures: int
-    exposure_us: float
-
-
 class Bench:
     """One simulated sensor, and the ways to measure what is pressed into it."""
 
-    def __init__(self, bundle: Bundle, noise_grey: float, seed: int) -> None:
-        """Prepare all ways; raises as `compare_ways`."""
-        self.geometry = AS_BUILT
-        if bundle.image_shape != self.geometry.image_shape:
-            raise InputError(f"{bundle.source} is not of the simulated sensor: give 'synthetic'")
+    def __init__(self, bundle: Bundle) -> None:
+        """Prepare all ways. Raises BundleError for a bundle that does not know its lights."""
         self._model = read_lights(bundle)
-        self._scene = Scene(self.geometry, CameraResponse(noise_grey=noise_grey))
+        self._scene = Scene(AS_BUILT, CameraResponse(noise_grey=NOISE_GREY))
         self._base = self._scene.response
-        self._random = np.random.default_rng(seed)
+        self._random = np.random.default_rng(SEED)
         self._network = Reconstructor(bundle)
         self._stereo = {kind: PhotometricReconstructor(bundle, self._model, kind) for kind in LightGroups}
         self._exposure_us = self._model.exposure_us or 8000.0
 
-    def measure(self, objects: str, presses: list[Press]) -> list[Figures]:
-        """Press all, measure each in every way, and return the means; the first way is GelNet's."""
-        ways = self._ways()
-        by_press = [[self._error(press, way) for way in ways] for press in presses]
-        means = [mean_errors(errors) for errors in zip(*by_press, strict=True)]
-        return [
-            Figures(
-                **asdict(mean),
-                way=way.name,
-                objects=objects,
-                presses=len(presses),
-                exposures=way.exposures,
-                exposure_us=way.exposure_us,
-                over_network=mean.contact_normal_deg / means[0].contact_normal_deg,
-            )
-            for way, mean in zip(ways, means, strict=True)
-        ]
-
-    def _ways(self) -> list[_Way]:
-        bright = bright_exposure_of(self._model)
+    def ways(self) -> list[Way]:
+        """Return them; the first is GelNet's."""
         counts = {kind: len(self._model.groups(kind)) for kind in (LightGroups.TRIPLES, LightGroups.SINGLES)}
-        return [
-            _Way("GelNet, one picture", None, 1, self._exposure_us),
-            *(
-                _Way(f"{count} exposures, {length}", kind, count, exposure_us)
-                for length, exposure_us in (("as long", self._exposure_us), ("longer", bright))
-                for kind, count in counts.items()
-            ),
+        lengths = (("as long", self._exposure_us), ("longer", bright_exposure_of(self._model)))
+        return [Way("GelNet, one picture", None, self._exposure_us)] + [
+            Way(f"{count} exposures, {length}", kind, exposure_us)
+            for length, exposure_us in lengths
+            for kind, count in counts.items()
         ]
 
-    def _error(self, press: Press, way: _Way) -> SurfaceErrors:
+    def errors(self, press: Press, way: Way) -> SurfaceErrors:
+        """Press, and measure in one way."""
         if way.kind is None:
             frame, surface = self._picture(press, self._model.colours, way.exposure_us)
             return surface_errors(self._network.reconstruct(frame), surface)
@@ -133,15 +85,10 @@ class Bench:
         taken = [self._picture(press, group, way.exposure_us) for group in (*groups, groups[0])]
         frames = [frame for frame, _ in taken]
         series = ExposureSeries(
-            image=frames[0].image,
-            time_s=0.0,
-            sequence=0,
-            groups=groups,
-            frames=tuple((frame,) for frame in frames[:-1]),
-            opening=frames[0],
-            closing=frames[-1],
+            image=frames[0].image, time_s=0.0, sequence=0, groups=groups,
+            frames=tuple((frame,) for frame in frames[:-1]), opening=frames[0], closing=frames[-1],
             exposure_us=way.exposure_us,
-        )
+        )  # fmt: skip
         return surface_errors(self._stereo[way.kind].reconstruct(series), taken[0][1])
 
     def _picture(self, press: Press, group: NDArray[np.uint8], exposure_us: float) -> tuple[CameraFrame, Surface]:
@@ -153,13 +100,21 @@ class Bench:
 
 
 def main(source: str = "synthetic") -> None:
+    bench, random = Bench(load_bundle(source)), np.random.default_rng([SEED, 1])
     columns = ("exposure", "contact, deg", "all, deg", "x GelNet's", "depth, mm")
     print(f"{'errors':24}" + "".join(f"{name:>14}" for name in columns))
-    for w in compare_ways(load_bundle(source)):
-        if w.exposures == 1:
-            print(f"{w.presses} presses, {w.objects}")
-        row = "".join(f"{value:14.3f}" for value in (w.contact_normal_deg, w.normal_deg, w.over_network))
-        print(f"  {w.way:22}{w.exposure_us / 1e3:11.1f} ms{row}{w.contact_depth_mm:14.4f}")
+    for objects, presses in (
+        ("4 mm ball", list(ball_presses(AS_BUILT, BALLS, random))),
+        ("10 objects", object_presses(random)),
+    ):
+        print(f"{len(presses)} presses, {objects}")
+        ways = bench.ways()
+        by_press = [[bench.errors(press, way) for way in ways] for press in presses]
+        means = [mean_errors(errors) for errors in zip(*by_press, strict=True)]
+        for way, mean in zip(ways, means, strict=True):
+            over_network = mean.contact_normal_deg / means[0].contact_normal_deg
+            row = "".join(f"{value:14.3f}" for value in (mean.contact_normal_deg, mean.normal_deg, over_network))
+            print(f"  {way.name:22}{way.exposure_us / 1e3:11.1f} ms{row}{mean.contact_depth_mm:14.4f}")
 
 
 if __name__ == "__main__":

@@ -1,65 +1,21 @@
 """How true touch in a robot simulator is: `python -m tests.benchmarks.touch [PART ...]`.
 
-lift: a gripper holds balls, boxes, cylinders; hold: over 10^5 steps. energy: bodies are thrown at a gel; by how much
-kinetic and potential energy grow from one flight to the next; fresh: others are thrown. tasks: in what share of 50
-episodes rules with touch and without do what the environments ask for. hold and fresh take an hour and more, and run
-only where they are named.
+energy: bodies are thrown at a gel; by how much kinetic and potential energy grow from one flight to the next; fresh:
+others are thrown, for an hour and more, only where it is named. tasks: in what share of 50 episodes rules with touch
+and without do what the environments ask for.
 """
 
 import argparse
-import itertools
-import time
 from collections.abc import Iterator, Sequence
 from functools import partial
 
 import mujoco
 import numpy as np
 
-from gellight_touch import GRIPPER, TouchSensor
+from gellight_touch import TouchSensor
 from gellight_touch.mujoco_carry import Carrying
 from gellight_touch.mujoco_gels import MujocoGels
 from tests.benchmarks import touch_tasks
-
-STEP_S = 0.002
-SHAPES = {"ball": 'type="sphere" size=".008"', "box": 'type="box" size=".008 .006 .006"',
-          "cylinder": 'type="cylinder" size=".008 .006"'}  # fmt: skip
-
-
-def lift(steps: int = 1500) -> Iterator[str]:
-    for shape in SHAPES:
-        for mass_kg in (0.002, 0.02, 0.1):
-            log, taken_ms = lifted(shape, mass_kg, steps)
-            end = log[-steps // 4 :]
-            creep = (end[-1, 0] - end[0, 0]) / (len(end) * STEP_S)
-            yield (
-                f"{shape:<8} {mass_kg * 1e3:3.0f} g: force / weight {end[:, 1].mean() / mass_kg / 9.81:.5f}, "
-                f"layer / grip {end[:, 3].mean() / end[:, 2].mean():.5f}, creep {creep:.2f} um/s, "
-                f"kinetic {end[:, 4].max():.0e} J, {taken_ms:.1f} ms a step"
-            )
-
-
-def lifted(shape: str, mass_kg: float, steps: int) -> tuple[np.ndarray, float]:
-    """Return the rows of `lifting`, (steps, 5), and how many ms a step takes."""
-    begun_s = time.process_time()
-    log = np.array(list(itertools.islice(lifting(shape, mass_kg), steps)))
-    return log, (time.process_time() - begun_s) / steps * 1e3
-
-
-def lifting(shape: str, mass_kg: float) -> Iterator[tuple[float, ...]]:
-    """Yield height (um), force upwards, grip, layer's force (N) and kinetic energy (J) of each step, for ever."""
-    text = GRIPPER.read_text()
-    geom = f'{SHAPES[shape]} mass="{mass_kg}"'
-    model = mujoco.MjModel.from_xml_string(text.replace('type="sphere" size=".008" mass=".02"', geom))
-    data = mujoco.MjData(model)
-    gels = MujocoGels(model, ["left", "right"], touching=["object"], sensor=lambda: TouchSensor(size=64, extent_mm=32))
-    carry = Carrying(gels)
-    for now_s in itertools.count(0.0, STEP_S):
-        data.ctrl[:] = [np.clip((now_s - 0.8) * 0.05, 0, 0.05), *[2.0 * min(now_s / 0.5, 1)] * 2]
-        held = carry.step(data)
-        up_n = sum((gels[one.gel].gap.rotation(data) @ one.force_n)[2] for one in held)
-        left = [(one.force_n[2], one.layer_force_n) for one in held if one.gel == "left"] or [(0, 0)]
-        moving_j = mass_kg / 2 * float(np.sum(data.qvel[-6:-3] ** 2))
-        yield data.body("object").xpos[2] * 1e6, up_n, *left[0], moving_j
 
 
 def energy(seeds: Sequence[int] = range(2000)) -> Iterator[str]:
@@ -117,14 +73,13 @@ def tasks() -> Iterator[str]:
         yield f"{name:<11} done with touch in {shares[0]:.0%} of 50 episodes, without in {shares[1]:.0%}"
 
 
-PARTS = {"lift": lift, "hold": partial(lift, 100_000), "energy": energy, "tasks": tasks,
-         "fresh": partial(energy, range(2000, 4000))}  # fmt: skip
+PARTS = {"energy": energy, "tasks": tasks, "fresh": partial(energy, range(2000, 4000))}
 
 
 def main() -> None:
     """Print what was asked for."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.touch", description=__doc__)
-    usual = [part for part in PARTS if part not in ("hold", "fresh")]
+    usual = [part for part in PARTS if part != "fresh"]
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], default=[])
     for part in parser.parse_args().parts or usual:
         for line in PARTS[part]():

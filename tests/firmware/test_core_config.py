@@ -180,17 +180,23 @@ def test_another_number_of_leds_counts_from_the_next_start_on(core: VirtualBoard
 
 
 @pytest.mark.parametrize(
-    "pins",
+    "fields",
     [
         {"data_pin": 3},
         {"output_pin": 2},
         {"status_pin": p.ACTIVE_LOW + 2},
         {"data_pin": 30},
+        {"data_pin": p.NO_PIN},
+        {"trigger_pin": p.NO_PIN},
         {"switch_pin": 3},
         {"switch_pin": p.ACTIVE_LOW + 25},
         {"hottest_c": 39},
         {"hottest_c": 86},
+        {"led_count": 0},
+        {"led_count": 25},
+        {"colour_order": 3},
+        {"output_at": 2},
     ],
 )
-def test_a_pin_has_one_use(core: VirtualBoard, pins: dict[str, int]) -> None:
-    assert core.ask("SET_CONFIG", dataclasses.replace(named("mixed up"), **pins))[0] == Status.OUT_OF_RANGE
+def test_what_a_board_cannot_be_is_refused(core: VirtualBoard, fields: dict[str, int]) -> None:
+    assert core.ask("SET_CONFIG", dataclasses.replace(named("mixed up"), **fields))[0] == Status.OUT_OF_RANGE

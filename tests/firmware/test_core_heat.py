@@ -1,4 +1,4 @@
-"""The portable core on a virtual clock: the LEDs get dimmer while the chip beside them or the ring's NTC is hot."""
+"""The portable core on a virtual clock: the LEDs get dimmer while the chip or the ring's NTC is hot."""
 
 from math import exp, log
 
@@ -8,7 +8,30 @@ from gellight.ring import protocol as p
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.protocol import COOLER_C, DIMMING_US, HOTTEST_C, NO_TEMPERATURE, RING_HOTTEST_C
 from tests.firmware.helpers.virtual_board import VirtualBoard
-from tests.firmware.helpers.warming import HALVED, PATTERN, SETTLED_US, wait
+
+SETTLED_US = 15_000_000
+"""the smoothed temperature is within a hundredth of a degree, and the next dimming has come"""
+PATTERN = bytes([200, 0, 1] + [0] * 33)
+HALVED = {
+    0: PATTERN,
+    1: bytes([100, 0, 1] + [0] * 33),
+    2: bytes([50, 0, 1] + [0] * 33),
+    3: bytes([25, 0, 1] + [0] * 33),
+}
+
+
+def wait(core: VirtualBoard, duration_us: int) -> list[p.DimmedEvent]:
+    """Let time pass, keep the light on, and return what the board said of its dimming."""
+    found = []
+    while duration_us > 0:
+        core.ok("CLOCK", p.ClockRequest(0))
+        core.advance(min(duration_us, 500_000))
+        duration_us -= 500_000
+        packets = [*core.packets, *core.collect()]
+        core.packets.clear()
+        found += [p.DimmedEvent.unpack(packet.payload) for packet in packets if packet.type == p.EVENTS["DIMMED"][0]]
+    return found
+
 
 MURATA = {-20: 68236.7, -10: 42506.2, 0: 27218.6, 10: 17925.5, 20: 12080.5, 25: 10000.0, 30: 8314.5, 40: 5833.6,
           50: 4160.9, 60: 3014.3, 70: 2227.5, 80: 1668.5, 100: 973.8}  # fmt: skip

@@ -4,7 +4,6 @@ import contextlib
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 from zlib import crc32
 
 import pytest
@@ -136,8 +135,8 @@ def test_picoboot_writes_and_starts_the_image(image: bytes) -> None:
 
 def test_flash_that_does_not_take_its_bytes_is_noticed(image: bytes) -> None:
     class Worn(BootRom):
-        def send(self, endpoint: int, data: bytes, timeout_us: float) -> None:
-            super().send(endpoint, data, timeout_us)
+        def send(self, endpoint: int, data: bytes) -> None:
+            super().send(endpoint, data)
             self.flash[5000] = image[5000] ^ 0xFF
 
     with pytest.raises(BoardError, match="worn out"):
@@ -161,10 +160,10 @@ def test_a_board_that_is_gone_is_told_in_one_line(image: bytes) -> None:
     """It cannot say what its last command came to either."""
 
     class Gone(Unplugged):
-        def control(self, kind: int, request: int, *rest: Any, **more: Any) -> bytes:
+        def control(self, kind: int, request: int, value: int) -> bytes:
             if (kind, request) == (0xC1, 0x42):
                 raise usb.core.USBError("No such device", errno=19)
-            return super().control(kind, request, *rest, **more)
+            return super().control(kind, request, value)
 
     with pytest.raises(BoardError, match=r"refused command .* the board is gone: plug it in again"):
         flash.Picoboot(backend=Gone()).flash(image)

@@ -5,16 +5,13 @@ import struct
 
 import numpy as np
 import pytest
-import usb.core
 
 from gellight.base.errors import BoardError
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Check, SyncMode
 from gellight.ring.firmware.image import FLASH_BASE, HEADER, header_at, image_crc
 from gellight.ring.light_ring import LightRing, Step
-from tests.firmware.helpers.usb_backend import EmulatedBackend
 from tests.helpers.bench_board import GREEN, RED, BenchBoard, VirtualTransport
-from tests.helpers.usb_transport import UsbTransport
 
 # ---- the bus ----
 
@@ -60,51 +57,6 @@ def test_a_lost_reply_is_asked_for_again_without_a_second_light(board: BenchBoar
         np.testing.assert_array_equal(board.lit, RED)
         after = ring.counters()
         assert (after.lights - before.lights, after.repeated - before.repeated) == (1, 1)
-
-
-def test_pyusb_reaches_the_board(board: BenchBoard) -> None:
-    backend = EmulatedBackend(board)
-    number = board.unique_id.hex().upper()
-    with LightRing(UsbTransport(number, url=f"usb://{number}", backend=backend), keep_alive_s=None) as ring:
-        ring.set_leds(GREEN)
-        board.run(2_000)
-        np.testing.assert_array_equal(board.lit, GREEN)
-    board.run(2_000)
-    assert not board.lit.any()
-
-
-class KernelsBackend(EmulatedBackend):
-    """Linux' cdc_acm drives both interfaces at first; attaching it to one gives it both."""
-
-    driven = frozenset((0, 1))
-
-    def is_kernel_driver_active(self, dev_handle: str, intf: int) -> bool:
-        return intf in self.driven
-
-    def detach_kernel_driver(self, dev_handle: str, intf: int) -> None:
-        self.driven -= {intf}
-
-    def attach_kernel_driver(self, dev_handle: str, intf: int) -> None:
-        self.driven = frozenset((0, 1))
-
-
-def test_the_kernels_driver_has_the_board_again_after_closing(board: BenchBoard) -> None:
-    backend = KernelsBackend(board)
-    with LightRing(UsbTransport("GelLight light ring", url="usb://", backend=backend), keep_alive_s=None):
-        assert not backend.driven
-    assert backend.driven == {0, 1}
-
-
-def test_a_board_that_is_refused_goes_back_to_the_kernel(board: BenchBoard, monkeypatch: pytest.MonkeyPatch) -> None:
-    backend = KernelsBackend(board)
-
-    def refuse(dev_handle: str, intf: int) -> None:
-        raise usb.core.USBError("Access denied", errno=13)
-
-    monkeypatch.setattr(backend, "claim_interface", refuse)
-    with pytest.raises(BoardError, match="udev rule"):
-        UsbTransport("", url="usb://", backend=backend)
-    assert backend.driven == {0, 1}
 
 
 # ---- itself ----

@@ -5,7 +5,6 @@ import pytest
 from gellight.ring import protocol as p
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import Packet, encode
-from tests.firmware.emulator.usb_host import ADDRESS
 from tests.helpers import usb_requests as usb
 from tests.helpers.bench_board import RED, BenchBoard, VirtualTransport
 
@@ -21,18 +20,6 @@ def test_a_resume_opens_no_port_that_was_closed(board: BenchBoard, ring: LightRi
     board.host.send(b"\x01\x01\0")
     board.run(5_000)
     assert not board.host.received
-
-
-@pytest.mark.parametrize("packets", [0, 1])
-@pytest.mark.parametrize("request_", [usb.CLEAR_HALT_IN, usb.CLEAR_HALT_OUT, usb.SET_INTERFACE])
-def test_a_cleared_halt_begins_anew_with_data0(
-    board: BenchBoard, ring: LightRing, request_: usb.Request, packets: int
-) -> None:
-    for _ in range(packets):
-        ring.clock()
-    assert usb.ask(board, request_) == b""
-    for _ in range(3):
-        ring.clock()
 
 
 def test_what_does_not_fit_its_request_is_refused(board: BenchBoard, ring: LightRing) -> None:
@@ -51,16 +38,6 @@ def test_what_does_not_fit_its_request_is_refused(board: BenchBoard, ring: Light
         board.run(1_000)
     assert answers[:-4] == [None, usb.LINE_CODING] * len(refused)
     assert answers[-4:] == [bytes(2), usb.LINE_CODING, b"", taken[1][1]]
-
-
-@pytest.mark.parametrize("abandoned", [usb.GET_CONFIGURATION, usb.SET_ADDRESS, usb.GET_INTERFACE, usb.SEND_BREAK])
-def test_a_transfer_cut_short_does_not_answer_the_next(
-    board: BenchBoard, ring: LightRing, abandoned: usb.Request
-) -> None:
-    device = board.host.descriptors["device"]
-    assert usb.ask_after_abandoning(board, abandoned, usb.GET_DEVICE) == device
-    assert board.chip.read_uint32(usb.ADDRESS_REGISTER) == ADDRESS
-    assert ring.status().state == 0
 
 
 @pytest.mark.parametrize("after_us", [20, 400, 700, 1_100])

@@ -1,20 +1,40 @@
-"""Pins, number and order of the LEDs, trigger output and status LED of the committed image, as its flash says."""
+"""The committed image as its flash says it is wired: LEDs, trigger output, thermistor; it dims what is hot."""
 
+import logging
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from gellight.base.errors import BoardError
+from gellight.lab.doctor.sensor_checks import check_board
 from gellight.ring import protocol as p
-from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import ColourOrder, OutputAt, SyncMode
 from gellight.ring.light_ring import LightRing, Step
+from gellight.ring.protocol import DIMMING_US, HOTTEST_C, RING_HOTTEST_C, DimmedEvent
 from gellight.ring.wire import Packet, encode
 from tests.firmware.emulator import registers
+from tests.firmware.emulator.busy_bus import B2
 from tests.firmware.emulator.chip import VTOR
 from tests.firmware.emulator.waveform import Strip
-from tests.firmware.helpers.wiring import opened, wired
-from tests.helpers.bench_board import RED, BenchBoard
+from tests.helpers.bench_board import RED, BenchBoard, VirtualTransport
+
+
+def opened(board: BenchBoard) -> LightRing:
+    return LightRing(VirtualTransport(board), keep_alive_s=None)
+
+
+def wired(image: bytes, strip: Strip | None = None, *, revision: int = B2, **fields: int) -> BenchBoard:
+    """A board that was configured so and has started anew; its LEDs may be others than before."""
+    before = BenchBoard(image)
+    ring = opened(before)
+    ring.configure(replace(ring.configuration(), **fields), save=True)
+    before.power_off()
+    board = BenchBoard(bytes(before.flash), strip=strip, revision=revision)
+    assert before.faults == []
+    return board
+
 
 OUTPUT, PULSE_US = 4, 100
 DWELL_US = 20_000
@@ -48,35 +68,6 @@ def test_any_number_of_leds_in_any_order_at_any_pin(image: bytes, leds: int, ord
     assert board.faults == []
 
 
-def test_colours_for_another_number_of_leds_are_refused(image: bytes) -> None:
-    board = wired(image, Strip(5), led_count=5)
-    with opened(board) as ring:
-        with pytest.raises(ValueError, match=r"\(5, 3\) uint8"):
-            ring.set_leds(RED)
-        with pytest.raises(RefusedError, match=r"BAD_LENGTH .36."):
-            ring._request("SET_LEDS", p.LightReply, p.SetLeds(RED.tobytes()))
-
-
-def test_pins_and_leds_change_with_the_next_start_alone(board: BenchBoard, ring: LightRing) -> None:
-    ring.configure(replace(ring.configuration(), led_count=24, data_pin=7))
-    ring.set_leds(RED)
-    board.run(2_000)
-    np.testing.assert_array_equal(board.lit, RED)
-
-
-@pytest.mark.parametrize(
-    "fields",
-    [{"data_pin": 3}, {"data_pin": 30}, {"output_pin": 2}, {"status_pin": 3}, {"status_pin": p.ACTIVE_LOW + 3},
-     {"trigger_pin": p.NO_PIN}, {"data_pin": p.NO_PIN}, {"led_count": 0}, {"led_count": 25}, {"colour_order": 3},
-     {"output_at": 2}],
-)  # fmt: skip
-def test_a_wiring_that_cannot_be_is_refused(board: BenchBoard, ring: LightRing, fields: dict[str, int]) -> None:
-    before = ring.configuration()
-    with pytest.raises(RefusedError, match="OUT_OF_RANGE"):
-        ring.configure(replace(before, **fields))
-    assert ring.configuration() == before
-
-
 @pytest.mark.parametrize("at", list(OutputAt))
 def test_the_output_pulses_once_in_each_light(image: bytes, at: OutputAt) -> None:
     board = wired(image, output_pin=OUTPUT, output_at=at)
@@ -92,31 +83,6 @@ def test_the_output_pulses_once_in_each_light(image: bytes, at: OutputAt) -> Non
         assert len(rises) == len(falls) == 3
         np.testing.assert_allclose(rises, expected, atol=8)
         np.testing.assert_allclose(np.array(falls) - rises, PULSE_US, atol=5)
-    assert board.faults == []
-
-
-SWITCH = 6
-
-
-@pytest.mark.parametrize("low", [0, p.ACTIVE_LOW], ids=["high", "low"])
-def test_the_load_switch_is_closed_while_the_leds_are_lit_alone(image: bytes, low: int) -> None:
-    """The emulated LEDs are dark while it is open, and report light that comes before their supply has risen."""
-    board = wired(image, Strip(switch=SWITCH + low), switch_pin=SWITCH + low)
-    with opened(board) as ring:
-        changes = levels(board, SWITCH)
-        for end in (ring.blank, lambda: board.run(1_200_000)):  # the second: a host that is silent
-            ring.wait_for_light(ring.set_leds(RED).light_id)
-            board.run(1_000)
-            np.testing.assert_array_equal(board.lit, RED)
-            end()
-            board.run(2_000)
-            assert not board.lit.any()
-        ring.load_sequence([RED], [Step(group=0, dwell_us=5_000, blank_us=5_000)], loops=3)
-        ring.set_sync(SyncMode.FREE)
-        ring.start()
-        board.run(100_000)
-        assert ring.counters().late_steps == 0
-        assert [level for _, level in changes] == 3 * [not low, bool(low)]
     assert board.faults == []
 
 
@@ -150,3 +116,67 @@ def test_a_light_that_latches_while_a_pulse_begins_takes_it_away(image: bytes) -
             assert all(when < latched_us + 2 for when, _ in changes), after
     assert set(risen) == {False, True}, "all of what comes before the pulse begins was tried"
     assert board.faults == []
+
+
+DIM_RED = np.tile(np.array((100, 0, 0), np.uint8), (12, 1))
+
+
+def attend(ring: LightRing, board: BenchBoard, duration_us: float) -> None:
+    """Do what the keep-alive thread does, on the board's time."""
+    end_us = board.now_us + duration_us
+    while board.now_us < end_us:
+        ring.clock()
+        ring._light_again()
+        board.run(250_000)
+
+
+def test_a_hot_board_dims_its_leds_and_the_host_says_so(
+    board: BenchBoard, ring: LightRing, caplog: pytest.LogCaptureFixture
+) -> None:
+    ring.light(DIM_RED)
+    attend(ring, board, 1e6)
+    assert np.isfinite(ring.lit_since_s())
+    board.set_temperature(HOTTEST_C + 8)
+    with caplog.at_level(logging.WARNING):
+        attend(ring, board, 8e6)
+    np.testing.assert_array_equal(board.lit, DIM_RED // 2)
+    assert ring.lit_since_s() == np.inf  # no frame is of the light that was asked for
+    assert (ring.dimmed, ring.status().dimmed) == (1, 1)
+    told = re.search(r"board has (\d+) °C", caplog.text)
+    assert told
+    assert 60 <= int(told[1]) <= 62, "its mean, which has just passed 60"
+    assert "dims its LEDs to 1/2" in caplog.text
+    attend(ring, board, DIMMING_US)
+    np.testing.assert_array_equal(board.lit, DIM_RED // 4)
+    with pytest.raises(BoardError, match="dims its LEDs to 1/4: let it cool"):
+        ring.light(DIM_RED)
+    finding = check_board(ring)
+    assert "dims its LEDs to 1/4" in finding.remedy
+
+
+def test_a_board_that_has_cooled_shows_the_light_again(
+    board: BenchBoard, ring: LightRing, caplog: pytest.LogCaptureFixture
+) -> None:
+    ring.light(DIM_RED)
+    board.set_temperature(HOTTEST_C + 8)
+    attend(ring, board, 8e6)
+    board.set_temperature(HOTTEST_C - 20)
+    with caplog.at_level(logging.WARNING):
+        attend(ring, board, DIMMING_US)
+    assert "the board is cool again; they are lit again" in caplog.text
+    np.testing.assert_array_equal(board.lit, DIM_RED)
+    assert np.isfinite(ring.lit_since_s())
+    assert ring.dimmed == 0
+    assert [event.dimmed for event in ring.events if isinstance(event, DimmedEvent)] == [1, 0]
+
+
+def test_a_hot_ring_beside_a_cool_chip_is_dimmed(
+    board: BenchBoard, ring: LightRing, caplog: pytest.LogCaptureFixture
+) -> None:
+    board.set_ring_temperature(RING_HOTTEST_C + 5)
+    ring.light(DIM_RED)
+    with caplog.at_level(logging.WARNING):
+        attend(ring, board, 3e6)
+    np.testing.assert_array_equal(board.lit, DIM_RED // 2)
+    assert "the ring 65 °C (its limit is 60)" in caplog.text
+    assert "the ring 65 °C" in check_board(ring).remedy

@@ -15,7 +15,7 @@ from tests.firmware.emulator.clocks import Crystal
 from tests.firmware.emulator.registers import TIMER, UsbGuard
 from tests.firmware.emulator.waveform import Strip, WaveformDecoder
 
-RED, GREEN, BLUE = (np.tile(np.array(c, np.uint8), (12, 1)) for c in ((200, 0, 0), (0, 200, 0), (0, 0, 200)))
+RED, GREEN = (np.tile(np.array(c, np.uint8), (12, 1)) for c in ((200, 0, 0), (0, 200, 0)))
 """(12, 3) uint8 of the whole ring"""
 USB_INTERRUPT = 5
 SIE_STATUS, INTS = 0x50, 0x98

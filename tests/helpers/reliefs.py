@@ -6,7 +6,7 @@ wavelengths of 3 and 0.5 mm.
 """
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -118,12 +118,6 @@ def felt(surface: Surface, seed: int) -> ContactView:
     frame = _reconstructor().reconstruct(CameraFrame(image=image, time_s=0.0, sequence=seed))
     height_mm = load_bundle("synthetic").manifest.camera_height_mm
     return ContactView(over_gel(frame.depth_mm, height_mm), PIXEL_MM, "synthetic")
-
-
-def scanned(plate: Plate, poses: list[np.ndarray], deep_mm: float) -> Iterator[ContactView]:
-    """Press the part at each pose, and yield what is felt."""
-    for number, pose in enumerate(poses):
-        yield felt(press(plate, pose, deep_mm), 1000 * plate.seed + number)
 
 
 def untouched() -> np.ndarray:

@@ -11,7 +11,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
 from gellight.frame_path.pipeline import Reconstructor
@@ -29,7 +28,6 @@ from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import AS_BUILT, SensorGeometry
 from sim_reference.view import seen_height_mm
 
-Array = NDArray[np.float64]
 TEST_SEED = 3
 NOISE_GREY = 1.0
 PIXEL_SIZE_MM = AS_BUILT.pixel_size_mm

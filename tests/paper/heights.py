@@ -1,65 +1,53 @@
-"""The paper's fine stage: how well normals are found at each mounting height."""
+"""How well normals are found at each mounting height, as in the paper's fine stage."""
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight_design.studies import StudySetup
-from gellight_design.sweep import Study, Task
-from sim_reference.geometry import SensorGeometry
 from sim_reference.metrics import error_figures
-from sim_reference.optimizer import design, fine, near_field
+from sim_reference.optimizer import fine, near_field
 from sim_reference.optimizer.exposing import LightGroups
 from sim_reference.refraction import VACUUM, Medium, window_of
 
 Array = NDArray[np.float64]
-FINE_DIAMETER_MM = 30.0
-"""of the disc that the fine study evaluates at most"""
 CAMERA = LightGroups(full_scale_grey=230.0)
-METHODS = {
-    "one exposure": (True, False),
-    "each LED by itself": (False, False),
-    "each LED by itself, shadows dropped": (False, True),
-}
-"""whether all LEDs shine at once, whether shadowed observations are dropped"""
-EQUAL_LIGHT = "one exposure, least possible error"
-"""of an unbiased estimate, lamps and exposure those of the given sensor at every height"""
-FINE_THINNING = 6
+LEAST_SQUARES, ANY_ESTIMATE = 0, 1
+"""one exposure; the second is the least possible error, under as much light at every height"""
+THINNING = 6
 """one in that many pixels is evaluated"""
 
 
-def fine_errors(name: str, setup: StudySetup, heights_mm: tuple[float, ...], medium: Medium) -> Any:
-    """Return MAE and Top1 in rad by method, `EQUAL_LIGHT` last, and height: (methods + 1, heights, 2) as lists.
+def mean_errors_deg(setup: StudySetup, heights_mm: tuple[float, ...]) -> dict[str, Array]:
+    """Return the mean error over all objects in `air` and behind the `window`: (estimates, heights).
 
-    They are NaN at a height where the LEDs would be inside the window.
+    It is NaN at a height where the LEDs would be inside the window.
     """
-    diameter = min(FINE_DIAMETER_MM, setup.sampling.region_diameter_mm)
-    place = setup.press(name, replace(setup.sampling, region_diameter_mm=diameter), FINE_THINNING)
+    media = {"air": VACUUM, "window": window_of(setup.geometry)}
+    return {
+        label: np.degrees([_errors(name, setup, heights_mm, medium) for name in setup.names]).mean(axis=0)
+        for label, medium in media.items()
+    }
+
+
+def _errors(name: str, setup: StudySetup, heights_mm: tuple[float, ...], medium: Medium) -> Array:
+    diameter = min(30.0, setup.sampling.region_diameter_mm)
+    place = setup.press(name, replace(setup.sampling, region_diameter_mm=diameter), THINNING)
     camera, given = setup.with_noise(CAMERA), near_field.ring_light_vectors(setup.geometry, place.x, place.y, medium)
     h_mm = setup.geometry.camera_height_mm - setup.geometry.mounting_height_mm
     # The unit of light is that of an LED straight above, which falls with the square of its height.
-    gain = near_field.restoring_gain(given, near_field.mixing(setup.geometry, one_shot=True)) * h_mm**2
-    by_height = [
-        _errors_at(fine.at_height(setup.geometry, height), place, medium, camera, gain) for height in heights_mm
-    ]
-    return np.swapaxes(by_height, 0, 1).tolist()
-
-
-def _errors_at(
-    geometry: SensorGeometry, place: design.Place, medium: Medium, camera: LightGroups, gain_mm2: float
-) -> Array:
-    """Return MAE and Top1 in rad of each method, and of `EQUAL_LIGHT`: (methods + 1, 2)."""
-    above_mm = geometry.camera_height_mm - geometry.mounting_height_mm
-    if above_mm <= medium.thickness_mm:
-        return np.full((len(METHODS) + 1, 2), np.nan)
-    ring = near_field.ring_light_vectors(geometry, place.x, place.y, medium)
-    mixed = [(near_field.mixing(geometry, one_shot=at_once), drop) for at_once, drop in METHODS.values()]
-    errors = [near_field.normal_error(place.scenes[0], ring, mix, camera, drop_shadows=drop) for mix, drop in mixed]
-    at_once = near_field.mixing(geometry, one_shot=True)
-    errors.append(least_error(place.scenes[0], ring, at_once, camera, gain=gain_mm2 / above_mm**2))
-    return np.array([[mae, top1] for mae, _, top1 in errors])
+    gain_mm2 = near_field.restoring_gain(given, near_field.mixing(setup.geometry, one_shot=True)) * h_mm**2
+    errors = np.full((2, len(heights_mm)), np.nan)
+    for at, height in enumerate(heights_mm):
+        geometry = fine.at_height(setup.geometry, height)
+        above_mm = geometry.camera_height_mm - height
+        if above_mm > medium.thickness_mm:
+            ring = near_field.ring_light_vectors(geometry, place.x, place.y, medium)
+            seen, mixed = place.scenes[0], near_field.mixing(geometry, one_shot=True)
+            errors[LEAST_SQUARES, at] = near_field.normal_error(seen, ring, mixed, camera, drop_shadows=False)[0]
+            errors[ANY_ESTIMATE, at] = least_error(seen, ring, mixed, camera, gain=gain_mm2 / above_mm**2)[0]
+    return errors
 
 
 def least_error(
@@ -86,33 +74,3 @@ def _tangents(normals: Array) -> Array:
     first = np.cross(normals, [0.0, 1.0, 0.0])
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return np.stack([first, np.cross(normals, first)], axis=1)
-
-
-@dataclass(frozen=True, eq=False)
-class FineResult:
-    """The fine stage: how well the normals are reconstructed at each height."""
-
-    heights_mm: tuple[float, ...]
-    errors_rad: dict[str, Array]
-    """by medium, (methods + 1, heights, 2): MAE and Top1 averaged over the objects, NaN inside the window"""
-
-    def errors_deg(self, medium: str, method: str) -> Array:
-        """Return MAE and Top1 in degrees by height, (heights, 2), of one of `METHODS` or `EQUAL_LIGHT`."""
-        return np.asarray(np.degrees(self.errors_rad[medium][[*METHODS, EQUAL_LIGHT].index(method)]))
-
-
-def fine_study(setup: StudySetup, heights_mm: tuple[float, ...]) -> Study[FineResult]:
-    """Return the fine study: one task an object and medium."""
-    media = {"air": VACUUM, "window": window_of(setup.geometry)}
-
-    def combine(errors: list[Any]) -> FineResult:
-        shape = (len(media), len(setup.names), len(METHODS) + 1, len(heights_mm), 2)
-        averaged = np.array(errors).reshape(shape).mean(axis=1)
-        return FineResult(heights_mm, dict(zip(media, averaged, strict=True)))
-
-    tasks = [
-        Task(f"{name} ({label})", fine_errors, (name, setup, heights_mm, medium))
-        for label, medium in media.items()
-        for name in setup.names
-    ]
-    return Study(tasks, combine)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from math import pi, sqrt
 
 import numpy as np
 import pytest
@@ -16,7 +17,6 @@ from sim_reference.fem.neo_hookean import NeoHookean
 from sim_reference.fem.newton import Contact, Step, upright_share
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import object_height
-from tests.benchmarks.gel_force import formula
 from tests.helpers.rings import force_of_ball
 
 GEOMETRY = replace(SensorGeometry(), coating_smoothing_mm=0.0)
@@ -24,6 +24,23 @@ SPACING = 0.125
 AT = grid(512, SPACING)
 BALL = object_height("BALL", AT[None, :], AT[:, None])
 FINE, COARSE = FemGel(resolution_mm=0.3, dense_radius_mm=3.0), FemGel(resolution_mm=0.6, dense_radius_mm=4.0)
+
+
+def formula(ball_mm: float, depth_mm: float, poisson: float, thickness_mm: float) -> float:
+    """Return the force of a shear modulus of 1 on a layer that is bonded to its support, for small strains.
+
+    Dimitriadis, Horkay, Maresca, Kachar and Chadwick (Biophys. J. 82, 2002), for a sphere of radius R and a layer of
+    thickness h, with x = sqrt(R d) / h and Poisson's ratio v:
+
+        F = 8 G sqrt(R) d^1.5 / (3 (1 - v)) * (1 - 2 a x / pi + 4 a^2 x^2 / pi^2 - 8 (a^3 + 4 pi^2 b / 15) x^3 / pi^3
+            + 16 a (a^3 + 3 pi^2 b / 5) x^4 / pi^4)
+    """
+    x = sqrt(ball_mm * depth_mm) / thickness_mm
+    a = -(1.2876 - 1.4678 * poisson + 1.3442 * poisson**2) / (1 - poisson)
+    b = (0.6387 - 1.0277 * poisson + 1.5164 * poisson**2) / (1 - poisson)
+    bonded = 1 - 2 * a * x / pi + 4 * (a * x / pi) ** 2 - 8 * (a**3 + 4 * pi**2 * b / 15) * (x / pi) ** 3
+    bonded += 16 * a * (a**3 + 3 * pi**2 * b / 5) * (x / pi) ** 4
+    return 8 / 3 / (1 - poisson) * sqrt(ball_mm) * depth_mm**1.5 * bonded
 
 
 def force(press: FemPress) -> float:

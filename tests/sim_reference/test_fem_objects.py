@@ -1,4 +1,4 @@
-"""The layer against finite elements on the paper's objects, 0.9 mm deep, recorded by `tests.benchmarks.gel record`."""
+"""The layer against finite elements on the paper's objects, 0.9 mm deep (tests/data/fem)."""
 
 from functools import cache
 
@@ -6,17 +6,30 @@ import numpy as np
 import pytest
 
 from sim_reference import gel
+from sim_reference.deformation import grid
 from sim_reference.fem.gel import FemGel
-from tests.benchmarks.gel import AT, GEOMETRY, RECORD, RECORDED, SPACING, UNIT_MM, heights
+from sim_reference.geometry import SensorGeometry
+from sim_reference.objects import object_height
+from sim_reference.surface import GRID_EXTENT_MM, GRID_SIZE
+from tests.helpers.places import CHECKOUT
 
+GEOMETRY = SensorGeometry()
 DEPTH_MM = 0.9
+SPACING = GRID_EXTENT_MM / GRID_SIZE
+AT = grid(GRID_SIZE, SPACING)
+EVERY_FOURTH = np.flatnonzero(np.abs(AT) < 17.5)[::4]
+RECORDED = np.ix_(EVERY_FOURTH, EVERY_FOURTH)
 RADIUS = np.hypot(AT[None, :], AT[:, None])[RECORDED]
+
+
+def heights(name: str) -> np.ndarray:
+    return object_height(name, AT[None, :], AT[:, None])
 
 
 @cache
 def recorded(name: str) -> np.ndarray:
-    with np.load(RECORD) as kept:
-        return kept[name] * UNIT_MM
+    with np.load(CHECKOUT / "tests/data/fem/objects.npz") as kept:
+        return kept[name] * 2e-4
 
 
 # Measured, in um: see docs/figures.md. Under steep flanks and fine waves both differ most.

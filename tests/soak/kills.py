@@ -1,9 +1,8 @@
 """Faults drawn at random over everything that writes: `python -m tests.soak.kills FAULTS [SEED [KIND...]]`.
 
-A process is killed or stopped at a random moment of its act, its disk or its memory ends after a random number of
-bytes, its home is read-only, or its clock steps in another time zone. Afterwards what is there has to be old or new,
-the same act has to work at once, and a refusal has to name the place. Ends with 1 where something did not hold.
-writers.py has the acts, surroundings.py what they are left without.
+A process is killed or stopped at a random moment of its act, or its files may not grow beyond a random number of bytes,
+as on a full disk. Afterwards what is there has to be old or new, the same act has to work at once, and a refusal has to
+name the place. Ends with 1 where something did not hold. writers.py has the acts.
 """
 
 import os
@@ -23,16 +22,6 @@ from enum import StrEnum
 from pathlib import Path
 
 from gellight.base.errors import GellightError
-from tests.soak.surroundings import (
-    ZONES,
-    fill,
-    own_disk,
-    set_modes,
-    with_another_clock,
-    without_growth,
-    without_memory,
-    without_rights,
-)  # fmt: skip
 from tests.soak.writers import Writer, prepare, writers
 
 PATIENCE_S = 60.0
@@ -45,13 +34,9 @@ class Blow(StrEnum):
     KILLED = "killed"
     STOPPED = "stopped, and another one meanwhile"
     NO_LARGER_FILE = "a file may not grow"
-    FULL_DISK = "the disk is full"
-    READ_ONLY = "the home is read-only"
-    NO_MEMORY = "memory runs out"
-    CLOCK = "the clock steps, in another time zone"
 
 
-WEIGHTS = {Blow.KILLED: 6, Blow.NO_LARGER_FILE: 2, Blow.FULL_DISK: 2, Blow.NO_MEMORY: 2, Blow.CLOCK: 2}
+WEIGHTS = {Blow.KILLED: 6, Blow.NO_LARGER_FILE: 4}
 """how often a fault is drawn, if not once"""
 
 
@@ -84,7 +69,7 @@ class Child:
             status = FAULT
             try:
                 status = self._do(act)
-            finally:  # memory may run out for the words too, and what is above is the parent's
+            finally:  # what is above is the parent's
                 os._exit(status)
 
     def _do(self, act: Callable[[], object]) -> int:
@@ -121,6 +106,12 @@ class Child:
         with os.fdopen(self._said, "r+b") as stream:
             stream.seek(0)
             return os.waitstatus_to_exitcode(ended[1]), stream.read().decode()
+
+
+def without_growth(writer: Writer, home: Path, most: int) -> None:
+    """Do the act where no file may be larger than `most` bytes."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, resource.RLIM_INFINITY))
+    writer.act(home)
 
 
 def did(act: Callable[[], object]) -> tuple[int, str]:
@@ -166,10 +157,7 @@ class Faults:
         tally = self.tallies.setdefault((writer.name, blow), Tally())
         tally.tried += 1
         try:
-            if blow is Blow.FULL_DISK:
-                self._on_a_full_disk(writer, tally)
-            else:
-                self._strike(writer, blow, tally)
+            self._strike(writer, blow, tally)
             tally.passed += 1
         except BrokenError as error:
             tally.broken[str(error)] += 1
@@ -179,18 +167,6 @@ class Faults:
         if blow is Blow.NO_LARGER_FILE:
             most = int(10 ** self._random.uniform(0, 5))
             tally.refused += self._refusal(*did(lambda: without_growth(writer, home, most)), home)
-        elif blow is Blow.NO_MEMORY:
-            more = int(10 ** self._random.uniform(2, 7.5))
-            status, _ = did(lambda: without_memory(writer, home, more))  # libraries in C end the process as they like
-            tally.refused += status != DONE
-        elif blow is Blow.READ_ONLY:
-            set_modes(home, 0o555, 0o444)
-            ended = did(lambda: without_rights(writer, home))
-            set_modes(home, 0o755, 0o644)
-            tally.refused += self._refusal(*ended, home)
-        elif blow is Blow.CLOCK:
-            step_s, zone = self._random.choice((-1, 1)) * 10 ** self._random.uniform(0, 9), self._random.choice(ZONES)
-            self._holds("the act fails", did(lambda: with_another_clock(writer, home, step_s, moment_s, zone)))
         else:
             struck = Child(lambda: writer.act(home))
             time.sleep(moment_s)
@@ -213,26 +189,6 @@ class Faults:
         tally.worst_s = max(tally.worst_s, time.monotonic() - begun_s)
         self._holds("after the next start it is neither old nor new", did(lambda: writer.judge(home)))
         tally.left += sum(path.suffix in (".partial", ".draft") for path in home.rglob(".*"))
-
-    def _on_a_full_disk(self, writer: Writer, tally: Tally) -> None:
-        """All of it in one process, for its disk is its own."""
-        share = self._random.random()
-        home = self._folder / "disk"
-        home.mkdir(exist_ok=True)
-
-        def act() -> None:
-            own_disk(home, "size=4m")
-            writer.begin(home)
-            fill(home, int(share * 100_000))
-            self._refusal(*did(lambda: writer.act(home)), home)
-            (home / "filler").unlink()
-            self._go_on(writer, home, Tally())
-
-        begun_s = time.monotonic()
-        status, said = did(act)
-        tally.worst_s = max(tally.worst_s, time.monotonic() - begun_s)
-        if status != DONE:
-            raise BrokenError(said.splitlines()[-1])
 
     def _refusal(self, status: int, said: str, home: Path) -> bool:
         """Return whether there was a refusal; BrokenError for one that names no place, and for another ending."""
@@ -274,7 +230,7 @@ def faults(count: int, seed: int, blows: tuple[Blow, ...]) -> dict[tuple[str, Bl
 
 
 def main() -> int:
-    """Make as many faults as are asked for, of the kinds that are named (`NO_MEMORY CLOCK`) or of all."""
+    """Make as many faults as are asked for, of the kinds that are named (`KILLED STOPPED`) or of all."""
     count, seed = (int(sys.argv[at]) if len(sys.argv) > at else least for at, least in ((1, 200), (2, 1)))
     found = faults(count, seed, tuple(Blow[name] for name in sys.argv[3:]) or tuple(Blow))
     print(table(found))

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.soak.kills import DONE, REFUSED, Blow, Faults, did, table
-from tests.soak.surroundings import without_growth
+from tests.soak.kills import DONE, REFUSED, Blow, Faults, did, table, without_growth
 from tests.soak.writers import Writer, prepare, writers
 
 pytestmark = pytest.mark.nightly
@@ -14,8 +13,7 @@ FAULTS = 20
 
 
 def test_what_is_written_under_faults_is_old_or_new_and_the_next_start_works(tmp_path: Path) -> None:
-    """Memory runs out in the command alone: libraries in C may wait for ever for a thread that cannot begin."""
-    drawn = Faults(1, tmp_path, blows=tuple(blow for blow in Blow if blow is not Blow.NO_MEMORY))
+    drawn = Faults(1, tmp_path)
     for _ in range(FAULTS):
         drawn.one()
     assert all(one.passed == one.tried for one in drawn.tallies.values()), table(drawn.tallies)

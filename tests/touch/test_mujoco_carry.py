@@ -18,7 +18,6 @@ from tests.benchmarks.touch import grows
 MODEL = GRIPPER.read_text()
 SHAPES = {"ball": 'type="sphere" size=".008"', "box": 'type="box" size=".008 .006 .006"',
           "cylinder": 'type="cylinder" size=".008 .006"'}  # fmt: skip
-UP, LEFT, OBJECT_Z = 0, 1, 5
 
 
 def gripper(shape: str, mass_kg: float) -> mujoco.MjModel:

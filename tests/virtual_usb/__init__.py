@@ -6,5 +6,5 @@ serial_port.py       its serial port (CDC-ACM)
 video.py             its camera (UVC): controls.py, encoding.py
 faults.py            what it does wrong on purpose
 cable.py, usbip.py   URBs to and from the kernel, and their wire format
-vhci.py              plugs it into the Linux that this runs in; usbip_server.py offers it to others
+usbip_server.py      offers it to a kernel
 """

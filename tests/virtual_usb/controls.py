@@ -1,16 +1,12 @@
 """The controls of the virtual camera: what a host may set over USB, what is in force, and how it acts on the picture.
 
-The simulated camera is set by them; then the automatics see its picture.
+The simulated camera is set by them. The automatics hold what they have: a host has to take the controls from them.
 """
 
 import struct
 import threading
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gellight.base.errors import InputError
 from gellight.frames.camera import CameraControls
 from tests.virtual_usb.descriptors import CAMERA_UNIT, PROCESSING_UNIT
 
@@ -20,9 +16,6 @@ SET_CURRENT, GET_CURRENT, GET_MINIMUM, GET_MAXIMUM, GET_RESOLUTION, GET_LENGTH, 
 READABLE, SETTABLE, CHANGES_ITSELF = 0x01, 0x02, 0x08
 MANUAL, APERTURE_PRIORITY = 1, 8
 """auto exposure modes (UVC 1.1, 4.2.2.1.2)"""
-WANTED_GREY = 110.0
-POWER_LINE_CYCLE = {1: 100, 2: 83}
-"""exposures that do not flicker are multiples of this, in 100 us"""
 
 
 class UvcControl(NamedTuple):
@@ -57,29 +50,15 @@ CONTROLS = (
 class ControlState:
     """The values in force. Thread-safe: the kernel sets them while a picture is taken."""
 
-    def __init__(self, *, stuck: str = "") -> None:
-        """Begin with the defaults, as after power-on; the control `stuck` takes values and keeps none."""
-        self.stick(stuck)
+    def __init__(self) -> None:
+        """Begin with the defaults, as after power-on."""
         self._values = {control.name: control.default for control in CONTROLS}
         self._lock = threading.Lock()
-
-    def stick(self, name: str) -> None:
-        """Let the control of this name, "" for none, take values and keep none; InputError for a name of no control."""
-        names = [control.name for control in CONTROLS]
-        if name and name not in names:
-            raise InputError(f"fault stuck={name!r}: the camera's controls are {', '.join(names)}")
-        self._stuck = name
 
     def snapshot(self) -> dict[str, int]:
         """Return all values by name."""
         with self._lock:
             return dict(self._values)
-
-    def adjust(self, name: str, value: int) -> None:
-        """Let the camera's own automatic change a value, within its range."""
-        control = next(known for known in CONTROLS if known.name == name)
-        with self._lock:
-            self._values[name] = min(max(value, control.least), control.most)
 
     def request(self, unit: int, selector: int, code: int, data: bytes) -> bytes | None:
         """Answer a control request of USB Video Class; None: the device refuses (stalls)."""
@@ -107,8 +86,7 @@ class ControlState:
                 return None
             if control.automatic and self._values[control.automatic] != control.free:
                 return None
-            if control.name != self._stuck:
-                self._values[control.name] = value
+            self._values[control.name] = value
         return b""
 
 
@@ -124,22 +102,3 @@ def set_up(camera: CameraControls, values: dict[str, int]) -> None:
         nearest = min(max(wanted[name], low), high)
         if camera.read(name) != nearest:
             camera.set(name, nearest)
-
-
-def run_automatics(controls: ControlState, image: NDArray[np.uint8], period: int) -> None:
-    """Do after a picture what a camera's automatics do; `period` is that of the frames, in 100 us.
-
-    Auto exposure steers the mean grey level; where the frame rate may fall, exposures reach two periods. Auto white
-    balance steers red and blue to one mean.
-    """
-    values = controls.snapshot()
-    red, green, blue = (float(mean) for mean in image.reshape(-1, 3).mean(axis=0))
-    if values["auto_exposure"] == APERTURE_PRIORITY:
-        ratio = WANTED_GREY / max((red + green + blue) / 3, 1.0)
-        wanted = values["exposure_us"] * min(max(ratio, 0.7), 1.4)
-        cycle = POWER_LINE_CYCLE.get(values["power_line"], 1)
-        longest = 2 * period if values["dynamic_frame_rate"] else period
-        controls.adjust("exposure_us", int(min(max(round(wanted / cycle), 1) * cycle, longest)))
-    if values["auto_white_balance"]:
-        change = 50 if red < blue else -50
-        controls.adjust("white_balance_k", values["white_balance_k"] + change)

@@ -20,8 +20,6 @@ class Faults(BaseModel):
     """the longest that a frame is held back before it is sent: the kernel's time stamp is wrong by as much"""
     stall_after: int = Field(default=0, ge=0)
     """frames after the start of a stream until the camera falls silent; 0: never"""
-    stuck: str = ""
-    """name of a control (exposure_us, gain, white_balance_k, ...) that takes a new value and does not keep it"""
 
 
 NO_FAULTS = Faults()

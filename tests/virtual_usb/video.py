@@ -12,7 +12,7 @@ from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame
 from tests.virtual_usb import controls, descriptors
 from tests.virtual_usb.cable import UsbCable
-from tests.virtual_usb.controls import ControlState, run_automatics, set_up
+from tests.virtual_usb.controls import ControlState, set_up
 from tests.virtual_usb.descriptors import VideoModes
 from tests.virtual_usb.encoding import Mark, binned, to_jpeg, to_yuyv
 from tests.virtual_usb.faults import Faults
@@ -96,7 +96,7 @@ class VideoFunction:
 
     def __init__(self, camera: Camera, modes: VideoModes, *, faults: Faults) -> None:
         """Offer `camera` in `modes`."""
-        self.controls = ControlState(stuck=faults.stuck)
+        self.controls = ControlState()
         self.negotiation = Negotiation(modes)
         self.streams = 0
         """how often the host began to stream"""
@@ -110,7 +110,6 @@ class VideoFunction:
     def inject(self, faults: Faults) -> None:
         """Behave like this from the next picture on."""
         self._faults = faults
-        self.controls.stick(faults.stuck)
 
     def request(self, interface: int, unit: int, selector: int, code: int, data: bytes) -> bytes | None:
         """Answer a class request; None: refused."""
@@ -142,7 +141,7 @@ class VideoFunction:
                 self._send(cable, self._encode(frame, mode, values), faults, wanted)
 
     def _expose(self, mode: StreamMode) -> tuple[dict[str, int], CameraFrame]:
-        """Take the next picture at the negotiated rate, and let the automatics see it."""
+        """Take the next picture at the negotiated rate."""
         self._values.append(self.controls.snapshot())
         values = self._values[0]
         if self._camera.controls is None:
@@ -151,7 +150,6 @@ class VideoFunction:
         for _ in range(round(mode.interval / self._modes.intervals[0])):
             frame = self._camera.read()
             self._taken += 1
-        run_automatics(self.controls, frame.image, mode.interval // 1000)
         return values, frame
 
     def _encode(self, frame: CameraFrame, mode: StreamMode, values: dict[str, int]) -> bytes:

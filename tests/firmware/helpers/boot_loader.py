@@ -1,14 +1,17 @@
-"""The USB boot loader of the RP2040 and the RP2350 (data sheets 2.8.5, 5.6: PICOBOOT) as a device for pyusb.
+"""The USB boot loader of the RP2040 and the RP2350 (data sheets 2.8.5, 5.6: PICOBOOT) as a device for the real pyusb.
 
 It is as strict as a flash chip: bytes are only written where they were erased, erasing goes by sectors of 4096 bytes,
 writing by pages of 256, and nothing happens before exclusive access was taken and execute-in-place was left.
 """
 
+import array
 import struct
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
 
+import usb.backend
 import usb.core
-
-from tests.firmware.helpers.usb_backend import EPIPE, DeviceBackend
 
 VENDOR, PRODUCT = 0x2E8A, 0x0003
 MAGIC = 0x431FD10B
@@ -17,20 +20,23 @@ EXCLUSIVE, REBOOT, ERASE, WRITE, EXIT_XIP, REBOOT2, READ = 0x01, 0x02, 0x03, 0x0
 SECTOR, PAGE = 4096, 256
 FLASH_BASE = 0x10000000
 OUT, IN = 0x03, 0x84
-_DEVICE = struct.pack("<BBHBBBBHHHBBBB", 18, 1, 0x0110, 0, 0, 0, 64, VENDOR, PRODUCT, 0x0100, 1, 2, 3, 1)
-_INTERFACES = (
-    struct.pack("<9B", 9, 4, 0, 0, 2, 8, 6, 0x50, 0)
-    + struct.pack("<BBBBHB", 7, 5, 0x81, 2, 64, 0)
-    + struct.pack("<BBBBHB", 7, 5, 0x02, 2, 64, 0)
-    + struct.pack("<9B", 9, 4, 1, 0, 2, 0xFF, 0, 0, 0)
-    + struct.pack("<BBBBHB", 7, 5, OUT, 2, 64, 0)
-    + struct.pack("<BBBBHB", 7, 5, IN, 2, 64, 0)
-)
-_CONFIGURATION = struct.pack("<BBHBBBBB", 9, 2, 9 + len(_INTERFACES), 2, 1, 0, 0x80, 250) + _INTERFACES
-_STRINGS = ("Raspberry Pi", "RP2 Boot", "E0C9125B0D9B")
+EPIPE, ETIMEDOUT = 32, 110
+DEVICE = {"bLength": 18, "bDescriptorType": 1, "bcdUSB": 0x0110, "bDeviceClass": 0, "bDeviceSubClass": 0,
+          "bDeviceProtocol": 0, "bMaxPacketSize0": 64, "idVendor": VENDOR, "bcdDevice": 0x0100, "iManufacturer": 1,
+          "iProduct": 2, "iSerialNumber": 3, "bNumConfigurations": 1, "address": 7, "bus": 1, "port_number": 1,
+          "port_numbers": (1,), "speed": 2}  # fmt: skip
+CONFIGURATION = {"bLength": 9, "bDescriptorType": 2, "wTotalLength": 55, "bNumInterfaces": 2,
+                 "bConfigurationValue": 1, "iConfiguration": 0, "bmAttributes": 0x80, "bMaxPower": 250}  # fmt: skip
+INTERFACES = (((8, 6, 0x50), (0x81, 0x02)), ((0xFF, 0, 0), (OUT, IN)))
+"""class, subclass and protocol of each, and the addresses of its bulk endpoints: a drive, and PICOBOOT"""
+STRINGS = ("Raspberry Pi", "RP2 Boot", "E0C9125B0D9B")
 
 
-class BootRom(DeviceBackend):
+def _described(**fields: Any) -> SimpleNamespace:
+    return SimpleNamespace(**fields, extra_descriptors=[])
+
+
+class BootRom(usb.backend.IBackend):  # type: ignore[misc]
     """A chip in its boot loader; `flash` is what it holds, `rebooted` whether it was told to start it."""
 
     def __init__(self, flash: bytes = b"", *, size: int = 2 << 20, product: int = PRODUCT) -> None:
@@ -45,10 +51,85 @@ class BootRom(DeviceBackend):
         self._written = bytearray()
         self._answers: list[bytes] = []
 
-    def control(self, kind: int, request: int, value: int, index: int, length: int, data: bytes = b"") -> bytes:
-        """Descriptors, interface reset and command status."""
-        if (kind, request) == (0x80, 6):
-            return self._descriptor(value >> 8, value & 0xFF)[:length]
+    # ---- what pyusb asks of a bus with one device, which is configured already ----
+
+    def enumerate_devices(self) -> Iterator[str]:
+        """Yield the one device."""
+        yield "board"
+
+    def get_device_descriptor(self, dev: str) -> Any:
+        """Return what the device is."""
+        return _described(**DEVICE, idProduct=self._product)
+
+    def get_configuration_descriptor(self, dev: str, config: int) -> Any:
+        """Return the only configuration."""
+        if config:
+            raise IndexError(config)
+        return _described(**CONFIGURATION)
+
+    def get_interface_descriptor(self, dev: str, intf: int, alt: int, config: int) -> Any:
+        """Return an interface; IndexError ends pyusb's search."""
+        if alt or intf >= len(INTERFACES):
+            raise IndexError(intf)
+        names = ("bInterfaceClass", "bInterfaceSubClass", "bInterfaceProtocol")
+        own = dict(zip(names, INTERFACES[intf][0], strict=True))
+        return _described(**own, bLength=9, bDescriptorType=4, bInterfaceNumber=intf, bAlternateSetting=0,
+                          bNumEndpoints=2, iInterface=0)  # fmt: skip
+
+    def get_endpoint_descriptor(self, dev: str, ep: int, intf: int, alt: int, config: int) -> Any:
+        """Return an endpoint of an interface."""
+        return _described(bLength=7, bDescriptorType=5, bEndpointAddress=INTERFACES[intf][1][ep], bmAttributes=2,
+                          wMaxPacketSize=64, bInterval=0, bRefresh=0, bSynchAddress=0)  # fmt: skip
+
+    def open_device(self, dev: str) -> str:
+        """Return the device as its own handle."""
+        return dev
+
+    def close_device(self, dev_handle: str) -> None:
+        """Nothing to close."""
+
+    def set_configuration(self, dev_handle: str, config_value: int) -> None:
+        """It is configured already."""
+
+    def get_configuration(self, dev_handle: str) -> int:
+        """Return the only configuration."""
+        return 1
+
+    def claim_interface(self, dev_handle: str, intf: int) -> None:
+        """No kernel driver competes."""
+
+    def release_interface(self, dev_handle: str, intf: int) -> None:
+        """No kernel driver waits."""
+
+    def is_kernel_driver_active(self, dev_handle: str, intf: int) -> bool:
+        """No kernel driver."""
+        return False
+
+    def ctrl_transfer(self, dev_handle: str, bmRequestType: int, bRequest: int, wValue: int, wIndex: int,  # noqa: N803
+                      data: Any, timeout: int) -> int:  # fmt: skip
+        """Do a control transfer."""
+        answer = self.control(bmRequestType, bRequest, wValue)[: len(data)]
+        data[: len(answer)] = array.array("B", answer)
+        return len(answer)
+
+    def bulk_write(self, dev_handle: str, ep: int, intf: int, data: Any, timeout: int) -> int:
+        """Send bytes."""
+        self.send(ep, bytes(data))
+        return len(data)
+
+    def bulk_read(self, dev_handle: str, ep: int, intf: int, buff: Any, timeout: int) -> int:
+        """Take what the device sent."""
+        data = self.take(ep, len(buff))
+        buff[: len(data)] = array.array("B", data)
+        return len(data)
+
+    # ---- what it is ----
+
+    def control(self, kind: int, request: int, value: int) -> bytes:
+        """Strings, interface reset and command status."""
+        if (kind, request, value >> 8) == (0x80, 6, 3):
+            text = STRINGS[(value & 0xFF) - 1].encode("utf-16le") if value & 0xFF else b"\x09\x04"
+            return bytes([2 + len(text), 3]) + text
         if (kind, request) == (0x41, 0x41):
             self._incoming, self._answers = None, []
             return b""
@@ -56,15 +137,7 @@ class BootRom(DeviceBackend):
             return struct.pack("<IIBB6x", self._token, self._status, self._last, 0)
         raise usb.core.USBError("Pipe error", errno=EPIPE)
 
-    def _descriptor(self, kind: int, index: int) -> bytes:
-        if kind == 1:
-            return _DEVICE[:10] + struct.pack("<H", self._product) + _DEVICE[12:]
-        if kind == 2:
-            return _CONFIGURATION
-        text = b"\x09\x04" if index == 0 else _STRINGS[index - 1].encode("utf-16le")
-        return bytes([2 + len(text), 3]) + text
-
-    def send(self, endpoint: int, data: bytes, timeout_us: float) -> None:
+    def send(self, endpoint: int, data: bytes) -> None:
         """Take a command, the bytes of one, or the empty packet that ends a read."""
         if endpoint != OUT:
             raise usb.core.USBError("Pipe error", errno=EPIPE)
@@ -73,10 +146,10 @@ class BootRom(DeviceBackend):
         elif data:
             self._command(data)
 
-    def take(self, endpoint: int, most: int, timeout_us: float) -> bytes:
+    def take(self, endpoint: int, most: int) -> bytes:
         """Give what a command returns, or the empty packet that ends it."""
         if endpoint != IN or not self._answers:
-            raise usb.core.USBTimeoutError("Operation timed out", errno=110)
+            raise usb.core.USBTimeoutError("Operation timed out", errno=ETIMEDOUT)
         answer = self._answers.pop(0)
         if len(answer) > most:
             self._answers.insert(0, answer[most:])

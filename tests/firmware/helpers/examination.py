@@ -14,9 +14,7 @@ from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.wire import Packet, encode
 from tests.firmware.emulator.busy_bus import B1, B2, DATA_PLUS
 from tests.firmware.emulator.flash_chip import WORN_ERASE_NS
-from tests.firmware.helpers.examined_board import PATTERN, break_down, dark, reopen
-from tests.firmware.helpers.examined_bus import bus, refusals
-from tests.firmware.helpers.wired_otherwise import wiring
+from tests.firmware.helpers.examined import PATTERN, break_down, bus, dark, refusals, reopen, wiring
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 TRIGGER_DELAY_US, EDGE_TOLERANCE_US = 300.0, 3.0
@@ -310,7 +308,14 @@ def _hub(board: BenchBoard, ring: LightRing) -> Iterator[str]:
         pin, taken = other.chip.gpio[DATA_PLUS], []
         if not other.run_until(lambda b=other, p=pin, t=taken: t.append(p.ctrl) or b.host.configured, 200_000):
             yield "does not join a busy hub"
-        if pin.ctrl != taken[0] or (revision == B2 and set(taken) != {taken[0]}):
+        joined = pin.ctrl
+        other.run(2_000)
+        other.host.reset_bus()
+        other.run(12_000)  # the device has seen it, and forces nothing yet
+        other.host.reset_bus()
+        if not other.run_until(lambda b=other: b.host.configured, 300_000):
+            yield "does not join again after a reset"
+        if {joined, pin.ctrl} != {taken[0]} or (revision == B2 and set(taken) != {taken[0]}):
             yield "GPIO15 is taken, or not given back"
         yield from other.faults
     ring.blank()

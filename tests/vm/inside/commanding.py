@@ -1,4 +1,4 @@
-"""What the guest does with USB devices and light rings: pyserial, pyusb, the product's own ring. Runs in the guest."""
+"""What the guest does with USB devices and light rings: pyserial, the product's own ring. Runs in the guest."""
 
 import statistics
 import time
@@ -7,13 +7,9 @@ from typing import Any
 
 import numpy as np
 import serial
-import usb.core
 from serial.tools import list_ports
-from usb.backend import libusb1
 
 from gellight.ring.light_ring import LightRing, connect
-from gellight.ring.usb_numbers import PRODUCT, VENDOR
-from tests.helpers.usb_transport import UsbTransport
 from tests.vm.inside.agent import report
 from tests.vm.inside.looking import opened
 from tests.vm.inside.plugging import serial_link, video_link
@@ -25,20 +21,13 @@ def usb_parent(device: str, subsystem: str) -> str:
     return next(folder.name for folder in (place, *place.parents) if (folder / "idVendor").exists())
 
 
-def libusb() -> Any:
-    """Return pyusb's way to libusb, which was unpacked after the machine's list of libraries was made."""
-    return libusb1.get_backend(find_library=lambda name: "libusb-1.0.so.0")
-
-
 def identity(number: str) -> dict[str, Any]:
-    """Return what sysfs, pyserial and pyusb say of a sensor."""
+    """Return what sysfs and pyserial say of a sensor."""
     ports = [port for port in list_ports.comports() if port.serial_number == number]
-    devices = list(usb.core.find(find_all=True, idVendor=VENDOR, idProduct=PRODUCT, backend=libusb()) or [])
     return {
         "camera parent": usb_parent(str(video_link(number)), "video4linux"),
         "ring parent": usb_parent(str(serial_link(number)), "tty"),
         "ports": [[port.vid, port.pid, port.manufacturer, port.product] for port in ports],
-        "pyusb": [[device.serial_number, device.get_active_configuration().bNumInterfaces] for device in devices],
     }
 
 
@@ -99,9 +88,3 @@ def hold_ring(number: str) -> dict[str, str]:
         except serial.SerialException as error:
             return {"error": type(error).__name__, "text": str(error)}
     return {"error": "", "text": "nothing was noticed"}
-
-
-def ring_through_pyusb(number: str) -> str:
-    """Return the unique id that the firmware tells over libusb, with the kernel's driver detached."""
-    with LightRing(UsbTransport(number, url=f"usb://{number}", backend=libusb())) as ring:
-        return ring.hello.unique_id.hex().upper()

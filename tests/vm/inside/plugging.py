@@ -8,14 +8,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.virtual_usb import vhci
 from tests.vm.inside.agent import MACHINE
 
 VIDEO, SERIAL = Path("/dev/v4l/by-id"), Path("/dev/serial/by-id")
-
-
 USB = Path("/sys/bus/usb/devices")
 NODES = ("*/tty/ttyACM*", "*/video4linux/video*")
+CONTROLLER = Path("/sys/devices/platform/vhci_hcd.0")
+"""the kernel's virtual USB host controller"""
+FREE = 4
+"""state of one of its ports without a device (VDEV_ST_NULL)"""
 
 
 def receive(connection: socket.socket, count: int) -> bytes:
@@ -72,7 +73,7 @@ def plug(server: int, bus_id: str, serial: str, port: int) -> dict[str, Any]:
         device, speed = import_device(connection, bus_id)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         attached_s = time.monotonic()
-        vhci.attach(connection, port, device_id=device, speed=speed)
+        (CONTROLLER / "attach").write_text(f"{port} {connection.fileno()} {device} {speed}")
     wait_for(lambda: all(any(USB.glob(f"{port_name(port)}/{node}")) for node in NODES), f"drivers for port {port}")
     wait_for(lambda: video_link(serial).exists() and serial_link(serial).exists(), f"the links of {serial}")
     seconds = time.monotonic() - attached_s
@@ -87,7 +88,12 @@ def settle() -> None:
 
 def unplugged(port: int) -> None:
     """Wait until the kernel has let go of what was in a USB port."""
-    wait_for(lambda: vhci.high_speed_ports((vhci.CONTROLLER / "status").read_text())[port], f"port {port} empty")
+
+    def is_free() -> bool:
+        rows = [line.split() for line in (CONTROLLER / "status").read_text().splitlines()]
+        return any(row[0] == "hs" and int(row[1]) == port and int(row[2]) == FREE for row in rows if row)
+
+    wait_for(is_free, f"port {port} empty")
     settle()
 
 

@@ -14,7 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-TOOLS = ("qemu-system-x86", "busybox-static", "udev", "libusb-1.0-0")
+TOOLS = ("qemu-system-x86", "busybox-static", "udev")
 KERNEL = "linux-image-amd64"
 KERNEL_PARTS = ("./boot/vmlinuz-*", *(f"*/kernel/{part}*" for part in (
     "drivers/media/", "drivers/usb/", "drivers/virtio/", "drivers/net/virtio_net", "drivers/net/net_failover",

@@ -3,7 +3,6 @@
 import json
 import os
 import shlex
-import signal
 import socket
 import subprocess
 import sys
@@ -107,15 +106,6 @@ class Guest:
         self.main, self.aside = named["main"], named["aside"]
         self.folder = folder
         self.run, self.start = self.main.run, self.main.start
-
-    @contextmanager
-    def stopped(self) -> Iterator[None]:
-        """Let the whole computer stand still."""
-        self._process.send_signal(signal.SIGSTOP)
-        try:
-            yield
-        finally:
-            self._process.send_signal(signal.SIGCONT)
 
 
 def hardware_virtualisation() -> bool:
