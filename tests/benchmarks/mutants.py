@@ -1,8 +1,8 @@
 """Judge the tests of the host by faults: `python -m tests.benchmarks.mutants COUNT [SEED] [--under sensor/v4l2]`.
 
 Draws mutants of host/gellight at random, as many in each room. Each is judged in a copy of the checkout until a test
-fails: by the tests of its room, those that import its file first; then by those of other rooms that import it. A test
-that fails counts where it passes without the mutant. Prints a line for each mutant: killed,
+fails: by the tests that import its file, or type its verb, and all of its own room first; then by some of other rooms
+that only drive it. A test that fails counts where it passes without the mutant. Prints a line for each mutant: killed,
 survived (with the number of test files that passed) or undecided (its room took too long); then the shares, room by
 room. What runs at night, the virtual machine and whole programs do not judge: they take too long.
 """
@@ -22,6 +22,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
 from functools import cache
+from itertools import zip_longest
 from pathlib import Path
 from queue import SimpleQueue
 from typing import NamedTuple
@@ -32,6 +33,13 @@ from tests.helpers.python_mutants import Mutant, draw
 SOURCES = ("host", "models", "")
 TOO_SLOW = ("tests/vm/", "tests/hardware/", "tests/soak/", "tests/firmware/test_mutants.py", "tests/test_")
 HOST = CHECKOUT / "host/gellight"
+COMMAND_LINE = HOST / "cli"
+VERB_TABLES = ("main.py", "calibrate/verbs.py")
+TYPISTS = {CHECKOUT / "tests/helpers" / name for name in ("command_line.py", "children.py")}
+FEW = 4
+"""files: the verbs of a file that more import say little about it"""
+MOST_DRIVERS = 12
+"""files of tests that reach a module through others only: the nearest of each room in turn"""
 MORE_OUTSIDE = 0.5
 """of the time that its own room has: how much more those of other rooms have"""
 MOST_S_A_TEST = 60
@@ -45,7 +53,7 @@ class Judgement(NamedTuple):
 
 
 class Judges(NamedTuple):
-    """The files of tests that judge a module: the one named after it, others of its room, and those of other rooms."""
+    """The files of tests that judge a module: the one named after it, others of its room, and some of other rooms."""
 
     named: list[str]
     room: list[str]
@@ -89,9 +97,37 @@ def reached_by(test: Path) -> frozenset[Path]:
     return frozenset(found)
 
 
+@cache
+def verbs() -> dict[Path, set[str]]:
+    """Return the files of the command line that are imported when a verb is typed, with the words that name it."""
+    found: dict[Path, set[str]] = {}
+    for group in VERB_TABLES:
+        for node in ast.walk(ast.parse((COMMAND_LINE / group).read_text())):
+            pairs = zip(node.keys, node.values, strict=True) if isinstance(node, ast.Dict) else ()
+            for word, value in ((word, value) for word, value in pairs if isinstance(value, ast.Tuple)):
+                home = ast.literal_eval(value)[0].partition(":")[0]
+                found.setdefault(COMMAND_LINE / f"{home.replace('.', '/')}.py", set()).add(ast.literal_eval(word))
+    return found
+
+
+@cache
+def typed_by(test: Path) -> frozenset[str]:
+    """Return the strings in a file of the tests that uses the command line, none in others."""
+    if not imported_by(test) & TYPISTS:
+        return frozenset()
+    nodes = ast.walk(ast.parse(test.read_text()))
+    return frozenset(node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str))
+
+
 def named_after(file: Path) -> Path:
     """Return where the tests of a file of the host are, if it has its own."""
     return CHECKOUT / "tests/host" / file.relative_to(HOST).parent / f"test_{file.stem}.py"
+
+
+def _typing(files: set[Path], tests: list[Path]) -> set[Path]:
+    """Return the tests that type a verb of these files."""
+    words = {word for file in files for word in verbs().get(file, ())}
+    return {test for test in tests if words & typed_by(test)} if words else set()
 
 
 @cache
@@ -102,14 +138,47 @@ def all_tests() -> list[Path]:
 
 
 def judges(file: Path) -> Judges:
-    """Return the tests of a file's room, the nearest first, and those of other rooms that import it."""
+    """Return the tests that import a file of the host, or type its verb; outside its room also some that drive it.
+
+    Of those that import it, what belongs to the files that import it, or types few verbs that do, is the last.
+    """
     named, tests = named_after(file), all_tests()
-    room = [test for test in tests if named.parent in test.parents and test != named]
-    room.sort(key=lambda test: (file not in reached_by(test), len(reached_by(test))))
-    outside = [test for test in tests if file in reached_by(test) and named.parent not in test.parents]
-    outside.sort(key=lambda test: len(reached_by(test)))
+    importers = importers_of(file)
+    users = {named_after(other) for other in importers}
+    users |= _typing(set(importers) if len(importers) <= FEW else set(), tests)
+    typing = _typing({file}, tests)
+    found = [test for test in tests if file in reached_by(test) or test in {named} | users | typing]
+    found.sort(key=lambda test: (test in users, named.parent not in test.parents, len(reached_by(test))))
+    in_room = [test for test in [*found, *tests] if CHECKOUT / "tests/host" / room_of(file) in test.parents]
+    in_room = list(dict.fromkeys(in_room))
+    room = [test for test in in_room if test != named]
+    outside = [test for test in found if test not in [named, *in_room]] + drivers(file, {*found, *in_room})
     return Judges(*([str(test.relative_to(CHECKOUT)) for test in group]
-                    for group in ([named] if named in tests else [], room, outside)))  # fmt: skip
+                    for group in ([named] if named in found else [], room, outside)))  # fmt: skip
+
+
+@cache
+def importers_of(file: Path) -> list[Path]:
+    """Return the files of the host that import a file."""
+    return [other for other in sorted(HOST.rglob("*.py")) if file in imported_by(other)]
+
+
+def drivers(file: Path, but: set[Path]) -> list[Path]:
+    """Return the tests that reach a file of the host through other files: the nearest of each room in turn."""
+    steps, level = {file: 0}, [file]
+    while level:
+        level = [other for other in {above for one in level for above in importers_of(one)} if other not in steps]
+        steps |= dict.fromkeys(level, max(steps.values()) + 1)
+    words = {word: steps[verb] for verb, named in verbs().items() if verb in steps for word in named}
+    rooms: dict[Path, list[tuple[int, int, Path]]] = {}
+    for test in (test for test in all_tests() if test not in but):
+        ways = [steps[one] for one in reached_by(test) if one in steps] + [
+            words[one] for one in typed_by(test) & words.keys()
+        ]
+        if ways:
+            rooms.setdefault(test.parent, []).append((min(ways), len(reached_by(test)), test))
+    in_turn = zip_longest(*sorted(map(sorted, rooms.values())))
+    return [driver[-1] for turn in in_turn for driver in turn if driver][:MOST_DRIVERS]
 
 
 # ---- judging ----

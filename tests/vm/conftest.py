@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.virtual_usb.device import VirtualSensor, open_virtual
-from tests.vm.machine.bench import LIT, ONE, TWO, Bench, sized
+from tests.vm.machine.bench import FINE, LIT, ONE, TWO, Bench, sized
 from tests.vm.machine.packages import Missing
 from tests.vm.machine.qemu import Guest, booted
 
@@ -35,7 +35,8 @@ def whole_bench(guest: Guest) -> Iterator[Bench]:
     lit = open_virtual(
         "sim://?programme=0&object=BALL&depth=1.0&x=2.0&y=1.0", serial_number=LIT, geometry=sized(80, 60)
     )
-    sensors = {"one": steady(ONE), "two": steady(TWO), "twin": steady(ONE), "lit": lit}
+    fine = open_virtual("sim://?programme=0", serial_number=FINE, geometry=sized(320, 240))
+    sensors = {"one": steady(ONE), "two": steady(TWO), "twin": steady(ONE), "lit": lit, "fine": fine}
     with Bench(guest, sensors) as bench:
         yield bench
 

@@ -13,8 +13,8 @@ from tests.virtual_usb.faults import NO_FAULTS
 from tests.virtual_usb.usbip_server import UsbipServer
 from tests.vm.machine.qemu import Guest
 
-ONE, TWO, LIT = "00000000000000A1", "00000000000000B2", "00000000000000C3"
-"""serial numbers: two sensors with steady light, and one that the emulated firmware lights"""
+ONE, TWO, LIT, FINE = "00000000000000A1", "00000000000000B2", "00000000000000C3", "00000000000000E5"
+"""serial numbers: two sensors with steady light, two that the emulated firmware lights, the last with more pixels"""
 
 
 def sized(width: int, height: int) -> dict[str, float | int | str]:
