@@ -26,6 +26,7 @@ from gellight.lab.training.table import images_of
 from gellight.lab.training.training import Learning, TrainingOptions, fit
 from gellight.lab.training.validation import frame_of
 from gellight.reconstruction.integration import angle_deg, normals
+from tests.benchmarks.peer_network import PeerNetwork
 from tests.benchmarks.real_sets import RealSet
 
 Floats = NDArray[np.float32]
@@ -34,7 +35,6 @@ SURE = 0.8
 """of a contact radius: so far the ball touches the gel, whoever drew the circle"""
 GIVEN, REFINED = "as given", "refined"
 PLAIN, REFINING, PEER = "GelLight", "GelLight, --refine", "gs_sdk"
-"""the last is recorded: its network by the published recipe is in the history, at version 1.0"""
 WAYS = (PLAIN, REFINING, PEER)
 LEAST_REFINED = 5
 """presses that `fit --refine` asks for"""
@@ -145,6 +145,14 @@ def judged(felt: Felt, images: RealSet, judges: Judges) -> dict[str, list[Errors
         for by, labels in judges.items():
             found[by].append(errors_of(labels[number], images, *maps))
     return found
+
+
+def learnt(presses: Sequence[Press], images: RealSet, way: str, options: TrainingOptions) -> Felt:
+    """Train in one way on labelled presses, and return what it feels."""
+    if way == PEER:
+        peer = PeerNetwork(presses, images.reference.image, images.ball, seed=options.seed)
+        return lambda frame: peer.felt(frame.image, images.ball.pixel_size_mm)
+    return felt_by(fitted(presses, images, options))
 
 
 def fitted(presses: Sequence[Press], images: RealSet, options: TrainingOptions) -> Bundle:

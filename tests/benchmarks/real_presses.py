@@ -26,7 +26,6 @@ from gellight.lab.training.training import TrainingOptions
 from tests.benchmarks.real_judging import (
     GIVEN,
     LEAST_REFINED,
-    PEER,
     PLAIN,
     REFINED,
     REFINING,
@@ -39,6 +38,7 @@ from tests.benchmarks.real_judging import (
     fitted,
     folds_of,
     judged,
+    learnt,
     means,
 )
 from tests.benchmarks.real_record import Measured, Record
@@ -113,7 +113,7 @@ def measure(row: Row, seed: int) -> tuple[Measured, int]:
         felt = felt_by(adopted(fitted(other.presses, other, options), images))
         found = judged(felt, images, {GIVEN: images.presses})
     for fold in _folds(row, images):
-        felt = felt_by(fitted(fold.refined if row.way == REFINING else fold.training, images, options))
+        felt = learnt(fold.refined if row.way == REFINING else fold.training, images, row.way, options)
         for by, errors in judged(felt, images, _judges(row, fold)).items():
             found[by] += errors
     return {by: means(errors) for by, errors in found.items()}, len(found[GIVEN])
@@ -176,10 +176,10 @@ def main() -> None:
     if not chosen:
         parser.error(f"no row has {' and '.join(texts)} in its name: call it without arguments to see all")
     for row in chosen if given.only or given.all else []:
-        if given.again and row.way != PEER:
+        if given.again:
             record.forget(str(row))
         for seed in range(given.seeds):
-            if row.way != PEER and is_here_all(row) and not record.has(str(row), seed):
+            if is_here_all(row) and not record.has(str(row), seed):
                 measured, presses = measure(row, seed)
                 record.add(str(row), seed, measured, presses)
                 print(f"{row}, seed {seed}: {measured[GIVEN]}", flush=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gellight.lab.training.training import TrainingOptions
-from tests.benchmarks.real_judging import GIVEN, Errors, felt_by, fitted, folds_of, judged, means
+from tests.benchmarks.real_judging import GIVEN, PLAIN, Errors, folds_of, judged, learnt, means
 from tests.benchmarks.real_presses import FIRST, GATE, PICTURES, Row, measure, rows
 from tests.benchmarks.real_record import Record, Recorded, worse
 from tests.benchmarks.real_sets import SETS
@@ -45,7 +45,7 @@ def test_circles_a_pixel_off_are_worse(tmp_path: Path) -> None:
     images = SETS["three_lights_crop"](tmp_path)
     fold = next(folds_of(images))
     moved = [replace(press, center_x_px=press.center_x_px + 1) for press in fold.training]
-    felt = felt_by(fitted(moved, images, TrainingOptions(recipe="thorough")))
+    felt = learnt(moved, images, PLAIN, TrainingOptions(recipe="thorough"))
     errors = {GIVEN: means(judged(felt, images, {GIVEN: fold.held_out})[GIVEN])}
     told = worse("moved", errors, Record().rows[str(ROWS[0])])
     assert any("normals_deg is" in line for line in told)

@@ -61,7 +61,7 @@ def integrate(
 
     Where the slope jumps between two samples, as at the rim of a hard cap on a plane, the rim is known to half a pixel
     only: caps 5, 10, 20 and 60 px across scatter by 7, 4, 1.4 and 0.3 % with their place between the pixels
-    (`pytest tests/benchmarks/test_integrators.py`).
+    (`python -m tests.benchmarks.integrators`).
 
     Raises ValueError for a wrong shape, for NaN or infinity and for a pixel size that is not above 0.
     """
