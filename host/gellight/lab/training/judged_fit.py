@@ -19,7 +19,6 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.view import View
 from gellight.lab.training.child import Check, Progress, go_on, silent
 from gellight.lab.training.labelling.refinement import LEAST_PRESSES, FirstFits, refine, refine_others
-from gellight.lab.training.labelling.refinement import refine as refinement_of
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 from gellight.lab.training.table import drift_of_presses, images_of
 from gellight.lab.training.training import Learning, Reference, fit
@@ -79,9 +78,10 @@ def fit_judged(
     if folds:
         for fold in trained_folds(given, reference, ball, folds, how, first=first, progress=report, check=check):
             for one in found:
-                one.add(fold.bundle, fold.held_out[REFINED if how.refine else GIVEN], ball, layer)
+                one.add(fold.bundle, fold.held_out[REFINED if how.refine else GIVEN], ball)
     best = found[found[1].better_than(found[0])]
-    verdict = {"held_out": {"folds": folds, "depth_mm": _depth_errors(found), **_figures(best.errors)}} if folds else {}
+    figures = _figures(best.errors(ball, layer)) if folds else {}
+    verdict = {"held_out": {"folds": folds, "depth_mm": _depth_errors(found), **figures}} if folds else {}
     return fit(
         labels.presses, reference, ball, out, sensor=sensor, how=replace(how, refine=False), view=view,
         level_plane=best.level_plane, overwrite=overwrite, progress=report, check=check,
@@ -95,15 +95,19 @@ class Found:
     """What presses held out say of frames with or without the plane of `rest_plane` taken off."""
 
     level_plane: bool
-    errors: list[PressError] = field(default_factory=list)
+    judged: list[tuple[Bundle, Sequence[Press]]] = field(default_factory=list)
     samples: list["Samples"] = field(default_factory=list)
 
-    def add(self, bundle: Bundle, presses: Sequence[Press], ball: Ball, layer: Layer | None = None) -> None:
+    def add(self, bundle: Bundle, presses: Sequence[Press], ball: Ball) -> None:
         """Reconstruct presses that the bundle did not learn from."""
         manifest = bundle.manifest.model_copy(update={"level_plane": self.level_plane})
         with_plane = replace(bundle, manifest=manifest)
-        self.errors += press_errors(with_plane, presses, ball, layer)
+        self.judged.append((with_plane, presses))
         self.samples += samples_of(with_plane, presses, ball)
+
+    def errors(self, ball: Ball, layer: Layer | None) -> list[PressError]:
+        """Compare each of these presses with its label."""
+        return [error for judged in self.judged for error in press_errors(*judged, ball, layer)]
 
     def depth_mm(self) -> NDArray[np.float64]:
         """(n,) mean error of the depth of each press, without its mean."""
@@ -286,7 +290,7 @@ def _divided(
     training: Sequence[Press] = [press for i, press in enumerate(presses) if i not in part]
     held_out = {GIVEN: [press for i, press in enumerate(presses) if i in part]}
     if first is not None:
-        refined = refinement_of(training, reference.image, ball, first=first)
+        refined = refine(training, reference.image, ball, first=first)
         training = refined.presses
         held_out[REFINED] = refine_others(refined, held_out[GIVEN], reference.image, ball, first=first)
     return training, held_out
