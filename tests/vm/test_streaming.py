@@ -1,17 +1,15 @@
 """Camera and light ring of the virtual sensor by the kernel's own drivers: found, streaming, lying, pulled out."""
 
-import pytest
-from tests.virtual_usb.device import VirtualSensor
-from tests.vm.machine.bench import ONE, TWO, Bench
-from tests.vm.machine.qemu import Guest
 import itertools
-import numpy as np
-from tests.vm.machine.bench import ONE, Bench
 import re
+
+import numpy as np
+import pytest
+
+from tests.virtual_usb.device import VirtualSensor
 from tests.virtual_usb.faults import Faults
-from tests.vm.machine.bench import ONE
-from tests.vm.machine.bench import LIT, ONE, Bench
-from tests.vm.machine.bench import LIT, Bench
+from tests.vm.machine.bench import LIT, ONE, TWO, Bench
+from tests.vm.machine.qemu import Guest
 
 
 def names(links: list[str], kind: str) -> list[str]:

@@ -13,11 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from tests.vm.machine import initramfs
-from tests.vm.machine.modules import content, load_order
-from tests.vm.machine.packages import unpacked
+from tests.vm.machine.packages import content, load_order, unpacked
 
 DRIVERS = ("vhci_hcd", "uvcvideo", "cdc_acm")
-ON_DEMAND = ("vivid",)
 BOOT_LIMIT_S = 270.0
 """on a machine that does nothing else it takes 30"""
 ROOT = Path(__file__).parents[3]
@@ -186,14 +184,12 @@ def share(name: str, path: Path) -> list[str]:
 
 
 def write_first_files(base: Path, folder: Path, release: str) -> None:
-    """Write the initramfs, and lists of the modules that the guest loads, in order."""
+    """Write the initramfs, and a list of the modules that the guest loads, in order."""
     modules = next((base / "kernel").rglob(f"modules/{release}"))
     busybox = next(path for root in (base / "tools", Path("/")) if (path := root / "usr/bin/busybox").exists())
     (folder / "initramfs.gz").write_bytes(initramfs.build(load_order(modules, initramfs.DRIVERS), busybox))
     at_boot = plain(load_order(modules, DRIVERS), folder)
-    later = [path for path in plain(load_order(modules, ON_DEMAND), folder) if path not in at_boot]
     (folder / "modules.txt").write_text("".join(f"{path}\n" for path in at_boot))
-    (folder / "on-demand.txt").write_text("".join(f"{path}\n" for path in later))
 
 
 def write_start(folder: Path, port: int) -> None:
