@@ -10,7 +10,7 @@ scale     felt depth over the ball's within 0.8 of the radius, by least squares;
 
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -170,13 +170,6 @@ def felt_by(bundle: Bundle) -> Felt:
 def _felt(path: Reconstructor, frame: CameraFrame) -> tuple[Floats, NDArray[np.floating]]:
     found = path.reconstruct(frame)
     return found.gradient_map, found.depth_mm.astype(np.float64)
-
-
-def adopted(bundle: Bundle, images: RealSet) -> Bundle:
-    """Return another unit's bundle with the untouched picture and the pixels of this one."""
-    size = (images.ball.pixel_size_mm, images.ball.pixel_size_mm)
-    manifest = bundle.manifest.model_copy(update={"pixel_size_mm": size})
-    return replace(bundle, manifest=manifest).with_reference(images.reference.image, frames=images.reference.frames)
 
 
 def means(errors: Sequence[Errors]) -> Errors:

@@ -5,7 +5,6 @@ A row is a set, what was held out, how many presses were trained on, whose circl
 folds       the images are divided, and whatever is judged was not trained on; few presses are drawn at random in each
             fold; `first fold` is one of them: `make test` repeats some, and `--only "first fold" --seeds 5` shows
             how far networks of other seeds are apart
-unit NAME   all presses of that other unit are trained on; this unit gives its untouched picture and its pixels
 hand, own   circles that a person drew, and those that `detect` finds; those by hand judge where there are some
 refined     the training circles are refined among themselves first, as `fit --refine` does
 
@@ -33,9 +32,6 @@ from tests.benchmarks.real_judging import (
     Errors,
     Fold,
     Judges,
-    adopted,
-    felt_by,
-    fitted,
     folds_of,
     judged,
     learnt,
@@ -47,9 +43,7 @@ from tests.helpers.places import is_here
 
 COUNTS = (None, 2, 5, 1, 10, 20)
 """presses trained on; None: all"""
-FOLDS, FIRST, UNIT = "folds", "first fold", "unit "
-ALIKE = (("gelslam", "gripper"), ("gripper", "gelslam"))
-"""units of one make whose pictures have one size: judged, and trained on"""
+FOLDS, FIRST = "folds", "first fold"
 DRAWN = {"mini": (HAND, OWN), "gripper": (HAND, OWN), "gelslam": (OWN,), "digit": (OWN,), "dots": (OWN,),
          "skleff": (HAND, OWN), "objectfolder": (OWN,),
          "three_lights": (HAND,), "three_lights_crop": (HAND,)}  # fmt: skip
@@ -96,7 +90,7 @@ def rows() -> list[Row]:
                 for way in WAYS
                 if count is None or (count < LEAST_TRAINED[name] and (way != REFINING or count >= LEAST_REFINED))
             ]
-    return found + [Row(name, UNIT + other, None, OWN, PLAIN) for name, other in ALIKE]
+    return found
 
 
 @cache
@@ -108,10 +102,6 @@ def measure(row: Row, seed: int) -> tuple[Measured, int]:
     """Train and judge one row with one seed; returns mean errors by judge, and how many presses judged."""
     images, options = _images(row.set), TrainingOptions(recipe="thorough", seed=seed)
     found: dict[str, list[Errors]] = {by: [] for by in row.judges}
-    if row.held_out.startswith(UNIT):
-        other = _images(row.held_out.removeprefix(UNIT))
-        felt = felt_by(adopted(fitted(other.presses, other, options), images))
-        found = judged(felt, images, {GIVEN: images.presses})
     for fold in _folds(row, images):
         felt = learnt(fold.refined if row.way == REFINING else fold.training, images, row.way, options)
         for by, errors in judged(felt, images, _judges(row, fold)).items():
@@ -138,7 +128,7 @@ def show(chosen: Sequence[Row], record: Record) -> None:
     for row in chosen:
         known = record.rows.get(str(row))
         if known is None:
-            print(f"{row!s:{width}} {'not run' if is_here_all(row) else 'not run, and its pictures are not here'}")
+            print(f"{row!s:{width}} {'not run' if has_pictures(row) else 'not run, and its pictures are not here'}")
             continue
         for by in row.judges if known.figures(REFINED, "scale") else (GIVEN,):
             deg, sure, depth, scale = (known.figures(by, what) for what in Errors.__dataclass_fields__)
@@ -157,10 +147,9 @@ PICTURES = {
 """folder of each set; the crop comes along"""
 
 
-def is_here_all(row: Row) -> bool:
+def has_pictures(row: Row) -> bool:
     """Say whether the pictures of a row are on this computer."""
-    names = [row.set, *([row.held_out.removeprefix(UNIT)] if row.held_out.startswith(UNIT) else [])]
-    return all(is_here(PICTURES[name]) for name in names if name in PICTURES)
+    return row.set not in PICTURES or is_here(PICTURES[row.set])
 
 
 def main() -> None:
@@ -179,7 +168,7 @@ def main() -> None:
         if given.again:
             record.forget(str(row))
         for seed in range(given.seeds):
-            if is_here_all(row) and not record.has(str(row), seed):
+            if has_pictures(row) and not record.has(str(row), seed):
                 measured, presses = measure(row, seed)
                 record.add(str(row), seed, measured, presses)
                 print(f"{row}, seed {seed}: {measured[GIVEN]}", flush=True)

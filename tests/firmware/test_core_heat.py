@@ -1,5 +1,6 @@
 """The portable core on a virtual clock: the LEDs get dimmer while the chip or the ring's NTC is hot."""
 
+from collections.abc import Callable
 from math import exp, log
 
 import pytest
@@ -39,19 +40,54 @@ MURATA = {-20: 68236.7, -10: 42506.2, 0: 27218.6, 10: 17925.5, 20: 12080.5, 25: 
 OPEN, SHORT = 4095, 0
 
 
-def test_a_still_light_is_halved_step_by_step_and_comes_back(core: VirtualBoard) -> None:
+def reading(ohm: float) -> int:
+    """What the converter reads of the carrier's divider, 10 kohm to full scale."""
+    return int(4096 * ohm / (ohm + 10e3))
+
+
+def warm_ring(core: VirtualBoard, celsius: float) -> None:
+    core.warm_ring(reading(10e3 * exp(3380 * (1 / (celsius + 273.15) - 1 / 298.15))))
+
+
+Warm = Callable[[VirtualBoard, float], None]
+heated = pytest.mark.parametrize(
+    ("warm", "hottest_c", "field"),
+    [(VirtualBoard.warm, HOTTEST_C, "temperature"), (warm_ring, RING_HOTTEST_C, "ring_temperature")],
+    ids=["chip", "ring"],
+)
+
+
+@heated
+def test_a_still_light_is_halved_step_by_step_and_comes_back(
+    core: VirtualBoard, warm: Warm, hottest_c: int, field: str
+) -> None:
     core.ok("SET_LEDS", p.SetLeds(PATTERN))
-    assert wait(core, 3_000_000) == []
-    core.warm(HOTTEST_C + 2)
+    warm(core, hottest_c - 2)
+    assert wait(core, SETTLED_US) == []
+    warm(core, hottest_c + 2)
     events = wait(core, 4 * DIMMING_US)
     assert [event.dimmed for event in events] == [1, 2, 3]
-    assert [event.temperature > 10 * HOTTEST_C for event in events] == [True] * 3
+    assert [getattr(event, field) >= 10 * hottest_c for event in events] == [True] * 3
+    assert getattr(events[2], field) / 10 == pytest.approx(hottest_c + 2, abs=0.3)
     assert events[2].time_us - events[1].time_us >= DIMMING_US
-    core.warm(HOTTEST_C - COOLER_C - 2)
+    warm(core, hottest_c - COOLER_C + 2)
+    assert wait(core, 2 * DIMMING_US) == []
+    warm(core, hottest_c - COOLER_C - 2)
     assert [event.dimmed for event in wait(core, 4 * DIMMING_US)] == [2, 1, 0]
-    shown = [colours for _, _, colours in core.lights()[1:]]
-    assert shown == [HALVED[k] for k in (0, 1, 2, 3, 2, 1, 0)]
+    assert [colours for _, _, colours in core.lights()[1:]] == [HALVED[k] for k in (0, 1, 2, 3, 2, 1, 0)]
     assert core.status().dimmed == 0
+
+
+@heated
+def test_a_reading_that_strays_dims_nothing(core: VirtualBoard, warm: Warm, hottest_c: int, field: str) -> None:
+    """One wrong reading of the converter among right ones."""
+    warm(core, hottest_c - 3)
+    wait(core, SETTLED_US)
+    for _ in range(5):
+        warm(core, hottest_c + 20)
+        core.advance(100_000)
+        warm(core, hottest_c - 3)
+        assert wait(core, SETTLED_US) == []
 
 
 def test_between_the_two_limits_nothing_changes(core: VirtualBoard) -> None:
@@ -63,17 +99,6 @@ def test_between_the_two_limits_nothing_changes(core: VirtualBoard) -> None:
     assert wait(core, SETTLED_US) == []
     core.warm(HOTTEST_C - COOLER_C - 0.2)
     assert [event.dimmed for event in wait(core, SETTLED_US)] == [0]
-
-
-def test_a_reading_that_strays_dims_nothing(core: VirtualBoard) -> None:
-    """One wrong reading of the converter among right ones."""
-    core.warm(HOTTEST_C - 2)
-    wait(core, SETTLED_US)
-    for _ in range(5):
-        core.warm(HOTTEST_C + 20)
-        core.advance(100_000)
-        core.warm(HOTTEST_C - 2)
-        assert wait(core, SETTLED_US) == []
 
 
 def test_the_limit_is_that_of_the_configuration(core: VirtualBoard) -> None:
@@ -173,15 +198,6 @@ def test_cold_is_no_heat(core: VirtualBoard) -> None:
     assert core.status().temperature == -200
 
 
-def reading(ohm: float) -> int:
-    """What the converter reads of the carrier's divider, 10 kohm to full scale."""
-    return int(4096 * ohm / (ohm + 10e3))
-
-
-def warm_ring(core: VirtualBoard, celsius: float) -> None:
-    core.warm_ring(reading(10e3 * exp(3380 * (1 / (celsius + 273.15) - 1 / 298.15))))
-
-
 def ring_temperature(core: VirtualBoard) -> int:
     wait(core, 4_000_000)
     return core.status().ring_temperature
@@ -214,21 +230,6 @@ def test_a_board_without_one_says_unknown_and_lights(core: VirtualBoard) -> None
     assert core.lights()[-1][2] == PATTERN
 
 
-def test_a_hot_ring_is_dimmed_step_by_step_while_the_chip_is_cool(core: VirtualBoard) -> None:
-    core.ok("SET_LEDS", p.SetLeds(PATTERN))
-    warm_ring(core, RING_HOTTEST_C - 2)
-    assert wait(core, SETTLED_US) == []
-    warm_ring(core, RING_HOTTEST_C + 2)
-    events = wait(core, 4 * DIMMING_US)
-    assert [event.dimmed for event in events] == [1, 2, 3]
-    assert events[2].ring_temperature / 10 == pytest.approx(RING_HOTTEST_C + 2, abs=0.3)
-    warm_ring(core, RING_HOTTEST_C - COOLER_C + 2)
-    assert wait(core, 2 * DIMMING_US) == []
-    warm_ring(core, RING_HOTTEST_C - COOLER_C - 2)
-    assert [event.dimmed for event in wait(core, 4 * DIMMING_US)] == [2, 1, 0]
-    assert [colours for _, _, colours in core.lights()[1:]] == [HALVED[k] for k in (0, 1, 2, 3, 2, 1, 0)]
-
-
 @pytest.mark.parametrize("lost", [SHORT, OPEN])
 def test_one_that_is_lost_while_hot_keeps_the_leds_dimmed(core: VirtualBoard, lost: int) -> None:
     core.ok("SET_LEDS", p.SetLeds(PATTERN))
@@ -247,12 +248,3 @@ def test_no_configuration_raises_the_limit_of_the_ring(core: VirtualBoard) -> No
     core.ok("SET_CONFIG", p.Configuration(**(vars(before) | {"hottest_c": 85})))
     warm_ring(core, RING_HOTTEST_C + 2)
     assert wait(core, 9_000_000)[0].dimmed == 1
-
-
-def test_a_reading_of_the_ring_that_strays_dims_nothing(core: VirtualBoard) -> None:
-    warm_ring(core, RING_HOTTEST_C - 3)
-    wait(core, SETTLED_US)
-    warm_ring(core, RING_HOTTEST_C + 30)
-    core.advance(100_000)
-    warm_ring(core, RING_HOTTEST_C - 3)
-    assert wait(core, SETTLED_US) == []

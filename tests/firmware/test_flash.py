@@ -21,7 +21,7 @@ from gellight.ring.firmware.image import (
     to_uf2,
 )
 from gellight.ring.light_ring import LightRing
-from tests.firmware.helpers.boot_loader import BootRom
+from tests.firmware.helpers.boot_loader import BootRom, NoDevice, drive
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 
 CHECKOUT = Path(__file__).parents[2]
@@ -103,18 +103,12 @@ def test_a_compilers_complaint_is_passed_on(tmp_path: Path) -> None:
 # ---- onto a board ----
 
 
-def drive(folder: Path, name: str = "RPI-RP2") -> Path:
-    folder.mkdir(parents=True)
-    (folder / "INFO_UF2.TXT").write_text(f"UF2 Bootloader v3.0\nModel: Raspberry Pi RP2\nBoard-ID: {name}\n")
-    return folder
-
-
 def test_a_copy_goes_to_the_drive_of_a_boot_loader(image: bytes, tmp_path: Path) -> None:
     mounted = drive(tmp_path / "media/me/RPI-RP2")
     drive(tmp_path / "media/me/OTHER", "SAMD21")
     places = list((tmp_path / "media/me").iterdir())
     assert flash.drives(places) == [mounted]
-    how, _ = flash.flash_board(image, places=places, backend=_NoDevice())
+    how, _ = flash.flash_board(image, places=places, backend=NoDevice())
     assert str(mounted) in how
     assert from_uf2((mounted / "gellight-rp2040.uf2").read_bytes()) == image
     with pytest.raises(InputError, match="not the drive"):
@@ -185,14 +179,9 @@ def test_a_cut_while_flashing_leaves_a_board_that_waits_for_its_image(image: byt
 
 def test_no_board_is_a_remedy(image: bytes, tmp_path: Path) -> None:
     with pytest.raises(BoardError, match="hold BOOTSEL"):
-        flash.flash_board(image, places=[], backend=_NoDevice(), wait_s=0.2)
+        flash.flash_board(image, places=[], backend=NoDevice(), wait_s=0.2)
     with pytest.raises(BoardError, match="cannot open"):
         flash.touch(str(tmp_path / "ttyNONE"))
-
-
-class _NoDevice(BootRom):
-    def enumerate_devices(self):  # type: ignore[no-untyped-def]
-        return iter(())
 
 
 class _TwoDevices(BootRom):
@@ -203,7 +192,7 @@ class _TwoDevices(BootRom):
 def test_nothing_is_written_where_several_boards_wait(image: bytes, tmp_path: Path) -> None:
     first, second = drive(tmp_path / "RPI-RP2"), drive(tmp_path / "RPI-RP21")
     with pytest.raises(BoardError, match=r"several boards.*RPI-RP2, .*RPI-RP21.*unplug all but"):
-        flash.flash_board(image, places=[first, second], backend=_NoDevice())
+        flash.flash_board(image, places=[first, second], backend=NoDevice())
     two = _TwoDevices()
     for places in ([], [first]):
         with pytest.raises(BoardError, match="several boards"):

@@ -36,29 +36,6 @@ def test_unplug_and_replug_in_mid_sequence(board: BenchBoard) -> None:
         np.testing.assert_array_equal(board.lit, GREEN)
 
 
-def test_a_lost_reply_is_asked_for_again_without_a_second_light(board: BenchBoard) -> None:
-    class Lossy(VirtualTransport):
-        losses = 0
-
-        def read(self, timeout_s: float) -> bytes:
-            data = super().read(timeout_s)
-            if self.losses and data:
-                self.losses -= 1
-                return b""
-            return data
-
-    transport = Lossy(board)
-    with LightRing(transport, keep_alive_s=None, timeout_s=0.02) as ring:
-        before = ring.counters()
-        transport.losses = 1
-        reply = ring.set_leds(RED)
-        assert ring.retries == 1
-        ring.wait_for_light(reply.light_id)
-        np.testing.assert_array_equal(board.lit, RED)
-        after = ring.counters()
-        assert (after.lights - before.lights, after.repeated - before.repeated) == (1, 1)
-
-
 # ---- itself ----
 
 

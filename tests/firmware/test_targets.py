@@ -14,7 +14,7 @@ from gellight.ring.boards import find_board, presets
 from gellight.ring.firmware import flash, targets
 from gellight.ring.firmware.image import from_uf2, image_family, to_uf2
 from gellight.ring.firmware.targets import committed_image
-from tests.firmware.helpers.boot_loader import BootRom
+from tests.firmware.helpers.boot_loader import BootRom, NoDevice, drive
 from tests.firmware.helpers.rp2350 import FLASH, RAM, RAM_BYTES, StartedChip, block_loop, uf2_blocks
 from tests.helpers.bench_board import BenchBoard
 from tests.helpers.places import CHECKOUT
@@ -27,12 +27,6 @@ IMAGE_TYPE = 0x42
 @pytest.fixture(scope="module")
 def pico2() -> bytes:
     return committed_image("rp2350")
-
-
-def drive(folder: Path, board_id: str) -> Path:
-    folder.mkdir(parents=True)
-    (folder / "INFO_UF2.TXT").write_text(f"UF2 Bootloader v1.0\nModel: Raspberry Pi\nBoard-ID: {board_id}\n")
-    return folder
 
 
 @pytest.mark.nightly
@@ -123,7 +117,7 @@ def test_nothing_is_written_where_the_rp2040_has_its_registers(chip: StartedChip
 
 def test_the_drive_of_an_rp2350_gets_its_own_image(pico2: bytes, tmp_path: Path) -> None:
     mounted = drive(tmp_path / "media/me/RP2350", "RP2350")
-    how, image = flash.flash_board(None, places=[mounted], backend=_NoDevice())
+    how, image = flash.flash_board(None, places=[mounted], backend=NoDevice())
     assert str(mounted) in how
     assert image == pico2
     assert from_uf2((mounted / "gellight-rp2350.uf2").read_bytes())[: len(pico2)] == pico2
@@ -133,7 +127,7 @@ def test_the_drive_of_an_rp2350_gets_its_own_image(pico2: bytes, tmp_path: Path)
 def test_an_image_for_another_chip_is_refused(board_id: str, name: str, tmp_path: Path) -> None:
     mounted = drive(tmp_path / board_id, board_id)
     with pytest.raises(InputError, match=r"the image is for the RP2.*waits in its boot loader: leave --image away"):
-        flash.flash_board(committed_image(name), places=[mounted], backend=_NoDevice())
+        flash.flash_board(committed_image(name), places=[mounted], backend=NoDevice())
     assert not list(mounted.glob("*.uf2"))
 
 
@@ -145,11 +139,6 @@ def test_picoboot_writes_an_rp2350_and_starts_it_by_its_own_command(pico2: bytes
     assert rom.rebooted
     with pytest.raises(InputError, match="image is for the RP2040, and an RP2350 waits"):
         flash.flash_board(committed_image("rp2040"), places=[], backend=rom)
-
-
-class _NoDevice(BootRom):
-    def enumerate_devices(self):  # type: ignore[no-untyped-def]
-        return iter(())
 
 
 # ---- a third ----
@@ -195,7 +184,7 @@ def test_a_folder_alone_makes_another_board(tmp_path: Path, monkeypatch: pytest.
     try:
         write_image(image, package / "gellight-made_up.uf2", made)
         mounted = drive(tmp_path / "MADE-UP", "MADE-UP")
-        flash.flash_board(None, places=[mounted], backend=_NoDevice())
+        flash.flash_board(None, places=[mounted], backend=NoDevice())
         assert from_uf2((mounted / "gellight-made_up.uf2").read_bytes())[: len(image)] == image
     finally:
         targets.packaged.cache_clear()

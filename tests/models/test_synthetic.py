@@ -1,7 +1,6 @@
 """The network of the simulated sensor: labels that are true, a recipe that can be run again, a bundle that fits."""
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -12,17 +11,15 @@ import pytest
 
 from gellight.bundle.bundle import load_bundle
 from gellight.lab.simulator import scene as gellight_scene
-from gellight.lab.simulator.scene import Press, Scene
+from gellight.lab.simulator.scene import Scene
 from gelnet import synthetic
 from gelnet.recipes import RECIPES
 from gelnet.synthetic import Options, geometry_hash, main, simulated_sensor, table_of_presses
 from sim_reference import gel
-from sim_reference.camera import CameraResponse, linear_grey
+from sim_reference.camera import CameraResponse
 from sim_reference.deformation import Deformation
 from sim_reference.geometry import AS_BUILT, SensorGeometry
-from sim_reference.imaging import ring_irradiance
-from sim_reference.surface import Surface
-from tests.helpers.pixel_bound import bound_on_balls_deg, pixel_bound_deg
+from tests.helpers.pixel_bound import bound_on_balls_deg
 from tests.helpers.simulated_bundle import evaluate_simulated
 from tests.helpers.trainers import TRAINERS
 
@@ -159,59 +156,3 @@ def test_the_shipped_network_keeps_what_the_model_card_promises() -> None:
     assert error.whole_map_normal_mae_deg <= 0.28
     assert error.contact_depth_mae_mm <= 0.010
     assert error.contact_normal_mae_deg < bound_on_balls_deg(3, error.press_depth_mm)
-
-
-def test_the_bound_of_one_pixel_grows_with_the_noise() -> None:
-    quiet, loud = (Scene(SMALL, CameraResponse(noise_grey=noise)) for noise in (1.0, 3.0))
-    _, surface = quiet.show(Press("BALL", 1.0, 2.0, 1.0))
-    ratio = pixel_bound_deg(loud, surface) / pixel_bound_deg(quiet, surface)
-    np.testing.assert_allclose(ratio, np.sqrt((9 + 1 / 12) / (1 + 1 / 12)), rtol=1e-6)
-
-
-@pytest.mark.parametrize(("row", "column"), [(60, 85), (70, 95), (40, 60)])
-def test_the_most_likely_slope_of_one_pixel_errs_by_the_bound(row: int, column: int) -> None:
-    """Noisy colours of one pixel, and for each the slope whose rendering is nearest: it knows the renderer alone."""
-    scene = Scene(SMALL, CameraResponse(noise_grey=1.0))
-    _, surface = scene.show(Press("BALL", 1.0, 2.0, 1.0))
-    true = surface.gradient_map[row, column].astype(np.float64)
-    render = rendered_pixel(scene, surface, row, column, true)
-    random = np.random.default_rng(0)
-    colours = render(np.zeros((1, 2))) + random.normal(0, np.sqrt(1 + 1 / 12), (20_000, 3))
-    change = most_likely(render, colours)
-    normal = np.concatenate([-(true + change), np.ones((len(change), 1))], axis=1)
-    cosine = normal @ np.append(-true, 1.0) / np.linalg.norm(normal, axis=1) / np.sqrt(1 + true @ true)
-    measured = np.degrees(np.arccos(np.minimum(cosine, 1))).mean()
-    assert measured == pytest.approx(pixel_bound_deg(scene, surface)[row, column], rel=0.02)
-
-
-def rendered_pixel(
-    scene: Scene, surface: Surface, row: int, column: int, true: np.ndarray
-) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the grey levels (N, 3) of a pixel by changes (N, 2) of its slopes: a cubic through 7 x 7 renderings."""
-    steps = np.linspace(-0.09, 0.09, 7)
-    changes = np.array([(x, y) for x in steps for y in steps])
-    grey = []
-    for change in changes:
-        slopes = surface.gradient_map.astype(np.float64)
-        slopes[row, column] = true + change
-        tilted = Surface(surface.depth_mm, slopes, surface.contact)
-        irradiance = ring_irradiance(tilted, scene.geometry, scene.light)
-        grey.append(linear_grey(irradiance, scene.response)[row, column])
-    weights = np.linalg.lstsq(cubic(changes), np.array(grey), rcond=None)[0]
-    return lambda change: cubic(change) @ weights
-
-
-def cubic(change: np.ndarray) -> np.ndarray:
-    x, y = change.T / 0.1
-    return np.stack([x**i * y**j for i in range(4) for j in range(4 - i)], axis=1)
-
-
-def most_likely(render: Callable[[np.ndarray], np.ndarray], colours: np.ndarray) -> np.ndarray:
-    """Return the changes (N, 2) of the slopes that explain colours (N, 3) best: Gauss and Newton, four times."""
-    change = np.zeros((len(colours), 2))
-    for _ in range(4):
-        left = colours - render(change)
-        columns = [(render(change + step) - render(change - step)) / 2e-3 for step in 1e-3 * np.eye(2)]
-        jacobian = np.stack(columns, axis=2)
-        change += np.einsum("nij,nj->ni", np.linalg.pinv(jacobian), left)
-    return change

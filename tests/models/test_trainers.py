@@ -13,7 +13,6 @@ from gelnet.parameters import Floats, Parameters
 from gelnet.recipes import RECIPES, Recipe
 from gelnet.table import Table, checked
 from gelnet.trainers import make_trainer
-from gelnet.training import normal_error_deg, train
 from tests.helpers.trainers import TRAINERS
 
 PAPER = replace(RECIPES["paper"], dropout=0.0)
@@ -34,11 +33,6 @@ def pressed(images: int = 10, per_image: int = 600, noise_grey: float = 1.0) -> 
     colour = 60 * (1 + place[:, :1] / 640) * bend * (slope @ lights.T) + random.normal(0, noise_grey, (n, 3))
     rows = np.concatenate([colour, place, slope], axis=1).astype(np.float32)
     return checked(rows, np.repeat(np.arange(images), per_image), np.array([320, 240]))
-
-
-def divided(table: Table) -> tuple[Table, Table]:
-    """Seven presses to learn from, three that judge."""
-    return table.chosen(table.image < 7), table.chosen(table.image >= 7)
 
 
 def pair(recipe: Recipe, table: Table, width: int = 32) -> tuple[Any, NumpyTrainer]:
@@ -132,38 +126,6 @@ def test_the_same_batches_give_the_same_network(recipe: Recipe) -> None:
     assert not np.allclose(flat(by_numpy.parameters()), flat(pair(recipe, table)[1].parameters()), atol=10 * rate)
 
 
-class Borrower(NumpyTrainer):
-    """NumPy's steps with torch's random numbers."""
-
-    def __init__(self, *, seed: int) -> None:
-        super().__init__(seed=seed)
-        self.lender: Any = make_trainer("torch", seed=seed)
-
-    def order(self, count: int) -> np.ndarray:
-        return self.lender.order(count)
-
-    def normal(self, count: int, inputs: int) -> Floats:
-        return self.lender.normal(count, inputs)
-
-    def begin(self, pixels: Floats, gradient: Floats, *, width: int, recipe: Recipe) -> None:
-        self.lender.begin(pixels, gradient, width=width, recipe=recipe)
-        self.begin_with(self.lender.parameters(), recipe)
-
-
-@pytest.mark.nightly
-@recipes
-def test_with_the_same_random_numbers_a_whole_training_ends_at_the_same_error(recipe: Recipe) -> None:
-    training, held_out = divided(pressed())
-    short = replace(recipe, epochs=6, least_visits=0, batch=256, largest_table=4000)
-    # One after the other: torch has one state of its random numbers.
-    by_torch = train(training, short, make_trainer("torch", seed=5), width=32)
-    by_numpy = train(training, short, Borrower(seed=5), width=32)
-    assert by_numpy.rows == by_torch.rows == 4000
-    np.testing.assert_allclose(by_numpy.losses, by_torch.losses, rtol=1e-3)
-    errors = [normal_error_deg(trained.network, held_out)["mean"] for trained in (by_torch, by_numpy)]
-    assert errors[1] == pytest.approx(errors[0], rel=2e-3)
-
-
 @pytest.mark.nightly
 def test_their_files_answer_the_same() -> None:
     table = pressed()
@@ -247,20 +209,3 @@ def test_dropout_is_left_out_of_answers_and_repeats_with_the_seed() -> None:
         losses.append(trainer.loss(pixels, gradient)[0])
         assert (trainer.answer(pixels) == trainer.answer(pixels)).all()
     assert losses[0] == losses[1] != losses[2]
-
-
-@pytest.mark.nightly
-def test_both_learn_as_well() -> None:
-    """On images neither has seen; the spread is that of seeds."""
-    training, held_out = divided(pressed(per_image=1500))
-    recipe = replace(RECIPES["fast"], least_visits=200_000, batch=256)
-    errors = {
-        name: [
-            normal_error_deg(train(training, recipe, make_trainer(name, seed=seed), width=16).network, held_out)["mean"]
-            for seed in range(3)
-        ]
-        for name in ("torch", "numpy")
-    }
-    spread = max(np.std(found, ddof=1) for found in errors.values())
-    assert abs(np.mean(errors["numpy"]) - np.mean(errors["torch"])) < max(3 * spread, 0.05)
-    assert np.mean(errors["numpy"]) < 3

@@ -1,13 +1,12 @@
 """`python -m tests.soak`: hours of faults on a simulated sensor, with every check that what it gives is right.
 
 run.py         the soak: faults, recoveries, the report
-faults.py      what goes wrong, drawn from a seed
-hardware.py    the sensor: cameras in a simulated kernel, a bus made of files, a simulated board; marks.py: its pictures
-maltreating.py what is done to it; wires.py: its serial line
+faults.py      what goes wrong, drawn from a seed, and how it is done to the sensor
+hardware.py    the sensor: cameras in a simulated kernel, a bus made of files, a simulated board and its serial line
 labelling.py   the same faults on virtual time, where labels can be judged
 shift.py       a daemon with recording and subscriber; reader.py and holder.py are programs to be killed
 working.py     who calibrates meanwhile; pressed_gel.py: what the sensor looks at
-judging.py     what has to hold; resources.py: memory and handles
+judging.py     what has to hold; memory and handles
 """
 
 import argparse
@@ -20,9 +19,8 @@ from functools import partial
 
 from gellight.base.errors import InputError
 from tests.soak.faults import plan
-from tests.soak.judging import Invariant
+from tests.soak.judging import Invariant, one_arena
 from tests.soak.labelling import Labelling
-from tests.soak.resources import one_arena
 from tests.soak.run import Report, labels, soak
 from tests.soak.working import Work
 

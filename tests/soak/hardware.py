@@ -7,10 +7,11 @@ picture carries its number in its pixels, and by that number it is known when it
 import logging
 import random
 import threading
+import time
 from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -19,16 +20,14 @@ from numpy.typing import NDArray
 from gellight.base.errors import BoardError, GellightError
 from gellight.lab.simulator.shutter import Shutter
 from gellight.ring.light_ring import LightRing
-from gellight.ring.transport import open_transport
+from gellight.ring.transport import Transport, open_transport
 from gellight.ring.wire import LED_COUNT
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.v4l2 import structures as v
 from tests.helpers.simulated_kernel import CameraDevice, SimulatedKernel
 from tests.helpers.terminal_board import TerminalBoard
 from tests.helpers.usb_tree import UsbTree
-from tests.soak.marks import marked
-from tests.soak.pressed_gel import SHAPE, PressedGel
-from tests.soak.wires import WiredTransport, Wires
+from tests.soak.pressed_gel import SHAPE, PressedGel, marked
 from tests.virtual_usb.encoding import Mark, to_jpeg, to_yuyv
 from tests.virtual_usb.faults import NO_FAULTS, Faults
 
@@ -235,3 +234,48 @@ def digitised(picture: NDArray[np.float32], draw: np.random.Generator) -> NDArra
     """Return (H, W, 3) grey levels as a camera with some noise has them."""
     noisy = picture + draw.integers(0, 3, picture.shape, np.uint8)
     return np.asarray(np.clip(noisy, 0, 255), np.uint8)
+
+
+@dataclass
+class Wires:
+    """The serial line between host and board."""
+
+    flipped: float = 0.0
+    """share of the bytes that arrive with a wrong bit, in either direction"""
+    silent: bool = False
+    """nothing gets through"""
+    draw: random.Random = field(default_factory=lambda: random.Random(0))
+
+    def pass_on(self, data: bytes) -> bytes:
+        """Return what arrives of `data`."""
+        if self.silent or not self.flipped:
+            return b"" if self.silent else data
+        flip = self.draw
+        return bytes(byte ^ (1 << flip.randrange(8)) if flip.random() < self.flipped else byte for byte in data)
+
+
+class WiredTransport:
+    """A transport to the board over `Wires`."""
+
+    def __init__(self, transport: Transport, wires: Wires) -> None:
+        """Disturb what goes through `transport` as `wires` say."""
+        self.url, self._transport, self._wires = transport.url, transport, wires
+        self.monotonic: Callable[[], float] = getattr(transport, "monotonic", time.monotonic)
+
+    def write(self, data: bytes) -> None:
+        """Send what gets through."""
+        if arriving := self._wires.pass_on(data):
+            self._transport.write(arriving)
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what got through; bytes that are lost end no waiting."""
+        end_s = self.monotonic() + timeout_s
+        while True:
+            left_s = end_s - self.monotonic()
+            data = self._wires.pass_on(self._transport.read(max(left_s, 0.0)))
+            if data or left_s <= 0:
+                return data
+
+    def close(self) -> None:
+        """Close."""
+        self._transport.close()

@@ -28,11 +28,9 @@ from gellight.sensor.sensor_camera import open_sensor
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
 from tests.helpers.simulated_kernel import SLICE_S, SimulatedKernel
 from tests.helpers.virtual_sensor import HostClock
-from tests.soak.faults import PlannedFault
-from tests.soak.hardware import SERIAL, SHUTTER, FragileSensor
+from tests.soak.faults import OF_SENSOR, PlannedFault, maltreat
+from tests.soak.hardware import SERIAL, SHUTTER, FragileSensor, WiredTransport
 from tests.soak.judging import RECOVERY_S, Invariant, Judge
-from tests.soak.maltreating import OF_SENSOR, maltreat
-from tests.soak.wires import WiredTransport
 
 logger = logging.getLogger(__name__)
 KEEP_ALIVE_S = 0.25

@@ -28,14 +28,23 @@ from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import Bundle, write_bundle
 from tests.helpers.small_bundles import ordinary
 from tests.helpers.terminal_board import TerminalBoard
-from tests.soak.faults import FaultKind, PlannedFault, plan
+from tests.soak.faults import JUMP_S, FaultKind, PlannedFault, maltreat, plan
 from tests.soak.hardware import SERIAL, SHUTTER, SoakSensor, digitised
-from tests.soak.judging import DARK_WITHIN_S, RECOVERY_S, Invariant, Judge, Patience, Violation
+from tests.soak.judging import (
+    DARK_WITHIN_S,
+    FEWEST,
+    FIRST_RESTS,
+    RECOVERY_S,
+    Holdings,
+    Invariant,
+    Judge,
+    Patience,
+    Violation,
+    handle_growth,
+    memory_growth_mb,
+)
 from tests.soak.labelling import Labelling
-from tests.soak.maltreating import JUMP_S, maltreat
-from tests.soak.marks import BITS, marked
-from tests.soak.pressed_gel import PIXEL_MM, PressedGel
-from tests.soak.resources import FEWEST, FIRST_RESTS, Holdings, handle_growth, memory_growth_mb
+from tests.soak.pressed_gel import BITS, PIXEL_MM, PressedGel, marked
 from tests.soak.shift import Shift
 from tests.soak.working import Work
 

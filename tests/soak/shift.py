@@ -26,7 +26,7 @@ from gellight.watch.monitor import SensorWatch
 from tests.helpers.sessions import session_of
 from tests.soak.hardware import SERIAL, SoakSensor
 from tests.soak.judging import Invariant, Judge
-from tests.soak.marks import read_number
+from tests.soak.pressed_gel import read_number
 from tests.soak.working import IN_FLIGHT, Calibrating, Work, Working
 
 KEPT_FRAMES = 64

@@ -10,10 +10,8 @@ from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.frames.pixel_grid import block_means
 from gellight.lab.simulator.scene import Press
 from tests.soak.hardware import Exposure
-from tests.soak.judging import Invariant, Judge
-from tests.soak.marks import ROWS, marked, read_number
-from tests.soak.pressed_gel import place_px
-from tests.soak.resources import Holdings, handle_growth, memory_growth_mb
+from tests.soak.judging import Holdings, Invariant, Judge, handle_growth, memory_growth_mb
+from tests.soak.pressed_gel import ROWS, marked, place_px, read_number
 from tests.soak.working import Work, judge_circle
 
 GREY = np.full((120, 160, 3), 90, np.uint8)

@@ -20,7 +20,6 @@ def _heavy_modules(guest: Guest) -> None:
         "gellight.lab.simulator.simulated_camera",
         "gellight.daemon.calibration_service",
         "gellight.dashboard.server",
-        "tests.vm.inside.serving",
     )
 
 
@@ -112,7 +111,7 @@ def test_run_streams_depth_and_serves_its_status_while_the_sensor_is_unplugged(
     bench.plug("lit", 0)
     frames = 200 if hardware_virtualisation() else 5  # an emulated processor takes seconds for one
     arguments = ["--sensor", "auto", "--calibration", str(bundle), "--frames", str(frames), "--json"]
-    running = guest.start("serving:run_through", arguments=arguments, limit_s=170)
+    running = guest.start("sensing:run_through", arguments=arguments, limit_s=170)
     assert running.event("streaming")["status"]["error"] is None
     bench.unplug("lit", aside=True)
     away = running.event("away")

@@ -7,6 +7,7 @@ writing by pages of 256, and nothing happens before exclusive access was taken a
 import array
 import struct
 from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -203,3 +204,18 @@ class BootRom(usb.backend.IBackend):  # type: ignore[misc]
             self.flash[offset + i] &= value  # programming only clears bits
         self._incoming = None
         self._answers.append(b"")
+
+
+class NoDevice(BootRom):
+    """No board is in its boot loader."""
+
+    def enumerate_devices(self) -> Iterator[str]:
+        """Yield nothing."""
+        return iter(())
+
+
+def drive(folder: Path, board_id: str = "RPI-RP2") -> Path:
+    """Make the drive that a boot loader shows."""
+    folder.mkdir(parents=True)
+    (folder / "INFO_UF2.TXT").write_text(f"UF2 Bootloader v3.0\nModel: Raspberry Pi RP2\nBoard-ID: {board_id}\n")
+    return folder

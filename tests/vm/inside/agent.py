@@ -21,7 +21,6 @@ PRELOADED = (
     "tests.vm.inside.looking",
     "tests.vm.inside.commanding",
     "tests.vm.inside.sensing",
-    "tests.vm.inside.faking",
 )
 """imported once, before the first call: it takes seconds in an emulated machine"""
 MACHINE = "10.0.2.2"

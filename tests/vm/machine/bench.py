@@ -8,9 +8,8 @@ import time
 from collections.abc import Mapping
 from typing import Any, Self
 
-from tests.virtual_usb.device import VirtualSensor
+from tests.virtual_usb.device import UsbipServer, VirtualSensor
 from tests.virtual_usb.faults import NO_FAULTS
-from tests.virtual_usb.usbip_server import UsbipServer
 from tests.vm.machine.qemu import Guest
 
 ONE, TWO, LIT, FINE = "00000000000000A1", "00000000000000B2", "00000000000000C3", "00000000000000E5"

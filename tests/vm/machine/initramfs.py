@@ -5,7 +5,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.vm.machine.modules import content
+from tests.vm.machine.packages import content
 
 DRIVERS = ("virtio_pci", "virtio_net", "9p", "9pnet_virtio", "overlay")
 SCRIPT = r"""#!/bin/busybox sh

@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.vm.machine import initramfs
-from tests.vm.machine.modules import content, load_order
-from tests.vm.machine.packages import unpacked
+from tests.vm.machine.packages import content, load_order, unpacked
 
 DRIVERS = ("vhci_hcd", "uvcvideo", "cdc_acm")
 ON_DEMAND = ("vivid",)
@@ -186,7 +185,7 @@ def share(name: str, path: Path) -> list[str]:
 
 
 def write_first_files(base: Path, folder: Path, release: str) -> None:
-    """Write the initramfs, and lists of the modules that the guest loads, in order."""
+    """Write the initramfs, and a list of the modules that the guest loads, in order."""
     modules = next((base / "kernel").rglob(f"modules/{release}"))
     busybox = next(path for root in (base / "tools", Path("/")) if (path := root / "usr/bin/busybox").exists())
     (folder / "initramfs.gz").write_bytes(initramfs.build(load_order(modules, initramfs.DRIVERS), busybox))
