@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 from gellight.base.errors import BundleError, GellightError, InputError
 from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.records import CheckErrors, Circle, PinGrid
-from gellight.lab.calibration.state import State, discard, unfinished
+from gellight.lab.calibration.state import State, discard, state_in, unfinished
 from tests.helpers.begun_calibration import begun_in, identity
 
 CIRCLE = Circle(center_x_px=100.0, center_y_px=80.0, contact_radius_px=20.0)
@@ -203,9 +203,23 @@ def test_a_full_disk_is_told_and_what_was_measured_before_is_kept(
 
 def test_what_an_older_version_began_is_read(tmp_path: Path) -> None:
     begun = {"sensor": "A17", "image_size_px": [320, 240], "ball_radius_mm": 60.0, "cylinder_diameter_mm": 6.0}
-    (tmp_path / "state.json").write_text(
-        json.dumps({"schema_version": 1, "identity": {**begun, "prism_angle_deg": 45}})
-    )
+    errors = {"depth_mm": 0.01, "normal_deg": 0.5, "indentation_mm": 1.0, "picture_grey": 2.0}
+    circle = {"center_x_px": 9, "center_y_px": 8, "contact_radius_px": 7}
+    light = {"mean_grey": 159.0, "sigma_grey": 6.7, "within_1_sigma": 0.64, "within_2_sigma": 0.96,
+             "within_3_sigma": 0.99, "darkest_grey": 140.0, "brightest_grey": 180.0}  # fmt: skip
+    steps = {
+        "without_prism": True,
+        "prepare": {"camera": {}, "uniformity": dict.fromkeys(("average", "red", "green", "blue"), light),
+                    "lights": {"leds": [], "groups": [{"group": 0, "leds": [0], "error": 0.01}], "dark_grey": 0.2},
+                    "advice": ""},
+        "verify": {"presses": 1, **errors, "second_opinions": {}},
+    }  # fmt: skip
+    checks = [{"number": 1, "file": "checks/press-001.png", **circle, "figures": errors}]
+    state = {"schema_version": 1, "identity": {**begun, "prism_angle_deg": 45}, "prisms": [], "steps": steps}
+    (tmp_path / "state.json").write_text(json.dumps({**state, "checks": checks}))
+    read = state_in(tmp_path)
+    assert read.steps.prepare.uniformity.red.brightest_grey == 180
+    assert (read.steps.verify.normal_deg, read.checks[0].figures.indentation_mm) == (0.5, 1.0)
     identity = unfinished(tmp_path)
     assert identity.sizes() == {
         "ball_radius_mm": 60.0, "cylinder_diameter_mm": 6.0, "pin_pitch_mm": None, "pixel_size_mm": None,
