@@ -201,13 +201,18 @@ def test_values_are_in_units_and_read_back_from_the_camera() -> None:
     assert camera.controls[c.EXPOSURE_AUTO].value == 1, "set alone switches the automatic off too"
 
 
-def test_a_value_out_of_range_and_a_control_that_is_not_there_are_refused() -> None:
+def test_a_value_out_of_range_a_control_that_is_not_there_and_what_the_camera_refuses_are_told() -> None:
     camera, controls = controls_of()
     with pytest.raises(InputError, match="takes 2800 to 6500 in steps of 10"):
         controls.set("white_balance_k", 9000)
     del camera.controls[c.GAIN]
     with pytest.raises(CameraError, match=r"no control gain \(it has: exposure_us, white_balance_k\)"):
         controls.set("gain", 3)
+    kernel, camera = fake()
+    controls = Device(PATH, kernel=kernel).controls
+    camera.errors[v.S_CTRL] = errno.EIO
+    with pytest.raises(CameraError, match="refuses the dynamic frame rate = 0"):
+        controls.lock({})
 
 
 def test_an_exposure_longer_than_the_frame_period_is_refused_with_the_way_out() -> None:
@@ -261,11 +266,3 @@ def test_a_value_that_is_being_set_is_never_found_changed() -> None:
 
     controls.set("exposure_us", 5000)
     assert not wrong
-
-
-def test_a_refusal_by_the_camera_is_told() -> None:
-    kernel, camera = fake()
-    controls = Device(PATH, kernel=kernel).controls
-    camera.errors[v.S_CTRL] = errno.EIO
-    with pytest.raises(CameraError, match="refuses the dynamic frame rate = 0"):
-        controls.lock({})
