@@ -1,10 +1,12 @@
 """`gellight reconstruct`: the files it writes, what it prints, and what it refuses before and during the work."""
 
+import errno
 import json
 import os
 import re
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -233,6 +235,20 @@ def test_an_option_that_would_change_nothing_is_refused(tmp_path: Path, bundle: 
     )
     assert f"{option[0]} has no effect with a bundle of one light" in refused(result)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_full_disk_leaves_no_part_of_a_file(tmp_path: Path, bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = press(tmp_path / "1.png")
+    monkeypatch.setattr(Path, "replace", Mock(side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
+    message = refused(run(path, "--calibration", bundle, "--out", tmp_path / "out"))
+    assert "No space left on device" in message
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_out_that_is_a_file_is_refused(tmp_path: Path, bundle: Path) -> None:
+    path = press(tmp_path / "1.png")
+    (tmp_path / "out").write_text("")
+    assert "give --out a folder" in refused(run(path, "--calibration", bundle, "--out", tmp_path / "out"))
 
 
 def test_equal_depths_have_equal_colours_in_every_picture_normals_and_differences_their_usual_ones() -> None:
