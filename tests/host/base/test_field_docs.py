@@ -20,13 +20,10 @@ def test_help_shows_every_field(name: str) -> None:
         assert f"{field.name}: " in shown.partition("Fields:")[2].partition("Method")[0]
 
 
-def test_a_field_is_told_as_it_stands_in_the_source() -> None:
+def test_a_field_is_told_as_it_stands_in_the_source_where_that_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(CLASSES) >= 6
     assert "depth_mm: NDArray[np.float32]\n    (H, W) mm" in (gellight.TactileFrame.__doc__ or "")
     told = inspect.getdoc(ExposureSeries) or ""
     assert told.index("image: ") < told.index("groups: "), "those of the base class first"
-
-
-def test_without_the_source_the_docstring_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(inspect, "getsource", Mock(side_effect=OSError("could not get source code")))
     assert (gellight.Contact.__doc__ or "").count("\n") < 8

@@ -27,7 +27,7 @@ def lines(capsys: pytest.CaptureFixture[str]) -> list[dict[str, object]]:
     return [json.loads(line) for line in capsys.readouterr().err.splitlines()]
 
 
-def test_every_line_is_an_object_with_its_time_and_sensor(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_line_is_an_object_with_its_time_sensor_and_traceback(capsys: pytest.CaptureFixture[str]) -> None:
     logs.configure("json", "sensor://GL0001")
     logging.getLogger("gellight.daemon").warning("%s of\n%d", 'a "part"', 3)
     logging.getLogger("aiohttp.server").info("said by a library, and not kept")
@@ -38,10 +38,6 @@ def test_every_line_is_an_object_with_its_time_and_sensor(capsys: pytest.Capture
     assert warned["message"] == 'a "part" of\n3'
     assert abs(datetime.fromisoformat(str(warned["time"])).timestamp() - datetime.now().timestamp()) < 60
     assert (said["level"], said["message"]) == ("info", "dashboard: http://127.0.0.1:8420/")
-
-
-def test_a_traceback_stays_in_its_line(capsys: pytest.CaptureFixture[str]) -> None:
-    logs.configure("json", "")
     try:
         raise ValueError("odd")
     except ValueError:

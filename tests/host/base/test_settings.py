@@ -140,14 +140,11 @@ def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
         read_settings(tmp_path / "lost.toml")
 
 
-def test_the_geometry_that_can_be_set_is_the_geometry_there_is() -> None:
+def test_the_geometry_that_can_be_set_is_the_geometry_there_is_with_angles_in_radians() -> None:
     settable = {
         name.removesuffix("_deg") + "_rad" if name.endswith("_deg") else name for name in GeometrySettings.model_fields
     }
     assert settable == {field.name for field in dataclasses.fields(SensorGeometry)}
-
-
-def test_geometry_overrides_build_a_sensor_with_angles_in_radians() -> None:
     overrides = GeometrySettings(incident_angle_deg=35.0, image_width_px=320, led_colours="RGBRGB").overrides()
     assert overrides.keys() == {"incident_angle_rad", "image_width_px", "led_colours"}
     geometry = SensorGeometry(**overrides)  # type: ignore[arg-type]

@@ -56,7 +56,9 @@ def test_a_list_loads_each_bundle_once_and_again_only_after_a_change(tmp_path: P
     assert store.bundles("GL-7") == first
 
 
-def test_what_is_in_service_is_listed_without_loading(tmp_path: Path, loads: list[str]) -> None:
+def test_what_is_in_service_is_listed_without_loading_and_an_installation_loads_its_own(
+    tmp_path: Path, loads: list[str]
+) -> None:
     made = filled(tmp_path, 2)
     store = BundleStore(tmp_path / "store")
     assert [entry.in_service for entry in store.bundles("GL-7")].count(True) == 1
@@ -64,12 +66,8 @@ def test_what_is_in_service_is_listed_without_loading(tmp_path: Path, loads: lis
     store.put_in_service(store.find(made[0].identity))
     assert {entry.identity for entry in store.bundles() if entry.in_service} == {made[0].identity}
     assert loads == []
-
-
-def test_an_installation_loads_what_it_has_written_and_nothing_else(tmp_path: Path, loads: list[str]) -> None:
-    first, _ = filled(tmp_path, 2)
+    first, _ = made
     third = verified_bundle(tmp_path / "third")
-    store = BundleStore(tmp_path / "store")
     loads.clear()
     install(third, sensor="GL-7", store=store)
     assert loads == [third.identity]

@@ -49,7 +49,7 @@ def test_the_settings_tell_how_high_the_camera_stands(
     assert told_ball(4.0, 0.1).camera_height_mm == np.inf
 
 
-def test_fit_writes_a_bundle_that_says_how_it_came_about(bundle: Path, pressed: Path) -> None:
+def test_fit_writes_a_bundle_that_says_how_it_came_about_and_how_square_pixels_are(bundle: Path, pressed: Path) -> None:
     written = load_bundle(bundle)
     assert written.manifest.sensor == "S1"
     assert written.manifest.reference_frames == 8
@@ -60,10 +60,6 @@ def test_fit_writes_a_bundle_that_says_how_it_came_about(bundle: Path, pressed: 
     assert record["losses"][-1] < record["losses"][0]
     assert set(written.presses()) == {"rows", "image", "image_size", "depth_mm"}
     assert [path.name for path in bundle.parent.iterdir()] == [bundle.name]
-
-
-def test_fit_tells_that_pixels_are_not_square(bundle: Path) -> None:
-    written = load_bundle(bundle)
     assert written.metrics["pixel_ratio"]["ratio"] == pytest.approx(1, abs=0.03)
     assert not any("not square" in line for line in training._fit_lines(written))
     (line,) = training._pixel_warning({"ratio": 1.08, "error": 0.002}, written.image_shape)
@@ -108,21 +104,8 @@ def test_a_bundle_of_large_pictures_takes_them_as_they_are(pressed: Path, tmp_pa
 
 
 def test_refined_labels_are_in_the_bundle(pressed: Path, tmp_path: Path) -> None:
-    succeeded(
-        run(
-            "fit",
-            *sources(pressed),
-            "--out",
-            tmp_path / "out",
-            "--refine",
-            "--largest-normal-error-deg",
-            "90",
-            "--epochs",
-            "1",
-            "--width",
-            "4",
-        )
-    )
+    quick = ["--largest-normal-error-deg", "90", "--epochs", "1", "--width", "4"]
+    succeeded(run("fit", *sources(pressed), "--out", tmp_path / "out", "--refine", *quick))
     refinement = load_bundle(tmp_path / "out").metrics["refinement"]
     # The labels of the simulated presses are exact.
     assert refinement["rms_shift_px"] < 0.7
@@ -165,14 +148,13 @@ def test_a_label_beside_its_ball_is_told_and_left_out_unless_it_is_kept(
     assert word in result.stdout
 
 
-def test_an_existing_bundle_is_kept_unless_told_otherwise(bundle: Path, pressed: Path) -> None:
+def test_what_exists_and_what_cannot_be_written_are_refused_before_work(
+    bundle: Path, pressed: Path, tmp_path: Path
+) -> None:
     before = (bundle / "manifest.toml").read_bytes()
     result = run("fit", *sources(pressed), "--out", bundle)
     assert "--overwrite" in refused(result)
     assert (bundle / "manifest.toml").read_bytes() == before
-
-
-def test_a_place_that_cannot_be_written_is_refused_before_anything_is_learnt(pressed: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
     result = run("fit", *sources(pressed), "--out", tmp_path / "file/sensor")
     assert "file/sensor cannot be written (Not a directory)" in refused(result)

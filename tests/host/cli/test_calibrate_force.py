@@ -28,17 +28,9 @@ def folder(tmp_path: Path) -> Path:
 
 
 def run(folder: Path, *more: object) -> Any:
-    given: list[object] = ["calibrate", "force", folder / "forces.csv", "--gel-thickness-mm", LAYER.thickness_mm]
-    given += [
-        "--poisson-ratio",
-        LAYER.poisson_ratio,
-        "--calibration",
-        folder / "bundle",
-        "--out",
-        folder / "new",
-        *more,
-    ]
-    return invoke(*given)
+    layer = ["--gel-thickness-mm", LAYER.thickness_mm, "--poisson-ratio", LAYER.poisson_ratio]
+    places = ["--calibration", folder / "bundle", "--out", folder / "new"]
+    return invoke("calibrate", "force", folder / "forces.csv", *layer, *places, *more)
 
 
 def test_weights_give_the_modulus_and_the_bundle_keeps_all_the_rest(folder: Path) -> None:
@@ -77,25 +69,18 @@ def test_a_load_cell_beside_a_recording_and_the_lag_of_its_clock(folder: Path, l
     assert said["lag_s"] == pytest.approx(lag_s, abs=0.011)
 
 
-def test_a_record_of_another_time_is_refused(folder: Path) -> None:
+def test_times_need_a_recording_of_that_time_and_pictures_none(folder: Path) -> None:
     record_presses(folder)
     (folder / "forces.csv").write_text("unix_s,force_n\n5,0\n6,1\n7,2\n")
     assert "no frame of" in refused(run(folder, "--recording", folder / "presses.mcap"))
-
-
-def test_times_need_a_recording_and_pictures_none(folder: Path) -> None:
-    (folder / "forces.csv").write_text("unix_s,force_n\n5,0\n6,1\n7,2\n")
     assert "give the recording" in refused(run(folder))
     write_weighings(folder, [weighed(depth) for depth in DEPTHS])
     assert "leave --recording out" in refused(run(folder, "--recording", folder / "presses.mcap"))
 
 
-def test_a_press_at_the_border_is_refused(folder: Path) -> None:
+def test_a_press_at_the_border_and_a_picture_that_is_missing_or_of_another_size_are_refused(folder: Path) -> None:
     write_weighings(folder, [*(weighed(depth) for depth in DEPTHS), weighed(0.5, 3.0, 7.5)])
     assert "weight6.png: the load goes on beyond the border" in refused(run(folder))
-
-
-def test_a_picture_that_is_missing_or_of_another_size_is_refused(folder: Path) -> None:
     write_weighings(folder, [weighed(depth) for depth in DEPTHS])
     cv2.imwrite(str(folder / "weight3.png"), np.zeros((10, 10, 3), np.uint8))
     assert "weight3.png is 10 x 10 px" in refused(run(folder))

@@ -11,7 +11,7 @@ import pytest
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.reconstruction.lens.undistortion import read_record
-from tests.helpers.command_line import invoke, succeeded
+from tests.helpers.command_line import invoke, refused, succeeded
 from tests.helpers.distorted import PIXEL_MM, SHAPE, TrueLens, dimple_picture, pin_picture, untouched
 from tests.helpers.linear_sensor import linear_bundle
 
@@ -73,3 +73,9 @@ def test_what_cannot_be_measured_is_refused_and_nothing_is_written(
     assert said in str(result.exception)
     assert isinstance(result.exception, error)
     assert not (tmp_path / "new").exists()
+
+
+def test_an_existing_bundle_is_kept(folder: Path, tmp_path: Path) -> None:
+    kept = load_bundle(folder / "bundle")
+    assert "exists: choose another name" in refused(run(folder, folder / "grid.png", out=folder / "bundle"))
+    assert load_bundle(folder / "bundle").identity == kept.identity

@@ -24,14 +24,6 @@ from tests.helpers.dotted import sloping_gel, with_dots
 from tests.helpers.scripted_camera import ScriptedCamera
 
 
-def test_resuming_nothing_is_told_in_one_line(tmp_path: Path) -> None:
-    done = gellight("calibrate", "--auto", "--resume", cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.strip() == (
-        "gellight: there is no interrupted calibration in calibration.state: leave --resume out, or give its --folder"
-    )
-
-
 def refused(*arguments: str) -> str:
     """The reason why the verb does not begin, in this process."""
     result = invoke("calibrate", *arguments)
@@ -39,13 +31,18 @@ def refused(*arguments: str) -> str:
     return str(result.exception)
 
 
-def test_an_interrupted_calibration_is_not_thrown_away_unasked(tmp_path: Path) -> None:
+def test_an_interrupted_calibration_is_not_thrown_away_unasked_and_none_cannot_go_on(tmp_path: Path) -> None:
     begun_in(tmp_path / "x.state")
     assert "give --resume to go on, or --restart" in refused("--auto", "--out", str(tmp_path / "x"))
     assert (tmp_path / "x.state/state.json").is_file()
+    done = gellight("calibrate", "--auto", "--resume", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.strip() == (
+        "gellight: there is no interrupted calibration in calibration.state: leave --resume out, or give its --folder"
+    )
 
 
-def test_an_interrupted_calibration_goes_on_with_the_tools_it_was_begun_with(tmp_path: Path) -> None:
+def test_tools_are_those_a_calibration_was_begun_with_or_those_of_a_preset(tmp_path: Path) -> None:
     assert Tools(cylinder_diameter_mm=6.0).chosen(None) == ToolSizes(cylinder_diameter_mm=6.0)
     assert set(ToolSizes.model_fields) == {field.name for field in fields(Tools)} - {"preset"}
     begin = identity(ball_mm=2.5, pins_mm=2.0)
@@ -54,9 +51,6 @@ def test_an_interrupted_calibration_goes_on_with_the_tools_it_was_begun_with(tmp
     assert Target(folder=tmp_path, resume=True).begun() == begin
     given = ToolSizes(ball_radius_mm=3.0, cylinder_diameter_mm=8.0, pin_pitch_mm=2.0)
     assert Tools(ball_radius_mm=3.0).chosen(begin) == given
-
-
-def test_a_preset_gives_its_ball_where_none_is_named() -> None:
     assert Tools(preset="gelsight-mini").chosen(None) == ToolSizes(ball_radius_mm=2.35)
     assert Tools(preset="gelsight-mini", ball_radius_mm=3.0).chosen(None) == ToolSizes(ball_radius_mm=3.0)
     assert Tools(preset="digit", pixel_size_mm=0.06).chosen(None) == ToolSizes(pixel_size_mm=0.06)

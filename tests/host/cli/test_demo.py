@@ -7,7 +7,6 @@ import sys
 import pytest
 
 from tests.helpers.children import gellight, run
-from tests.helpers.command_line import invoke, refused
 from tests.helpers.places import CHECKOUT
 
 
@@ -21,18 +20,6 @@ def test_a_bounded_demo_ends_with_its_statistics() -> None:
     assert statistics["selfcheck"]["passed"], statistics["selfcheck"]
     assert statistics["error"] is None
     assert re.search(r"http://127\.0\.0\.1:\d+/", done.stderr), "the address of the dashboard is printed"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--sensor", "sim://?object=CUBE&depth=1"), "'CUBE'"),
-        (("--sensor", "usb://3"), "usb://"),
-        (("--calibration", "nowhere"), "nowhere"),
-    ],
-)
-def test_wrong_arguments_are_refused_by_name(arguments: tuple[str, str], words: str) -> None:
-    assert words in refused(invoke("demo", "--no-browser", "--frames", "3", *arguments))
 
 
 def test_the_selfcheck_passes_on_the_shipped_calibration() -> None:

@@ -107,7 +107,9 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return place
 
 
-def test_advice_names_the_program_by_its_path_where_the_shell_does_not_find_it(installed: Path) -> None:
+def test_advice_names_the_path_where_shell_or_sudo_find_no_program(
+    installed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert program() == installed
     told = with_program_path(
         "may not use it: run `sudo gellight install-udev`; `gellight find` lists all, gellight is here"
@@ -115,11 +117,6 @@ def test_advice_names_the_program_by_its_path_where_the_shell_does_not_find_it(i
     assert told == (
         f"may not use it: run `sudo '{installed}' install-udev`; `'{installed}' find` lists all, gellight is here"
     )
-
-
-def test_sudo_gets_the_path_also_where_the_shell_finds_the_program(
-    installed: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
     monkeypatch.setenv("PATH", f"/nowhere{os.pathsep}{installed.parent}")
     assert with_program_path("`sudo gellight install-udev`, then `gellight find`") == (
         f"`sudo '{installed}' install-udev`, then `gellight find`"

@@ -33,10 +33,14 @@ VERBS = list(verbs(get_command(app)))
 HEAVY = {"numpy", "cv2", "scipy", "onnxruntime", "aiohttp", "sim_reference", "zenoh", "mcap"}
 
 
-def test_the_version_is_that_of_the_installed_package() -> None:
+def test_the_version_is_that_of_the_package_and_a_flag_takes_no_value() -> None:
     assert gellight.__version__ == importlib.metadata.version("gellight")
     result = invoke("--version")
     assert (result.exit_code, result.output) == (0, f"gellight {gellight.__version__}\n")
+    flags = [option for verb in VERBS for option in verb.params if getattr(option, "is_flag", False)]
+    assert len(flags) > 40
+    assert "<bool>" not in "".join(invoke(*words.split()).output for words in ("--help", "calibrate --help"))
+    assert {option.display_type_rich(None) for option in flags} == {None}
 
 
 @pytest.mark.parametrize(
@@ -50,13 +54,6 @@ def test_the_version_is_that_of_the_installed_package() -> None:
 def test_a_value_is_refused_in_our_words(words: str, why: str) -> None:
     shown = " ".join(invoke(*words.split()).output.replace("│", " ").split())
     assert f"Invalid value for '{words.split()[-2]}': {why}" in shown
-
-
-def test_a_flag_takes_no_value_and_help_shows_none() -> None:
-    flags = [option for verb in VERBS for option in verb.params if getattr(option, "is_flag", False)]
-    assert len(flags) > 40
-    assert "<bool>" not in "".join(invoke(*words.split()).output for words in ("--help", "calibrate --help"))
-    assert {option.display_type_rich(None) for option in flags} == {None}
 
 
 NO_PYDANTIC = HEAVY | {"pydantic"}

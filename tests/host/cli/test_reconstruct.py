@@ -1,10 +1,12 @@
 """`gellight reconstruct`: the files it writes, what it prints, and what it refuses before and during the work."""
 
+import errno
 import json
 import os
 import re
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -235,13 +237,21 @@ def test_an_option_that_would_change_nothing_is_refused(tmp_path: Path, bundle: 
     assert not (tmp_path / "out").exists()
 
 
+def test_a_full_disk_leaves_no_part_of_a_file(tmp_path: Path, bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = press(tmp_path / "1.png")
+    monkeypatch.setattr(Path, "replace", Mock(side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
+    message = refused(run(path, "--calibration", bundle, "--out", tmp_path / "out"))
+    assert "No space left on device" in message
+    assert not list((tmp_path / "out").iterdir())
+
+
 def test_out_that_is_a_file_is_refused(tmp_path: Path, bundle: Path) -> None:
     path = press(tmp_path / "1.png")
     (tmp_path / "out").write_text("")
     assert "give --out a folder" in refused(run(path, "--calibration", bundle, "--out", tmp_path / "out"))
 
 
-def test_equal_depths_have_equal_colours_in_every_picture() -> None:
+def test_equal_depths_have_equal_colours_in_every_picture_normals_and_differences_their_usual_ones() -> None:
     shallow, deep = np.full((4, 4), 0.1), np.full((4, 4), 0.1)
     deep[0, 0] = 0.9
     assert (depth_picture(shallow)[3, 3] == depth_picture(deep)[3, 3]).all()
@@ -250,9 +260,6 @@ def test_equal_depths_have_equal_colours_in_every_picture() -> None:
     assert brightness[0] < 20
     with pytest.raises(ValueError, match="scale_um = 0"):
         depth_picture(deep, scale_um=0)
-
-
-def test_normals_and_differences_have_their_usual_colours() -> None:
     right_up_towards = np.eye(3) * [1, -1, 1]
     assert normal_picture(right_up_towards[None]).tolist() == [[[255, 127, 127], [127, 255, 127], [127, 127, 255]]]
     assert difference_picture(np.array([[[0.0, -200.0, 200.0]]])).tolist() == [[[127, 0, 255]]]

@@ -78,7 +78,7 @@ GUIDED = [
     "--largest-normal-error-deg nan", "--recipe none", "--trainer none", "--seed -1 --presses 3",
 ]  # fmt: skip
 """of `gellight calibrate --auto`"""
-BY_DAY = ("--presses 3", "--like old", "--dots", "--view presses.csv")
+BY_DAY = ("--sensor none.png", "--presses 3", "--like old", "--dots", "--view presses.csv")
 
 
 @pytest.fixture(scope="module")

@@ -45,14 +45,17 @@ def test_info_tells_who_the_board_is_and_how_warm(board: BenchBoard) -> None:
     assert "nothing wrong" in text
 
 
-def test_set_lights_all_leds_and_leaves_them_dark(board: BenchBoard) -> None:
+def test_set_lights_all_leds_or_those_that_are_named_and_leaves_them_dark(board: BenchBoard) -> None:
     done = invoke("ring", "set", "102030", "--seconds", "0.01")
     assert (done.exit_code, done.stdout) == (0, "lit, 103 mA\n")  # 12 + 12 * 20 * (16 + 32 + 48) / 255, rounded up
     assert [[0x10, 0x20, 0x30]] * 12 in shown(board)
     assert not board.lit.any()
+    invoke("ring", "set", "ff0000", "--leds", "0-2,7", "--seconds", "0.01")
+    board_lit = np.array([colours for colours in shown(board) if np.any(colours)][-1])
+    assert np.flatnonzero(board_lit.any(axis=1)).tolist() == [0, 1, 2, 7]
 
 
-def test_configure_saves_the_wiring_and_starts_the_board_anew(board: BenchBoard) -> None:
+def test_configure_saves_wiring_supply_and_limit_of_heat_and_starts_the_board_anew(board: BenchBoard) -> None:
     done = succeeded(invoke("ring", "configure", "--board", "xiao", "--order", "rgb", "--output", "middle"))
     assert "12 LEDs (RGB) at GPIO 2, trigger at GPIO 3, trigger output at GPIO 4 (middle" in done.stdout
     assert "Seeed XIAO RP2040 prints data, trigger, output as D8, D10, D9" in done.stdout
@@ -61,9 +64,6 @@ def test_configure_saves_the_wiring_and_starts_the_board_anew(board: BenchBoard)
     with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
         kept = ring.configuration()
     assert (kept.colour_order, kept.output_pin, kept.output_at, kept.status_pin) == (1, 4, 1, 0x80 + 25)
-
-
-def test_configure_saves_load_switch_supply_and_limit_of_heat(board: BenchBoard) -> None:
     done = succeeded(invoke("ring", "configure", "--switch-pin", "134", "--supply-ma", "1200", "--hottest", "50"))
     assert "load switch at GPIO 6, dimmed above 50 °C" in done.stdout
     board.run(200_000)
@@ -87,12 +87,6 @@ def test_a_wiring_that_cannot_be_changes_nothing(board: BenchBoard, options: lis
     done = invoke("ring", "configure", *options)
     assert words in str(done.exception)
     assert board.resets == 0
-
-
-def test_only_the_leds_that_are_named_are_lit(board: BenchBoard) -> None:
-    invoke("ring", "set", "ff0000", "--leds", "0-2,7", "--seconds", "0.01")
-    board_lit = np.array([colours for colours in shown(board) if np.any(colours)][-1])
-    assert np.flatnonzero(board_lit.any(axis=1)).tolist() == [0, 1, 2, 7]
 
 
 @pytest.mark.parametrize(

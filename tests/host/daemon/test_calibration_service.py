@@ -131,12 +131,17 @@ def test_leaving_the_service_stops_what_goes_on(daemon: SensorSession, tmp_path:
     assert routine.acts[-1] == ("abort", {})
 
 
-def test_pictures_and_actions_that_are_not_there_are_told(service: Service) -> None:
+def test_what_is_not_there_is_told_and_no_other_programs_folder_is_removed(service: Service, tmp_path: Path) -> None:
     assert service.picture("live").shape == (*SHAPE, 3)
     with pytest.raises(InputError, match="no picture 'press' yet"):
         service.picture("press")
     with pytest.raises(InputError, match="no calibration is going on: begin one"):
         service.act("next")
+    (tmp_path / "state").mkdir()
+    (tmp_path / "state/state.json").write_text("{}")
+    with pytest.raises(InputError, match="is not the state of a calibration"):
+        service.begin(Request(anew=True))
+    assert (tmp_path / "state/state.json").read_text() == "{}"
 
 
 def test_a_sensor_that_cannot_be_calibrated_now_costs_no_interrupted_calibration(
@@ -148,14 +153,6 @@ def test_a_sensor_that_cannot_be_calibrated_now_costs_no_interrupted_calibration
         service.begin(Request(anew=True))
     assert service.state().interrupted
     assert not service.calibrating
-
-
-def test_beginning_anew_removes_no_folder_of_another_program(service: Service, tmp_path: Path) -> None:
-    (tmp_path / "state").mkdir()
-    (tmp_path / "state/state.json").write_text("{}")
-    with pytest.raises(InputError, match="is not the state of a calibration"):
-        service.begin(Request(anew=True))
-    assert (tmp_path / "state/state.json").read_text() == "{}"
 
 
 def test_a_shared_camera_gives_only_what_was_exposed_after_it_was_asked() -> None:

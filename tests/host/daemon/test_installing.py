@@ -118,7 +118,9 @@ def test_a_sensor_of_any_name_stays_inside_the_store(store: BundleStore, tmp_pat
     assert store.current(sensor).path.parent.parent == store.folder
 
 
-def test_the_board_remembers_the_bundle_and_the_sensor_finds_it(store: BundleStore, tmp_path: Path) -> None:
+def test_the_board_remembers_the_bundle_is_lit_again_and_writes_only_what_is_new(
+    store: BundleStore, tmp_path: Path
+) -> None:
     with open_camera("sim://?programme=0") as camera:
         ring, name = camera.ring, sensor_name(camera)
         assert bundle_of(camera, store).manifest.sensor == "simulated", "nothing else is known of it yet"
@@ -137,9 +139,6 @@ def test_the_board_remembers_the_bundle_and_the_sensor_finds_it(store: BundleSto
         store.add(foreign)
         with pytest.raises(BundleError, match="bundle of sensor 'GL-8'"):
             bundle_of(camera, store)
-
-
-def test_remembering_lights_the_ring_again_and_writes_only_what_is_new(tmp_path: Path) -> None:
     synthetic = load_bundle("synthetic")
     identity = bytes.fromhex(synthetic.identity)
     with connect("sim://") as ring:

@@ -89,6 +89,8 @@ def small(url: str, **changes: Mapping[str, object]) -> Settings:
 @pytest.mark.parametrize("wanted", [{"enabled": False}, {"rezero": False}])
 def test_the_settings_of_the_watch_hold_for_the_first_bundle_too(tmp_path: Path, wanted: dict[str, bool]) -> None:
     with assembly.open_session(small("sim://?board=0&fps=200", watch=wanted)) as daemon:
+        assert daemon.watch is None
+        assert "not calibrated" in str(daemon.status()["computed_by"])
         daemon.replace_bundle(verified_bundle(tmp_path / "made", sensor="simulated"))
         assert daemon.watch is None if "enabled" in wanted else not daemon.watch.rezero
 

@@ -51,20 +51,18 @@ def steps(ring: ScriptedRing | None, at: dict[int, Callable[[], object]] | None 
     return ScriptedCamera(picture, shape=(4, 4), ahead_s=1, ring=ring, controls=ScriptedControls())
 
 
-def test_frames_are_let_pass_until_a_control_acts_and_none_for_one_that_holds_already() -> None:
+def test_frames_are_let_pass_until_a_control_acts_and_a_ring_that_is_replaced_meanwhile_is_lit_too() -> None:
     camera = steps(ScriptedRing())
     (frame,) = set_and_light(camera, {"gain": 2.0}, RED)
     assert frame.sequence == 4 + 1
     (frame,) = set_and_light(camera, {"gain": 2.0}, RED)
     assert frame.sequence == 5 + 1
-
-
-def test_a_ring_that_is_replaced_meanwhile_is_lit_too() -> None:
     second = ScriptedRing()
     camera = steps(ScriptedRing(), {1: lambda: setattr(camera, "ring", second)})
     (frame,) = set_and_light(camera, {}, RED)
     assert frame.sequence == 2
     assert [light.tolist() for light in second.shown] == [RED.tolist()]
+    assert set_and_light(steps(None), {}, RED)[0].sequence == 1
 
 
 def test_a_sensor_that_is_away_says_so_and_no_frame_of_another_light_is_returned_when_it_is_back() -> None:
@@ -90,10 +88,6 @@ def test_frames_that_began_before_their_light_are_waited_out_sixty_times(late: i
         return
     with pytest.raises(CameraError):
         set_and_light(camera, {}, RED)
-
-
-def test_a_camera_without_a_ring_keeps_its_light() -> None:
-    assert set_and_light(steps(None), {}, RED)[0].sequence == 1
 
 
 def test_a_light_that_the_board_took_away_is_in_no_frame_of_the_simulated_sensor(

@@ -36,16 +36,13 @@ def test_the_rate_counts_distinct_numbers_and_falls_to_zero_when_frames_stop() -
     assert once.fps(now_s=4.1) == 0.0, "over three seconds"
 
 
-def test_gaps_are_lost_repetitions_are_repeated_and_what_was_not_delivered_is_dropped() -> None:
+def test_lost_repeated_and_dropped_are_told_apart_and_the_age_counts_from_the_exposure() -> None:
     statistics = Statistics()
     for sequence in (1, 2, 2, 5):
         statistics.note_captured(camera_frame(sequence))
     statistics.note_delivered(tactile_frame(5), 1.0)
     numbers = statistics.as_json(1.0)
     assert (numbers["lost"], numbers["repeated"], numbers["dropped"], numbers["frames"]) == (2, 1, 3, 1)
-
-
-def test_the_age_is_counted_from_the_exposure() -> None:
     statistics = Statistics()
     for tick in range(100):
         statistics.note_delivered(tactile_frame(tick, time_s=tick), tick + 0.020)

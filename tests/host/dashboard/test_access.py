@@ -56,7 +56,7 @@ def test_without_the_token_nothing_is_answered(
     assert "Set-Cookie" not in answered
 
 
-def test_the_address_that_is_printed_becomes_a_cookie(server: DashboardServer) -> None:
+def test_the_address_that_is_printed_becomes_a_cookie_and_a_program_has_a_header(server: DashboardServer) -> None:
     assert server.url.endswith(f"/?token={TOKEN}")
     status, _, headers = get(base(server) + f"status?token={TOKEN}&more=1")
     assert (status, headers["Location"]) == (303, "/status?more=1")
@@ -67,9 +67,6 @@ def test_the_address_that_is_printed_becomes_a_cookie(server: DashboardServer) -
     assert "Max-Age=2592000" in made, "a month"
     assert "SameSite=Strict" in made
     assert get(base(server) + "status", cookies={name: TOKEN})[0] == 200
-
-
-def test_a_program_brings_the_token_in_a_header(server: DashboardServer) -> None:
     assert get(base(server) + "metrics", headers={"Authorization": f"Bearer {TOKEN}"})[0] == 200
 
 

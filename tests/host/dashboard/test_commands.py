@@ -138,12 +138,9 @@ def test_a_huge_message_closes_only_its_own_connection(
     assert post(server.base, b" " * 70_000)[0] == 413
 
 
-def test_what_the_stage_refuses_is_told(server: DashboardServer, source: FormulaSource) -> None:
+def test_what_a_stage_refuses_or_lacks_is_told(server: DashboardServer, source: FormulaSource) -> None:
     source.stage.release = Mock(side_effect=InputError("the stage is stuck: oil it"))  # type: ignore[method-assign]
     assert post(server.base, RELEASE) == (409, {"message": "the stage is stuck: oil it"})
-
-
-def test_a_sensor_without_stage_says_so() -> None:
     with DashboardServer(FormulaSource(), port=0) as server:
         assert "simulated gel only" in post(server.base, RELEASE)[1]["message"]
 

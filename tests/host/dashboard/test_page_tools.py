@@ -35,7 +35,7 @@ def saved(page: Page, button: str, folder: Path) -> Path:
     return path
 
 
-def test_the_npz_is_the_newest_frame_at_full_size(opened: Open, source: FormulaSource, tmp_path: Path) -> None:
+def test_npz_and_ply_are_the_newest_frame_at_full_size(opened: Open, source: FormulaSource, tmp_path: Path) -> None:
     page = opened()
     frame = bump(0.9, 3.0, -2.0)
     show(page, source, frame)
@@ -45,10 +45,6 @@ def test_the_npz_is_the_newest_frame_at_full_size(opened: Open, source: FormulaS
         assert np.array_equal(arrays["depth_mm"], frame.depth_mm)
         assert np.array_equal(arrays["contact"], frame.contact.mask)
         assert np.array_equal(arrays["gradient_map"], frame.gradient_map)
-
-
-def test_the_ply_is_the_surface_in_mm_at_full_size(opened: Open, source: FormulaSource, tmp_path: Path) -> None:
-    page = opened()
     frame = bump(1.0, 3.0, -2.0)
     depth = frame.depth_mm.copy()
     depth[:40, :40] = np.nan

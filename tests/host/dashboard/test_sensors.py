@@ -38,19 +38,15 @@ def other(pages: dict[str, str]) -> Iterator[DashboardServer]:
         yield other
 
 
-def test_a_browser_of_this_computer_is_told_of_all_pages(server: DashboardServer, other: DashboardServer) -> None:
+def test_a_browser_of_this_computer_alone_is_told_of_all_pages(
+    server: DashboardServer, other: DashboardServer, source: FormulaSource
+) -> None:
     status, text, _ = get(f"{server.base}sensors")
     assert status == 200
     assert json.loads(text) == {"left": server.url, "right": other.url}
-
-
-def test_another_computer_is_told_of_none_for_the_addresses_have_tokens(source: FormulaSource) -> None:
     dashboard = Dashboard(source, sensors=lambda: {"left": "http://127.0.0.1:8420/?token=secret"})
     answer = asyncio.run(dashboard._list_sensors(Mock(web.Request, remote="192.168.0.7")))
     assert json.loads(answer.text or "") == {}
-
-
-def test_what_publishes_with_a_page_is_listed() -> None:
     with (
         announced("left", "tcp/127.0.0.1:1", "sim://", page="http://127.0.0.1:8420/?token=secret", numbered=False),
         announced("bare", "tcp/127.0.0.1:2", "sim://", numbered=False),

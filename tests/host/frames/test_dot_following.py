@@ -150,12 +150,18 @@ def test_a_jump_of_more_than_half_a_pitch_swaps_no_names(by: tuple[float, float]
         assert np.hypot(*(found.places_px[number] - places).T).max() < 0.35 * PITCH
 
 
-def test_a_dot_that_goes_and_comes_back_has_its_name() -> None:
+def test_a_dot_that_goes_and_comes_back_has_its_name_and_two_that_touch_are_not_told_apart() -> None:
     rest, hidden = square(), np.arange(63) != 31
     (_, without, again), number = followed(rest, picture(rest[hidden]), picture(rest))
     assert without.reasons[number[31]] == Unseen.MISSING
     assert without.seen.sum() == 62
     assert again.seen.all()
+    rest = square()
+    true = rest.copy()
+    true[31] = true[32] + [-0.45 * DIAMETER, 0]
+    (_, found), number = followed(rest, picture(true))
+    assert (~found.seen).sum() <= 2
+    assert not found.seen[number[31]]
 
 
 def test_a_dot_that_leaves_the_picture_is_beyond_the_view() -> None:
@@ -190,15 +196,6 @@ def test_a_dot_that_is_no_nearer_to_the_border_than_that_is_found(
     assert all(found[by] for by in range(border, WIDTH // 2))
     assert not any(found[by] for by in range(border // 2))
     assert border < 1.3 * diameter
-
-
-def test_two_dots_that_touch_are_not_told_apart() -> None:
-    rest = square()
-    true = rest.copy()
-    true[31] = true[32] + [-0.45 * DIAMETER, 0]
-    (_, found), number = followed(rest, picture(true))
-    assert (~found.seen).sum() <= 2
-    assert not found.seen[number[31]]
 
 
 def test_a_dark_frame_says_so_and_the_next_one_goes_on() -> None:

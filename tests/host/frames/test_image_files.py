@@ -66,14 +66,11 @@ def test_a_pattern_and_a_single_file_are_read(tmp_path: Path) -> None:
     assert open_camera(str(tmp_path / "b1.png")).read().image[1, 1, 1] == 3
 
 
-def test_an_empty_folder_is_refused(tmp_path: Path) -> None:
+def test_an_empty_folder_and_what_does_not_exist_are_refused_with_the_remedy(tmp_path: Path) -> None:
     with pytest.raises(CameraError, match=r"has no images \(\.png"):
         open_camera(tmp_path)
     with pytest.raises(CameraError, match="no images"):
         ImageCamera([])
-
-
-def test_what_does_not_exist_is_refused_with_the_remedy(tmp_path: Path) -> None:
     with pytest.raises(CameraError, match=r"is no file, no folder and no pattern .* give an image or video file"):
         open_camera(str(tmp_path / "none*.png"))
     with pytest.raises(InputError, match="does not exist: check the name"):

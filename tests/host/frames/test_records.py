@@ -69,16 +69,13 @@ def test_frames_are_shown_in_one_line_and_compared_without_an_error(felt: Tactil
     assert len({felt, again, frame, felt.contact}) == 4, "they can be kept in sets"
 
 
-def test_a_gel_that_nothing_touches_says_so() -> None:
+def test_a_gel_that_nothing_touches_dots_shear_and_pose_are_printed_in_one_line_too() -> None:
     free = Contact(mask=np.zeros((2, 3), bool), area_mm2=0.0, indentation_mm=0.0, centroid_mm=None)
     assert repr(free) == "<Contact: no contact>"
     assert isinstance(CameraFrame(image=np.zeros((2, 3, 3), np.uint8), time_s=1.0, sequence=4).__repr__(), str)
     flat = np.zeros((2, 3), np.float32)
     truth = GroundTruth(depth_mm=flat, gradient_map=np.zeros((2, 3, 2), np.float32), contact=flat > 0)
     assert repr(truth) == "<GroundTruth 3x2, 0.000 mm deep>"
-
-
-def test_dots_shear_and_pose_are_printed_in_one_line_too() -> None:
     rest, reasons = np.zeros((3, 2)), np.array([0, 1, 0], np.uint8)
     dots = DotsSeen(rest_px=rest, places_px=rest, reasons=reasons)
     assert repr(dots) == "<DotsSeen 2 of 3>"

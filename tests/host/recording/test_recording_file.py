@@ -55,9 +55,11 @@ def test_recorded_depth_comes_back(record: Record, kind: DepthKind, error_mm: fl
     assert np.abs(got_mm - np.clip(sent.depth_mm, 0, 6.5535)).max() < error_mm
 
 
-def test_the_contact_of_an_older_recording_is_read() -> None:
+def test_the_contact_of_an_older_recording_is_read_and_depth_that_uint16_cannot_hold_is_clipped() -> None:
     old = ContactInfo(sequence=1, calibration="c", zero="z", indentation_mm=1.0, area_mm2=2.0, centroid_mm=(0.0, 1.0))
     assert ContactInfo.model_validate_json(old.model_dump_json(exclude={"contacts"})) == old
+    depth = np.array([[-0.5, 7.0, 0.00005]], np.float32)
+    assert np.frombuffer(depth_image(depth, DepthKind.UINT16).data, "<u2").tolist() == [0, 65535, 0]
 
 
 def test_maps_come_back(tmp_path: Path, bundle: Bundle) -> None:
@@ -71,11 +73,6 @@ def test_maps_come_back(tmp_path: Path, bundle: Bundle) -> None:
         assert np.array_equal(np.frombuffer(image.data, values.dtype).reshape(SHAPE), values)
         assert (image.height, image.width, image.step) == (*SHAPE, SHAPE[1] * values.itemsize)
         assert image.encoding == ("mono8" if name == "quality_flags" else "32FC1")
-
-
-def test_depth_that_uint16_cannot_hold_is_clipped() -> None:
-    depth = np.array([[-0.5, 7.0, 0.00005]], np.float32)
-    assert np.frombuffer(depth_image(depth, DepthKind.UINT16).data, "<u2").tolist() == [0, 65535, 0]
 
 
 # ---- its pace ----

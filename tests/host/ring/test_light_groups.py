@@ -15,11 +15,15 @@ def test_the_groups_together_are_the_whole_ring(groups: np.ndarray) -> None:
     assert (groups.sum(axis=0) == RING).all()
 
 
-def test_a_triple_has_three_colours_120_degrees_apart() -> None:
+def test_a_triple_has_three_colours_120_degrees_apart_and_other_rings_have_none() -> None:
     for group in colour_triples(RING):
         leds = np.flatnonzero(group.any(axis=1))
         assert (np.diff(leds) == 4).all()
         assert (group[leds] == 200 * np.eye(3)).all()
+    with pytest.raises(ValueError, match="at least one of red, green and blue"):
+        colour_triples(RING[:8])
+    with pytest.raises(ValueError, match="one pure colour"):
+        colour_triples(np.full((12, 3), 9, np.uint8))
 
 
 @pytest.mark.parametrize("ring", ["RGB", "RRRGGGBB", "RGBBBB", "RGGRBBRGR"])
@@ -30,13 +34,6 @@ def test_unequal_colours_are_used_again_so_that_every_led_shines(ring: str) -> N
     assert (groups.any(axis=0) == (colours > 0)).all()
     for group in groups:
         assert group.sum(axis=0).tolist() == [200, 200, 200]
-
-
-def test_a_ring_without_blue_or_of_mixed_colours_has_no_triples() -> None:
-    with pytest.raises(ValueError, match="at least one of red, green and blue"):
-        colour_triples(RING[:8])
-    with pytest.raises(ValueError, match="one pure colour"):
-        colour_triples(np.full((12, 3), 9, np.uint8))
 
 
 def light(number: int) -> Light:

@@ -42,27 +42,21 @@ def test_swapping_two_fields_changes_the_schema_and_a_new_word_of_explanation_do
     assert generate.header() != (CHECKOUT / generate.HEADER).read_text()
 
 
-def test_codes_are_unique_and_apart() -> None:
+def test_codes_are_unique_and_apart_and_every_record_fits_its_packet() -> None:
     codes = [exchange.code for exchange in protocol.COMMANDS.values()]
     events = [code for code, _ in protocol.EVENTS.values()]
     assert len(set(codes)) == len(codes)
     assert all(code < protocol.EVENT for code in codes)
     assert all(protocol.EVENT <= code < protocol.REPLY for code in events)
-
-
-def test_every_record_fits_its_packet() -> None:
     for record in protocol.records():
         assert record.codec().size == sum(record.codec().__class__(f"<{s.code}").size for _, s, _ in layout(record))
         assert record.codec().size <= PACKET_BYTES - 4 - 5
 
 
-def test_a_record_survives_the_wire() -> None:
+def test_a_record_survives_the_wire_and_a_value_that_does_not_fit_is_refused() -> None:
     step = protocol.SetStep(3, 7, 65535, 60_000_000, 1000)
     assert protocol.SetStep.unpack(step.pack()) == step
     assert step.pack() == bytes([3, 7, 0xFF, 0xFF, 0x00, 0x87, 0x93, 0x03, 0xE8, 3, 0, 0])
-
-
-def test_a_value_that_does_not_fit_is_refused() -> None:
     with pytest.raises(ValueError, match="does not fit"):
         protocol.SetStep(256, 0, 1, 0, 0).pack()
     with pytest.raises(BoardError, match="gellight firmware flash"):

@@ -110,11 +110,18 @@ def started_us(ring: LightRing) -> tuple[float, float]:
     return asked_us - told_us, time.monotonic() * 1e6 - told_us
 
 
-def test_real_pyserial_reaches_it_through_a_terminal(terminal: TerminalBoard) -> None:
+def test_real_pyserial_reaches_it_and_keeps_the_ring_alive_while_it_is_open(terminal: TerminalBoard) -> None:
     with connect(terminal.path) as ring:
         ring.set_leds(RED)
         eventually(lambda: is_lit(terminal))
     eventually(lambda: not is_lit(terminal))
+    with connect(terminal.path) as ring:
+        ring.set_leds(RED)
+        eventually(lambda: is_lit(terminal))
+        start = terminal.virtual_us(time.monotonic())
+        eventually(lambda: terminal.virtual_us(time.monotonic()) > start + 1_500_000)
+        assert is_lit(terminal)
+        assert ring.counters().dark_faults == 0
 
 
 def test_a_program_that_dies_leaves_the_leds_dark() -> None:
@@ -130,16 +137,6 @@ def test_a_program_that_dies_leaves_the_leds_dark() -> None:
     os.waitpid(child, 0)
     eventually(lambda: not is_lit(board))
     board.close()
-
-
-def test_the_ring_is_kept_alive_while_it_is_open(terminal: TerminalBoard) -> None:
-    with connect(terminal.path) as ring:
-        ring.set_leds(RED)
-        eventually(lambda: is_lit(terminal))
-        start = terminal.virtual_us(time.monotonic())
-        eventually(lambda: terminal.virtual_us(time.monotonic()) > start + 1_500_000)
-        assert is_lit(terminal)
-        assert ring.counters().dark_faults == 0
 
 
 def test_a_board_that_ends_is_an_error() -> None:

@@ -43,22 +43,19 @@ def plug(bench: Bench, port: str, serial: str, descriptors: bytes | None = None,
         (folder / "descriptors").write_bytes(descriptors)
 
 
-def test_the_alternate_settings_of_a_camera_are_what_it_may_reserve() -> None:
+def test_a_camera_may_reserve_its_alternate_settings_and_a_bulk_one_nothing() -> None:
     found = reservations_mbps(isochronous(), 480)
     assert found == pytest.approx([size // (-(-size // 1024)) * (-(-size // 1024)) * 8000 * 8e-6 for size in SIZES])
     assert found[-1] == pytest.approx(195.8, abs=0.1)
     assert reservations_mbps(isochronous((1023,)), 12) == pytest.approx([8.184])
     assert reservations_mbps(isochronous((800,), interval=2), 480) == pytest.approx([25.6])
+    assert reservations_mbps(configuration_descriptor(VideoModes(((640, 480),), (333333,))), 480) == []
 
 
 @pytest.mark.parametrize("content", [b"", b"\x09", b"\x00" * 40, b"\xff" * 40, isochronous()[:50], b"\x02\x04\x02\x05"])
 def test_what_is_no_descriptor_reserves_nothing_and_does_not_break(content: bytes) -> None:
     assert reservations_mbps(content, 480) == reservations_mbps(content, 480)
     assert all(size > 0 for size in reservations_mbps(content, 480))
-
-
-def test_a_bulk_camera_reserves_nothing() -> None:
-    assert reservations_mbps(configuration_descriptor(VideoModes(((640, 480),), (333333,))), 480) == []
 
 
 def test_compressed_pictures_of_two_sensors_fit_on_a_bus(bench: Bench) -> None:
@@ -111,14 +108,10 @@ def test_compressed_pictures_take_four_bits_a_pixel_and_cameras_four_fifths_of_a
         bandwidth._check_bus("1", needs)
 
 
-def test_one_sensor_by_two_names_is_refused(bench: Bench) -> None:
+def test_one_sensor_by_two_names_one_that_is_not_there_and_auto_beside_another_are_refused(bench: Bench) -> None:
     plug(bench, "1-1", "A", isochronous())
     with pytest.raises(InputError, match="sensor://A and sensor://1-1 are the same sensor"):
         check_bandwidth(["sensor://A", "sensor://1-1"], surroundings=bench.surroundings)
-
-
-def test_a_sensor_that_is_not_there_and_auto_beside_another_are_refused(bench: Bench) -> None:
-    plug(bench, "1-1", "A", isochronous())
     plug(bench, "1-2", "B", isochronous())
     with pytest.raises(CameraError, match="no sensor is called C"):
         check_bandwidth(["sensor://C", "sensor://A"], surroundings=bench.surroundings)

@@ -26,7 +26,7 @@ def bundle(tmp_path: Path) -> Bundle:
     return lit_bundle(tmp_path / "bundle")
 
 
-def test_the_sensor_is_lit_and_set_as_its_bundle_says(bench: Bench, bundle: Bundle) -> None:
+def test_the_sensor_is_lit_and_set_as_its_bundle_says_but_for_what_the_url_says(bench: Bench, bundle: Bundle) -> None:
     device = bench.plug("1-2", "GL0001")
     with bench.open("auto", bundle) as camera:
         frame = camera.read()
@@ -42,6 +42,9 @@ def test_the_sensor_is_lit_and_set_as_its_bundle_says(bench: Bench, bundle: Bund
     assert not bench.kernel.opened
     with pytest.raises(CameraError, match="is closed"):
         camera.read()
+    with bench.open("sensor://GL0001?exposure_us=4000", bundle):
+        assert device.controls[c.EXPOSURE].value == 40
+        assert device.controls[c.WHITE_BALANCE].value == 5000
 
 
 def test_another_bundle_is_adopted_while_the_camera_runs_and_after_a_reconnection(
@@ -154,13 +157,6 @@ def test_a_sensor_that_comes_back_just_when_it_is_closed_is_dark(bench: Bench, b
         camera.read()
     assert bench.all_dark()
     assert not bench.kernel.opened
-
-
-def test_parameters_of_the_url_are_stronger_than_the_bundle(bench: Bench, bundle: Bundle) -> None:
-    device = bench.plug("1-2", "GL0001")
-    with bench.open("sensor://GL0001?exposure_us=4000", bundle):
-        assert device.controls[c.EXPOSURE].value == 40
-        assert device.controls[c.WHITE_BALANCE].value == 5000
 
 
 def test_a_camera_alone_has_no_ring_unless_one_is_named(bench: Bench) -> None:
@@ -362,11 +358,3 @@ def test_settings_changed_by_another_programme_are_noticed_and_set_again(bench: 
             camera.read()
         camera.read()
         assert device.controls[c.EXPOSURE].value == 80
-
-
-def test_time_stamps_that_stand_still_are_not_believed_for_long(bench: Bench, bundle: Bundle) -> None:
-    bench.plug("1-2", "GL0001", stamp=lambda number, time_s: 99.5 + number * 1e-6)
-    with bench.open("auto", bundle) as camera:
-        frame = camera.read()
-        assert frame.time_s > bench.rings[0].lit_s
-        assert camera.status()["wrong_stamps"] == 1

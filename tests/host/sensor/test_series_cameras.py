@@ -58,12 +58,18 @@ def test_the_repetition_of_one_series_opens_the_next_and_no_frame_counts_as_lost
     assert [series.sequence for series in (one, two, three)] == [1, 2, 3]
 
 
-def test_the_exposure_is_raised_before_the_first_series() -> None:
+def test_the_exposure_is_raised_before_the_first_series_and_again_after_other_settings_were_adopted() -> None:
     inner = fake_camera()
     with SeriesCamera(inner, TRIPLES, exposure_us=24000.0, frames=1) as camera:
         assert camera.read().exposure_us == 24000.0
         assert camera.read().exposure_us == 24000.0
     assert inner.controls.was_set == [("exposure_us", 24000.0)]
+    camera = fake_camera()
+    with SeriesCamera(camera, TRIPLES, exposure_us=24000.0, frames=1) as series:
+        series.read()
+        series.adopt({"exposure_us": 8000.0}, np.array(RING.colours))
+        assert series.read().exposure_us == 24000.0
+        assert camera.controls.was_set == [("exposure_us", 24000.0), ("exposure_us", 8000.0), ("exposure_us", 24000.0)]
 
 
 def test_a_light_that_goes_out_while_frames_are_averaged_is_taken_again_and_then_reported() -> None:
@@ -113,15 +119,6 @@ def test_a_ring_that_failed_is_told_unless_another_one_is_there_already() -> Non
             series.read()
         camera.read = read  # type: ignore[method-assign]
         assert series.read().sequence == 1
-
-
-def test_the_exposure_of_a_series_is_raised_again_after_other_settings_were_adopted() -> None:
-    camera = fake_camera()
-    with SeriesCamera(camera, TRIPLES, exposure_us=24000.0, frames=1) as series:
-        series.read()
-        series.adopt({"exposure_us": 8000.0}, np.array(RING.colours))
-        assert series.read().exposure_us == 24000.0
-        assert camera.controls.was_set == [("exposure_us", 24000.0), ("exposure_us", 8000.0), ("exposure_us", 24000.0)]
 
 
 def test_settings_are_adopted_between_two_series_of_a_camera_that_takes_one_after_the_other() -> None:

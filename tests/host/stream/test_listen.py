@@ -105,7 +105,7 @@ def test_an_absence_is_logged_once_where_nobody_asks_to_be_told(
             camera.plugged.set()
 
 
-def test_the_last_frame_is_told_and_raised_at_the_end() -> None:
+def test_the_last_frame_is_told_and_raised_at_the_end_or_logged(caplog: pytest.LogCaptureFixture) -> None:
     told: SimpleQueue[Exception] = SimpleQueue()
     daemon, _ = bump_daemon(frames=3)
 
@@ -116,6 +116,13 @@ def test_the_last_frame_is_told_and_raised_at_the_end() -> None:
 
     with pytest.raises(EndOfStream, match="used up"):
         listening()
+    daemon, _ = bump_daemon(frames=3)
+    frames = Sensor(daemon)
+    frames.listen(lambda frame: None)
+    frames._listening[0].join(20)
+    with pytest.raises(EndOfStream):
+        frames.close()
+    assert [record.message for record in caplog.records] == ["a callback is called no more: used up"]
 
 
 def test_a_daemon_that_ends_is_told_to_a_callback_once() -> None:
@@ -131,16 +138,6 @@ def test_a_daemon_that_ends_is_told_to_a_callback_once() -> None:
         with pytest.raises(StreamError, match="daemon of finger has ended"):
             frames.close()
     assert told.empty()
-
-
-def test_a_callback_that_ends_unasked_is_logged(caplog: pytest.LogCaptureFixture) -> None:
-    daemon, _ = bump_daemon(frames=3)
-    frames = Sensor(daemon)
-    frames.listen(lambda frame: None)
-    frames._listening[0].join(20)
-    with pytest.raises(EndOfStream):
-        frames.close()
-    assert [record.message for record in caplog.records] == ["a callback is called no more: used up"]
 
 
 def test_what_a_callback_raises_while_the_source_is_closed_is_not_lost() -> None:

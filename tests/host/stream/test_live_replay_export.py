@@ -101,12 +101,9 @@ def test_series_of_exposures_are_refused_before_the_first_frame(light_mode: str,
     assert not list(tmp_path.iterdir())
 
 
-def test_a_replay_that_would_begin_beyond_the_end_is_refused(recording: Path) -> None:
+def test_a_replay_beyond_its_end_is_refused_and_one_that_waits_hours_ends_at_once(recording: Path) -> None:
     with pytest.raises(InputError, match=r"ends before 1000 s: begin earlier"):
         open_replay(f"replay://{recording}?start=1000")
-
-
-def test_a_replay_that_waits_hours_for_its_next_frame_ends_at_once(recording: Path) -> None:
     with gellight.connect(f"replay://{recording}?speed=0.00001") as replay:
         replay.next_frame(30)
         begun_s = time.monotonic()

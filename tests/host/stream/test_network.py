@@ -155,7 +155,7 @@ def test_a_reader_with_a_certificate_may_read_and_nothing_else(settings: Path) -
             assert frames.status()["mode"] == "formula", "this computer may do all"
 
 
-def test_a_file_that_is_no_configuration_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_is_no_configuration_is_refused_before_a_sensor_is_opened(tmp_path: Path) -> None:
     """With the place in the file, and without one in zenoh's own source."""
     (tmp_path / "wrong.json5").write_text("{ listen: ")
     daemon, _ = bump_daemon()
@@ -167,9 +167,6 @@ def test_a_file_that_is_no_configuration_is_refused(tmp_path: Path) -> None:
     for name, why in (("none.json5", "No such file or directory"), (".", "Is a directory")):
         with pytest.raises(StreamError, match=rf"cannot be read \({why}\): check the name$"):
             zenoh_settings(tmp_path / name)
-
-
-def test_a_file_that_is_no_configuration_is_told_before_a_sensor_is_opened(tmp_path: Path) -> None:
     given = {"sensor.url": "v4l2:///dev/nothing-here", "stream.zenoh_config": str(tmp_path / "none.json5")}
     with pytest.raises(StreamError, match=r"none\.json5 cannot be read"):
         opened(load_settings(given)).__enter__()

@@ -154,16 +154,13 @@ def test_a_contact_is_a_guess_where_most_of_it_is(guessed: int, told: int) -> No
         assert [one.figures["guessed"] for one in found] == [0.7] * told
 
 
-def test_of_a_large_contact_some_pixels_tell() -> None:
+def test_of_a_large_contact_some_pixels_tell_and_no_gel_is_pressed_deeper_than_it_is_thick() -> None:
     asked: list[int] = []
     measures = SimpleNamespace(never_seen=lambda image, pixels: (asked.append(len(pixels)), np.zeros(1))[1])
     frame: Any = SimpleNamespace(contact=SimpleNamespace(mask=np.ones((60, 100), bool)), measures=measures,
                                  camera_frame=SimpleNamespace(image=None))  # fmt: skip
     assert not list(unseen_contact(frame))
     assert asked == [2000]
-
-
-def test_no_gel_is_pressed_deeper_than_it_is_thick() -> None:
     frames: list[Any] = [SimpleNamespace(contact=SimpleNamespace(indentation_mm=depth)) for depth in (4.99, 5.01)]
     assert [len(list(impossible_depth(frame, 5.0))) for frame in frames] == [0, 1]
     assert not list(impossible_depth(frames[1], None))

@@ -34,15 +34,12 @@ def test_the_watch_says_it_at_once_and_no_longer_than_it_lasts(halved: Bundle) -
     assert kinds == [["too_deep"], []]
 
 
-def test_each_frame_of_a_running_sensor_carries_it(tmp_path: Path) -> None:
+def test_each_frame_of_a_running_sensor_carries_it_by_the_gel_of_its_bundle(tmp_path: Path, synthetic: Bundle) -> None:
     write_png(tmp_path / "noise.png", NOISE)
     sensor = {"url": str(tmp_path / "noise.png"), "calibration": "synthetic"}
     with assembly.open_session(Settings.model_validate({"sensor": sensor}), every=True) as daemon:
         frame = daemon.wait_frame(-1, 30)
         assert frame.provenance.findings == ("too_deep",)
-
-
-def test_the_bundle_knows_its_gel_better_than_the_settings(synthetic: Bundle, tmp_path: Path) -> None:
     plain = linear_bundle(tmp_path / "plain", (120, 160))
     weighed = extend_bundle(plain, tmp_path / "weighed", force_files())
     assert [gel_thickness_mm(bundle, 4.0) for bundle in (synthetic, weighed, plain)] == [5.0, LAYER.thickness_mm, 4.0]

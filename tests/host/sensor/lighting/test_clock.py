@@ -68,13 +68,17 @@ def test_short_round_trips_make_narrow_bounds_and_long_ones_do_no_harm() -> None
     assert board_us(known, now_s).error <= before + 0.2
 
 
-def test_the_bounds_grow_with_the_time_since_the_last_ping() -> None:
+def test_the_bounds_grow_with_the_time_since_the_last_ping_and_before_the_first_nothing_is_known() -> None:
     rng = np.random.default_rng(2)
     clock, known = TrueClock(rng), ClockMap()
     known.add(jittered(clock, 50.0, rng))
     errors = [board_us(known, 50.0 + later).error for later in (0, 1, 10, 100)]
     assert errors == sorted(errors)
     assert errors[-1] - errors[0] == pytest.approx(20_000, rel=0.02), "200 us a second"
+    known = ClockMap()
+    assert not known.covers(0.0, 1.0)
+    with pytest.raises(ValueError, match="before the first ping"):
+        known.host_s(1.0)
 
 
 def test_a_board_that_starts_anew_is_noticed_and_nothing_before_is_claimed() -> None:
@@ -112,13 +116,6 @@ def test_a_clock_that_runs_by_fits_and_starts_widens_the_bounds_instead_of_lying
     low, high = board_us(known, now_s)
     assert low <= clock.board_us(now_s) - 3000
     assert clock.board_us(now_s) <= high
-
-
-def test_before_the_first_ping_nothing_is_known() -> None:
-    known = ClockMap()
-    assert not known.covers(0.0, 1.0)
-    with pytest.raises(ValueError, match="before the first ping"):
-        known.host_s(1.0)
 
 
 def stalled(rng: np.random.Generator, stall_us: float) -> tuple[TrueClock, ClockMap]:

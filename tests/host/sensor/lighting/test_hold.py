@@ -33,15 +33,12 @@ def sensor() -> Iterator[SimulatedCamera]:
         yield camera
 
 
-def test_four_exposures_of_the_simulated_sensor_show_four_triples(sensor: SimulatedCamera) -> None:
+def test_four_exposures_show_four_triples_and_the_light_is_given_back(sensor: SimulatedCamera) -> None:
     frames = exposures(sensor, TRIPLES)
     for index, (frame, group) in enumerate(zip(frames, TRIPLES, strict=True)):
         pure, _ = sensor._scene.show(None, group / 255)
         assert frame.label == LightLabel(state=LightState.CLEAN, group=index)
         assert np.abs(frame.image - pure).max() < 8 * 0.5 + 0.5, "every row under this light alone"
-
-
-def test_the_light_is_given_back(sensor: SimulatedCamera) -> None:
     before = sensor.ring.still.copy()
     exposures(sensor, single_leds(RING)[:2])
     np.testing.assert_array_equal(sensor.ring.still, before)
@@ -183,23 +180,15 @@ def cameras() -> list[CameraTiming]:
     ]
 
 
-def test_at_an_unknown_phase_every_light_has_a_clean_frame_and_not_with_one_less(cameras: list[CameraTiming]) -> None:
+def test_a_hold_is_the_smallest_that_gives_every_light_a_clean_frame(cameras: list[CameraTiming]) -> None:
     for timing in cameras:
         frames = hold_frames(timing, locked=False)
         assert clean_frames(timing, frames).min() >= 1
         assert clean_frames(timing, frames - 1).min() == 0
-
-
-def test_when_locked_some_phase_gives_every_light_a_clean_frame_and_with_one_less_none_does(
-    cameras: list[CameraTiming],
-) -> None:
     for timing in cameras:
         frames = hold_frames(timing, locked=True)
         assert clean_frames(timing, frames).max() >= 1
         assert clean_frames(timing, frames - 1).max() == 0
-
-
-def test_an_uncertain_clock_takes_longer() -> None:
     timing = CameraTiming(readout_s=0.020, exposure_s=0.008)
     assert hold_frames(timing, locked=True) == 1
     assert hold_frames(timing, locked=True, clock_error_s=0.001) == 2

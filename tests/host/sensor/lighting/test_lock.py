@@ -66,7 +66,7 @@ def test_no_more_is_asked_than_the_board_can_do(dwell_us: int, sign: int) -> Non
     assert round(trim.period * 2**32) == sign * protocol.TRIM_MAX
 
 
-def test_a_trim_is_told_once_until_its_light_has_come() -> None:
+def test_a_trim_is_told_once_until_its_light_has_come_and_few_frames_tell_nothing() -> None:
     lock, late_s = lock_of(1), Interval(6.0, 6.0)
     assert lock.trim(late_s, RESTING) is not None
     for number in range(40, 43):
@@ -74,9 +74,6 @@ def test_a_trim_is_told_once_until_its_light_has_come() -> None:
         assert lock.trim(late_s, RESTING) is None
     lock.note_frame(43, BEGIN_S + 43 * PERIOD_S)
     assert lock.trim(late_s, RESTING) is not None
-
-
-def test_few_frames_tell_nothing() -> None:
     lock = lock_of(1, FEWEST_FRAMES - 1)
     assert not lock.ready
     assert lock.trim(Interval(6.0, 6.0), RESTING) is None

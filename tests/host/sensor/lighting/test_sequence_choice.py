@@ -22,7 +22,7 @@ def test_rgb_and_single_are_made_of_the_light_of_the_calibration() -> None:
         chosen_groups("rgb", np.full((12, 3), 9, np.uint8))
 
 
-def test_a_file_names_the_colours_of_every_led(tmp_path: Path) -> None:
+def test_a_file_names_the_colours_of_every_led_of_the_ring(tmp_path: Path) -> None:
     path = tmp_path / "sequence.json"
     path.write_text(json.dumps({"groups": [RED, ["0000ff", *RED[1:]]]}))
     groups = chosen_groups(str(path), RING)
@@ -30,6 +30,11 @@ def test_a_file_names_the_colours_of_every_led(tmp_path: Path) -> None:
     assert groups.dtype == np.uint8
     assert groups[0, 0].tolist() == [255, 0, 0]
     assert groups[1, 0].tolist() == [0, 0, 255]
+    path.write_text(json.dumps({"groups": [["ff0000"] * 8, ["00ff00"] * 8]}))
+    groups = chosen_groups(str(path), np.full((8, 3), 9, np.uint8))
+    assert groups.shape == (2, 8, 3)
+    with connect("sim://?leds=8") as ring, pytest.raises(BoardError, match="drives 8 LEDs, this light has 12"):
+        ring.load_sequence(np.full((2, 12, 3), 9, np.uint8), [])
 
 
 @pytest.mark.parametrize(
@@ -57,12 +62,3 @@ def test_a_file_that_holds_no_groups_is_refused_with_the_reason(tmp_path: Path, 
 def test_what_is_neither_a_sequence_nor_a_file_is_refused(name: str) -> None:
     with pytest.raises(InputError, match="neither rgb nor single, nor a file"):
         chosen_groups(name, RING)
-
-
-def test_a_file_holds_a_colour_for_each_led_of_the_ring(tmp_path: Path) -> None:
-    path = tmp_path / "sequence.json"
-    path.write_text(json.dumps({"groups": [["ff0000"] * 8, ["00ff00"] * 8]}))
-    groups = chosen_groups(str(path), np.full((8, 3), 9, np.uint8))
-    assert groups.shape == (2, 8, 3)
-    with connect("sim://?leds=8") as ring, pytest.raises(BoardError, match="drives 8 LEDs, this light has 12"):
-        ring.load_sequence(np.full((2, 12, 3), 9, np.uint8), [])

@@ -49,7 +49,7 @@ def test_what_is_not_offered_is_refused_with_the_list_of_what_is(wanted: Wanted)
     assert str(wanted) in str(caught.value)
 
 
-def test_a_range_of_sizes_holds_every_step_of_it() -> None:
+def test_a_range_of_sizes_or_rates_holds_every_step_of_it() -> None:
     kernel, _ = fake(formats={"MJPG": {(640, 480): [30]}})
 
     def range_of_sizes(camera: FakeCamera, entry: v.FrameSize) -> None:
@@ -67,6 +67,21 @@ def test_a_range_of_sizes_holds_every_step_of_it() -> None:
     assert not offer.has(641, 480)
     assert not offer.has(1280, 720)
     assert "320x248 to 960x720" in str(offer)
+    kernel, _ = fake(formats={"MJPG": {(640, 480): [30]}})
+
+    def range_of_rates(camera: FakeCamera, entry: v.FrameInterval) -> None:
+        kernel._index(entry, 1)
+        entry.type = 3
+        entry.values[:] = [1, 60, 1, 1, 1, 1000]  # the shortest and the longest interval, and the step
+
+    kernel._enum_frameintervals = range_of_rates  # type: ignore[method-assign]
+    with Device(PATH, kernel=kernel) as device:
+        (offer,) = offered = device.offers()
+    assert str(offer) == "MJPG 640x480 at 60 to 1 fps"
+    assert choose(offered, Wanted(), path=PATH).fps == 30, "not 1, the nearer one of its ends"
+    assert choose(offered, Wanted(fps=25), path=PATH).fps == 25
+    with pytest.raises(CameraError, match="60 to 1 fps"):
+        choose(offered, Wanted(fps=90), path=PATH)
 
 
 def test_the_lines_of_a_picture_are_as_long_as_the_driver_says_and_those_of_a_jpeg_have_no_length() -> None:
@@ -98,24 +113,6 @@ def test_a_node_is_judged_by_its_own_abilities_and_by_those_of_the_driver_where_
     answering(able | metadata | v.CAP_DEVICE_CAPS, metadata)  # the second node of a UVC camera
     with pytest.raises(CameraError, match="delivers no pictures"):
         Device(PATH, kernel=kernel)
-
-
-def test_a_range_of_rates_holds_every_rate_in_it() -> None:
-    kernel, _ = fake(formats={"MJPG": {(640, 480): [30]}})
-
-    def range_of_rates(camera: FakeCamera, entry: v.FrameInterval) -> None:
-        kernel._index(entry, 1)
-        entry.type = 3
-        entry.values[:] = [1, 60, 1, 1, 1, 1000]  # the shortest and the longest interval, and the step
-
-    kernel._enum_frameintervals = range_of_rates  # type: ignore[method-assign]
-    with Device(PATH, kernel=kernel) as device:
-        (offer,) = offered = device.offers()
-    assert str(offer) == "MJPG 640x480 at 60 to 1 fps"
-    assert choose(offered, Wanted(), path=PATH).fps == 30, "not 1, the nearer one of its ends"
-    assert choose(offered, Wanted(fps=25), path=PATH).fps == 25
-    with pytest.raises(CameraError, match="60 to 1 fps"):
-        choose(offered, Wanted(fps=90), path=PATH)
 
 
 # ---- who and what stands in the way ----
@@ -201,13 +198,18 @@ def test_values_are_in_units_and_read_back_from_the_camera() -> None:
     assert camera.controls[c.EXPOSURE_AUTO].value == 1, "set alone switches the automatic off too"
 
 
-def test_a_value_out_of_range_and_a_control_that_is_not_there_are_refused() -> None:
+def test_a_value_out_of_range_a_control_that_is_not_there_and_what_the_camera_refuses_are_told() -> None:
     camera, controls = controls_of()
     with pytest.raises(InputError, match="takes 2800 to 6500 in steps of 10"):
         controls.set("white_balance_k", 9000)
     del camera.controls[c.GAIN]
     with pytest.raises(CameraError, match=r"no control gain \(it has: exposure_us, white_balance_k\)"):
         controls.set("gain", 3)
+    kernel, camera = fake()
+    controls = Device(PATH, kernel=kernel).controls
+    camera.errors[v.S_CTRL] = errno.EIO
+    with pytest.raises(CameraError, match="refuses the dynamic frame rate = 0"):
+        controls.lock({})
 
 
 def test_an_exposure_longer_than_the_frame_period_is_refused_with_the_way_out() -> None:
@@ -261,11 +263,3 @@ def test_a_value_that_is_being_set_is_never_found_changed() -> None:
 
     controls.set("exposure_us", 5000)
     assert not wrong
-
-
-def test_a_refusal_by_the_camera_is_told() -> None:
-    kernel, camera = fake()
-    controls = Device(PATH, kernel=kernel).controls
-    camera.errors[v.S_CTRL] = errno.EIO
-    with pytest.raises(CameraError, match="refuses the dynamic frame rate = 0"):
-        controls.lock({})

@@ -9,15 +9,13 @@ import pytest
 
 from gellight.sensor.v4l2 import controls as c
 from gellight.sensor.v4l2 import structures as v
-from gellight.sensor.v4l2.device import Device
 from gellight.sensor.v4l2.errors import StalledError, UnpluggedError
-from gellight.sensor.v4l2.formats import Wanted
-from tests.helpers.v4l2_pictures import PATH, fake, streaming
+from tests.helpers.v4l2_pictures import fake, streaming
 
 # ---- structures ----
 
 
-def test_request_numbers_are_those_of_the_kernel_headers() -> None:
+def test_requests_flags_and_controls_have_the_numbers_of_the_kernel_headers() -> None:
     assert (v.QUERYCAP, v.ENUM_FMT, v.G_FMT, v.S_FMT) == (0x80685600, 0xC0405602, 0xC0D05604, 0xC0D05605)
     assert (v.REQBUFS, v.QUERYBUF, v.QBUF, v.DQBUF) == (0xC0145608, 0xC0585609, 0xC058560F, 0xC0585611)
     assert (v.STREAMON, v.STREAMOFF, v.G_PARM, v.S_PARM) == (0x40045612, 0x40045613, 0xC0CC5615, 0xC0CC5616)
@@ -26,9 +24,6 @@ def test_request_numbers_are_those_of_the_kernel_headers() -> None:
     assert ctypes.sizeof(v.Buffer) == 88
     places = v.StreamParameters.numerator, v.FrameSize.size, v.Format.fmt, v.FrameInterval.values, v.Buffer.m
     assert [place.offset for place in places] == [12, 12, 8, 20, 64]
-
-
-def test_flags_and_controls_have_the_numbers_of_the_kernel_headers() -> None:
     assert (v.CAPTURE, v.MMAP, v.FIELD_NONE, v.FRAME_DISCRETE, v.CTRL_DISABLED) == (1, 1, 1, 1, 1)
     assert (v.CAP_VIDEO_CAPTURE, v.CAP_STREAMING, v.CAP_DEVICE_CAPS) == (0x1, 0x4000000, 0x80000000)
     assert (v.FLAG_ERROR, v.TIMESTAMP_MASK, v.TIMESTAMP_MONOTONIC) == (0x40, 0xE000, 0x2000)
@@ -41,12 +36,16 @@ def test_flags_and_controls_have_the_numbers_of_the_kernel_headers() -> None:
 # ---- the newest picture ----
 
 
-def test_every_picture_comes_once_and_in_order_to_a_reader_that_keeps_up() -> None:
+def test_every_picture_comes_once_and_in_order_also_where_its_numbers_wrap_around() -> None:
     kernel, _ = fake()
     stream = streaming(kernel)
     assert [stream.newest(1).sequence for _ in range(50)] == list(range(50))
     assert stream.counts.delivered == 50
     assert sum(stream.counts.as_json().values()) == 50, "nothing else was counted"
+    kernel, _ = fake(sequence=lambda number: (number + 2**32 - 3) % 2**32)
+    stream = streaming(kernel)
+    assert [stream.newest(1).sequence for _ in range(5)] == [2**32 - 3, 2**32 - 2, 2**32 - 1, 0, 1]
+    assert stream.counts.lost == stream.counts.duplicated == 0
 
 
 def test_no_reader_however_irregular_gets_an_old_picture_and_all_are_accounted_for() -> None:
@@ -63,14 +62,11 @@ def test_no_reader_however_irregular_gets_an_old_picture_and_all_are_accounted_f
         assert counts.delivered + counts.skipped + counts.lost == picture.sequence + 1
 
 
-def test_pictures_that_never_came_are_counted_as_lost() -> None:
+def test_pictures_that_never_came_are_counted_and_those_that_come_again_are_not_delivered() -> None:
     kernel, _ = fake(missing=lambda number: number % 5 == 3)
     stream = streaming(kernel)
     last = [stream.newest(1).sequence for _ in range(40)][-1]
     assert stream.counts.lost == sum(number % 5 == 3 for number in range(last))
-
-
-def test_a_picture_that_comes_again_is_counted_and_not_delivered() -> None:
     kernel, _ = fake(sequence=lambda number: number - (number % 4 == 3))
     stream = streaming(kernel)
     seen = [stream.newest(1).sequence for _ in range(30)]
@@ -82,7 +78,7 @@ def test_a_picture_that_comes_again_is_counted_and_not_delivered() -> None:
     assert seen == list(range(0, 20, 2)), "the same time stamp twice is the same picture twice"
 
 
-def test_damaged_and_empty_pictures_are_counted_and_not_delivered() -> None:
+def test_damaged_and_empty_pictures_and_those_that_the_driver_gives_up_are_counted_and_not_delivered() -> None:
     kernel, _ = fake(
         bad=lambda number: v.FLAG_ERROR if number % 3 == 1 else 0,
         payload=lambda number: b"" if number % 3 == 2 else b"x" * 10,
@@ -90,9 +86,6 @@ def test_damaged_and_empty_pictures_are_counted_and_not_delivered() -> None:
     stream = streaming(kernel)
     assert [stream.newest(1).sequence % 3 for _ in range(10)] == [0] * 10
     assert stream.counts.damaged == 18
-
-
-def test_a_picture_that_the_driver_itself_gives_up_is_counted_as_damaged() -> None:
     kernel, camera = fake()
     stream = streaming(kernel)
     camera.errors[v.DQBUF] = errno.EIO
@@ -102,13 +95,6 @@ def test_a_picture_that_the_driver_itself_gives_up_is_counted_as_damaged() -> No
     del camera.errors[v.DQBUF]
     stream.newest(1)
     assert stream.counts.delivered == 1
-
-
-def test_sequence_numbers_may_wrap_around() -> None:
-    kernel, _ = fake(sequence=lambda number: (number + 2**32 - 3) % 2**32)
-    stream = streaming(kernel)
-    assert [stream.newest(1).sequence for _ in range(5)] == [2**32 - 3, 2**32 - 2, 2**32 - 1, 0, 1]
-    assert stream.counts.lost == stream.counts.duplicated == 0
 
 
 @pytest.mark.parametrize(
@@ -157,14 +143,3 @@ def test_a_poll_error_of_a_camera_that_is_there_is_no_unplugging() -> None:
     camera.streaming = False
     with pytest.raises(StalledError, match="is there but stopped its stream"):
         stream.newest(1)
-
-
-def test_closing_what_was_unplugged_is_quiet_and_gives_everything_back() -> None:
-    kernel, camera = fake()
-    device = Device(PATH, kernel=kernel)
-    device.configure(Wanted(width=640, height=480))
-    device.start()
-    camera.plugged = False
-    device.close()
-    device.close()
-    assert not kernel.opened
