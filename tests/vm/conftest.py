@@ -35,7 +35,7 @@ def whole_bench(guest: Guest) -> Iterator[Bench]:
     lit = open_virtual(
         "sim://?programme=0&object=BALL&depth=1.0&x=2.0&y=1.0", serial_number=LIT, geometry=sized(80, 60)
     )
-    sensors = {"one": steady(ONE), "two": steady(TWO), "twin": steady(ONE), "lit": lit}
+    sensors = {"one": steady(ONE), "two": steady(TWO), "lit": lit}
     with Bench(guest, sensors) as bench:
         yield bench
 

@@ -42,23 +42,6 @@ def camera_of(found: dict[str, Any], serial: str) -> str:
     return next(str(sensor["camera"]) for sensor in found["sensors"] if sensor["serial"] == serial)
 
 
-def test_two_sensors_with_one_serial_number_are_told_as_ambiguous(guest: Guest, bench: Bench) -> None:
-    bench.plug("one", 0)
-    bench.plug("twin", 1)
-    found = guest.run("sensing:sensors")
-    (text,) = found["ambiguities"]
-    assert f"2 sensors have the serial number {ONE}" in text
-    assert "sensor://1-1 or sensor://1-2" in text
-    assert "name the USB port" in guest.run("sensing:refusal", url=f"sensor://{ONE}")
-
-
-def test_without_a_sensor_it_says_what_to_do(guest: Guest, bench: Bench) -> None:
-    found = guest.run("sensing:gellight", arguments=["run", "--sensor", "auto", "--frames", "1"], limit_s=60)
-    assert found["status"] == 2
-    assert "check the cable" in found["err"]
-    assert "--sensor sim://" in found["err"]
-
-
 def test_a_sensor_that_is_plugged_into_another_port_goes_on(guest: Guest, bench: Bench) -> None:
     bench.plug("lit", 0)
     recovering = guest.start("sensing:recover", number=LIT, limit_s=60)
