@@ -139,9 +139,7 @@ def test_the_paper_ring_fits_the_limit(core: VirtualBoard) -> None:
 
 
 def test_free_steps_fall_on_their_microsecond(core: VirtualBoard) -> None:
-    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 2, 3000, 2500), p.SetStep(1, 1, 1, 5000, 0)], loops=2)
-    core.sync(SyncMode.FREE)
-    core.ok("START")
+    core.play([RED, GREEN], [p.SetStep(0, 0, 2, 3000, 2500), p.SetStep(1, 1, 1, 5000, 0)], loops=2)
     start = core.now_us + 2000
     core.advance(60_000)
     pass_ = [(0, RED), (3000, BLACK), (5500, RED), (8500, BLACK), (11_000, GREEN)]
@@ -153,9 +151,7 @@ def test_free_steps_fall_on_their_microsecond(core: VirtualBoard) -> None:
 
 
 def test_trim_shifts_once_and_stretches_without_drift(core: VirtualBoard) -> None:
-    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)])
-    core.sync(SyncMode.FREE)
-    core.ok("START")
+    core.play([RED, GREEN], [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)])
     start = core.now_us + 2000
     core.ok("TRIM", p.Trim(250, round(3.3e-5 * 2**32)))
     for _ in range(10):
@@ -170,9 +166,7 @@ def test_trim_shifts_once_and_stretches_without_drift(core: VirtualBoard) -> Non
 
 @pytest.mark.parametrize("phases", [(700, 300), (1000, 0), (60_000_000, 1), (-60_000_000, -1), (0, -(2**31))])
 def test_trims_within_a_step_add_up_to_a_minute(core: VirtualBoard, phases: tuple[int, int]) -> None:
-    core.load_sequence([RED], [p.SetStep(0, 0, 1, 100_000, 0)])
-    core.sync(SyncMode.FREE)
-    core.ok("START")
+    core.play([RED], [p.SetStep(0, 0, 1, 100_000, 0)])
     core.advance(50_000)
     taken = [core.ask("TRIM", p.Trim(phase, 0))[0] for phase in phases]
     assert taken == [Status.OK, Status.OK if sum(phases) == 1000 else Status.OUT_OF_RANGE]
@@ -235,9 +229,7 @@ def test_an_edge_at_any_look_at_the_clock_is_no_timeout(core: VirtualBoard, read
 
 def test_a_commit_while_running_waits_for_the_end_of_the_pass(core: VirtualBoard) -> None:
     steps = [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0), p.SetStep(2, 0, 1, 10_000, 0)]
-    core.load_sequence([RED, GREEN], steps)
-    core.sync(SyncMode.FREE)
-    core.ok("START")
+    core.play([RED, GREEN], steps)
     core.advance(3000)
     blue = bytes([0, 0, 200] + [0] * 33)
     core.load_sequence([blue], [p.SetStep(0, 0, 1, 5000, 0)])
@@ -254,9 +246,7 @@ def test_a_light_is_refused_while_a_sequence_runs(core: VirtualBoard) -> None:
 
 
 def test_stop_leaves_the_light_and_blank_takes_it(core: VirtualBoard) -> None:
-    core.load_sequence([RED], [p.SetStep(0, 0, 1, 10_000, 0)])
-    core.sync(SyncMode.FREE)
-    core.ok("START")
+    core.play([RED], [p.SetStep(0, 0, 1, 10_000, 0)])
     core.advance(5000)
     core.ok("STOP")
     core.advance(100_000)
@@ -283,9 +273,7 @@ def test_a_silent_host_leaves_the_leds_dark_after_a_second(core: VirtualBoard) -
 
 
 def test_a_sequence_dies_with_its_host(core: VirtualBoard) -> None:
-    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)])
-    core.sync(SyncMode.FREE)
-    core.ok("START")
+    core.play([RED, GREEN], [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)])
     keep_alive(core, 3_000_000)
     assert core.status().state == 1
     core.advance(1_100_000)

@@ -8,7 +8,7 @@ import pytest
 
 from gellight.lab.core_board.core import FLASH_BYTES
 from gellight.ring import protocol as p
-from gellight.ring.enumerations import Status, SyncMode
+from gellight.ring.enumerations import Status
 from gellight.ring.wire import COLOUR_BYTES, MOST_LEDS
 from tests.firmware.helpers.virtual_board import VirtualBoard
 
@@ -18,6 +18,12 @@ BLACK = bytes(36)
 
 def named(name: str) -> p.Configuration:
     return p.Configuration(1000, 450, 1000, 20000, 300, 0, 0, name.encode().ljust(16, b"\0"))
+
+
+def flash_of(record: bytes) -> bytes:
+    """Return a flash that holds a configuration as some firmware wrote it."""
+    page = (struct.pack("<II", 0x474C4346, 7) + record).ljust(252, b"\xff")
+    return (page + struct.pack("<I", zlib.crc32(page))).ljust(FLASH_BYTES, b"\xff")
 
 
 def save(core: VirtualBoard, name: str) -> int:
@@ -51,11 +57,7 @@ def test_a_record_of_firmware_that_knew_less_still_counts(
     core: VirtualBoard, unknown_bytes: int, bundle: bytes
 ) -> None:
     """Pins and LEDs are then those of a board as it comes."""
-    old = named("veteran").pack()[:-unknown_bytes]
-    page = struct.pack("<II", 0x474C4346, 7) + old
-    page = page.ljust(252, b"\xff")
-    flash = (page + struct.pack("<I", zlib.crc32(page))).ljust(FLASH_BYTES, b"\xff")
-    board = VirtualBoard(core.library, flash)
+    board = VirtualBoard(core.library, flash_of(named("veteran").pack()[:-unknown_bytes]))
     assert board.ok("GET_CONFIG") == dataclasses.replace(named("veteran"), bundle=bundle)
     board.close()
 
@@ -104,8 +106,7 @@ def test_a_configuration_out_of_range_is_refused(core: VirtualBoard, field: str)
 def test_a_record_that_undercuts_every_led_keeps_the_rest(core: VirtualBoard) -> None:
     """Firmware of before took 1 mA a colour where the LEDs have a supply of their own, and knew two policies."""
     old = dataclasses.replace(named("veteran"), unused=1, external_supply=1, limit_ma=2000, channel_ua=1_000)
-    page = (struct.pack("<II", 0x474C4346, 7) + old.pack()).ljust(252, b"\xff")
-    board = VirtualBoard(core.library, (page + struct.pack("<I", zlib.crc32(page))).ljust(FLASH_BYTES, b"\xff"))
+    board = VirtualBoard(core.library, flash_of(old.pack()))
     assert board.ok("GET_CONFIG") == dataclasses.replace(old, channel_ua=p.CHANNEL_EXTERNAL_UA)
     board.close()
 
@@ -171,9 +172,7 @@ def test_another_number_of_leds_counts_from_the_next_start_on(core: VirtualBoard
         -(leds * 1000 + -(-sum(colours) * 20000 // 255)) // 1000
     )
     assert again.ask("SET_LEDS", p.SetLeds(RED))[:2] == (Status.BAD_LENGTH, 36)
-    again.load_sequence([colours, colours[::-1]], [p.SetStep(k, k, 1, 5000, 0) for k in range(2)])
-    again.sync(SyncMode.FREE)
-    again.ok("START")
+    again.play([colours, colours[::-1]], [p.SetStep(k, k, 1, 5000, 0) for k in range(2)])
     again.advance(20_000)
     assert [light[2] for light in again.lights()[-2:]] in ([colours, colours[::-1]], [colours[::-1], colours])
     again.close()

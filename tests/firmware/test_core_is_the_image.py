@@ -13,10 +13,11 @@ from gellight.ring import protocol as p
 from gellight.ring.enumerations import Edge, SyncMode
 from gellight.ring.firmware.targets import committed_image
 from gellight.ring.wire import LED_COUNT, Packet, Record, decode, encode
-from tests.firmware.helpers.two_emulators import EVENTS, REPLIES
 from tests.helpers.bench_board import BenchBoard
 
 OPEN_US, BEGIN_US = 150_000, 200_000
+REPLIES = {command.code | p.REPLY: command.reply for command in p.COMMANDS.values()}
+EVENTS = dict(p.EVENTS.values())
 GRID_MS = 20
 """durations of sequences are multiples of it; a sequence starts on it, and all else is said 10 ms beside it"""
 ASIDE_MS = 10

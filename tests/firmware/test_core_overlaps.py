@@ -72,9 +72,7 @@ def test_a_transfer_of_a_stopped_sequence_is_no_step_of_the_next(core: VirtualBo
 
 
 def test_a_committed_table_is_shown_as_it_was_committed(core: VirtualBoard) -> None:
-    core.load_sequence([RED], [p.SetStep(0, 0, 1, 10_000, 0)])
-    core.sync(SyncMode.FREE)
-    core.ok("START")
+    core.play([RED], [p.SetStep(0, 0, 1, 10_000, 0)])
     core.advance(3000)
     core.load_sequence([GREEN], [p.SetStep(0, 0, 1, 10_000, 0)])
     core.ok("SET_GROUP", p.SetGroup(0, BLUE))
@@ -83,9 +81,7 @@ def test_a_committed_table_is_shown_as_it_was_committed(core: VirtualBoard) -> N
 
 
 def test_a_shift_to_before_the_start_of_the_board_is_at_once(core: VirtualBoard) -> None:
-    core.load_sequence([RED], [p.SetStep(0, 0, 1, 5000, 0)])
-    core.sync(SyncMode.FREE)
-    core.ok("START")
+    core.play([RED], [p.SetStep(0, 0, 1, 5000, 0)])
     core.advance(10_000)
     before = len(core.lights())
     core.ok("TRIM", p.Trim(-60_000_000, 0))

@@ -34,27 +34,10 @@ def heights() -> list[fine.Illumination]:
     return [fine.illumination(fine.at_height(GEOMETRY, height), fine.View()) for height in fine.HEIGHTS_MM]
 
 
-def test_saturation_and_deviation_rise_with_height() -> None:
-    below = [light for light in heights() if light.mounting_height_mm <= 32]
-    assert (np.diff([light.saturation for light in below]) > 0).all()
-    assert (np.diff([light.nsd for light in below]) > 0).all()
-
-
 def test_the_plane_at_20_mm_is_as_even_as_the_papers() -> None:
     light = next(light for light in heights() if light.mounting_height_mm == 20)
     assert light.variation == pytest.approx(0.013, abs=0.001)
     assert np.array(light.within_sigmas) == pytest.approx([0.6405, 0.9617, 0.9990], abs=0.05)
-
-
-def test_saturation_is_half_at_9_mm_and_at_20_mm_through_a_real_camera() -> None:
-    saturations = np.array([light.saturation for light in heights()])
-    assert fine.height_of_saturation(np.array(fine.HEIGHTS_MM), saturations) == pytest.approx(9.4, abs=0.3)
-    leaky = replace(fine.IDEAL_CAMERA, crosstalk=((0.8, 0.1, 0.1), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8)))
-    paler = [
-        fine.illumination(fine.at_height(GEOMETRY, height), fine.View(camera=leaky)).saturation
-        for height in fine.HEIGHTS_MM
-    ]
-    assert fine.height_of_saturation(np.array(fine.HEIGHTS_MM), np.array(paler)) > 15
 
 
 def test_a_saturation_that_is_never_reached_has_no_height() -> None:

@@ -52,9 +52,6 @@ class Tally:
     passed: int = 0
     worst_s: float = 0.0
     """the next start, from its beginning until its act was done"""
-    refused: int = 0
-    left: int = 0
-    """files that a killed process left hidden"""
     broken: Counter[str] = field(default_factory=Counter)
 
 
@@ -166,7 +163,7 @@ class Faults:
         home, moment_s = self._home(writer), self._random.uniform(0, 1.1) * self._lasts_s[writer.name]
         if blow is Blow.NO_LARGER_FILE:
             most = int(10 ** self._random.uniform(0, 5))
-            tally.refused += self._refusal(*did(lambda: without_growth(writer, home, most)), home)
+            self._refusal(*did(lambda: without_growth(writer, home, most)), home)
         else:
             struck = Child(lambda: writer.act(home))
             time.sleep(moment_s)
@@ -188,14 +185,12 @@ class Faults:
             self._holds("the next start fails", (status, said))
         tally.worst_s = max(tally.worst_s, time.monotonic() - begun_s)
         self._holds("after the next start it is neither old nor new", did(lambda: writer.judge(home)))
-        tally.left += sum(path.suffix in (".partial", ".draft") for path in home.rglob(".*"))
 
-    def _refusal(self, status: int, said: str, home: Path) -> bool:
-        """Return whether there was a refusal; BrokenError for one that names no place, and for another ending."""
+    def _refusal(self, status: int, said: str, home: Path) -> None:
+        """Raise BrokenError for a refusal that names no place, and for another ending."""
         self._no_fault("the act", status, said)
         if status == REFUSED and str(home) not in said:
             raise BrokenError(f"a refusal names no place: {said}")
-        return status == REFUSED
 
     @staticmethod
     def _no_fault(who: str, status: int, said: str) -> None:
@@ -210,11 +205,9 @@ class Faults:
 
 def table(tallies: dict[tuple[str, Blow], Tally]) -> str:
     """Return what was found, a line a class."""
-    lines = [f"{'act':20}{'fault':38}{'tried':>6}{'passed':>7}{'refused':>8}{'left':>5}{'worst':>8}"]
+    lines = [f"{'act':20}{'fault':38}{'tried':>6}{'passed':>7}{'worst':>8}"]
     for (name, blow), one in sorted(tallies.items()):
-        lines.append(
-            f"{name:20}{blow:38}{one.tried:6d}{one.passed:7d}{one.refused:8d}{one.left:5d}{one.worst_s:6.2f} s"
-        )
+        lines.append(f"{name:20}{blow:38}{one.tried:6d}{one.passed:7d}{one.worst_s:6.2f} s")
         lines += [f"    {count} x {text}" for text, count in one.broken.most_common(3)]
     tried, passed = (sum(getattr(one, what) for one in tallies.values()) for what in ("tried", "passed"))
     return "\n".join([*lines, f"{passed} of {tried} faults passed"])
@@ -234,8 +227,6 @@ def main() -> int:
     count, seed = (int(sys.argv[at]) if len(sys.argv) > at else least for at, least in ((1, 200), (2, 1)))
     found = faults(count, seed, tuple(Blow[name] for name in sys.argv[3:]) or tuple(Blow))
     print(table(found))
-    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    print(f"{sum(one.ru_utime + one.ru_stime for one in used):.0f} s of processor time")
     return 0 if all(one.passed == one.tried for one in found.values()) else 1
 
 

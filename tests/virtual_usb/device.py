@@ -51,13 +51,13 @@ class VirtualSensor:
     """Camera and board of the light ring in one USB device. Close it, or use it in a `with` statement."""
 
     def __init__(self, camera: Camera, *, serial_number: str, frame_rate: float = 30.0, has_board: bool = False,
-                 leds: int = LED_COUNT, faults: Faults = NO_FAULTS) -> None:  # fmt: skip
+                 leds: int = LED_COUNT) -> None:  # fmt: skip
         """Take over a camera without a ring, which runs at `frame_rate`; the plug is not in yet.
 
         `has_board`: while it has power, a simulated board has the same serial number and `leds`.
         """
         self.serial_number = f"{int(serial_number, 16):016X}"
-        self.faults = faults
+        self.faults = NO_FAULTS
         self.modes = modes_of(camera, frame_rate)
         self.camera, self._has_board, self._leds = camera, has_board, leds
         self.board: TerminalBoard | None = None
@@ -183,9 +183,7 @@ class VirtualSensor:
         return descriptors.string_descriptor(index, self.serial_number) if kind == numbers.STRING else None
 
 
-def open_virtual(
-    url: str, *, serial_number: str, geometry: Mapping[str, float | int | str], faults: Faults = NO_FAULTS
-) -> VirtualSensor:
+def open_virtual(url: str, *, serial_number: str, geometry: Mapping[str, float | int | str]) -> VirtualSensor:
     """Build a virtual sensor from the simulated one of a `sim://` URL, with its board.
 
     With `board=0` its light is steady and its serial port silent. Raises what opening that camera raises.
@@ -195,7 +193,7 @@ def open_virtual(
     camera.url = url
     camera.waiting = 0  # a camera sends what it sees now; who reads late waits behind the bus
     return VirtualSensor(camera, serial_number=serial_number, frame_rate=wanted.fps, has_board=bool(wanted.board),
-                         leds=leds, faults=faults)  # fmt: skip
+                         leds=leds)  # fmt: skip
 
 
 logger = logging.getLogger(__name__)

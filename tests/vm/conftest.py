@@ -36,7 +36,7 @@ def whole_bench(guest: Guest) -> Iterator[Bench]:
         "sim://?programme=0&object=BALL&depth=1.0&x=2.0&y=1.0", serial_number=LIT, geometry=sized(80, 60)
     )
     fine = open_virtual("sim://?programme=0", serial_number=FINE, geometry=sized(320, 240))
-    sensors = {"one": steady(ONE), "two": steady(TWO), "twin": steady(ONE), "lit": lit, "fine": fine}
+    sensors = {"one": steady(ONE), "two": steady(TWO), "lit": lit, "fine": fine}
     with Bench(guest, sensors) as bench:
         yield bench
 

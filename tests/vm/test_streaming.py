@@ -140,12 +140,11 @@ def test_what_the_camera_does_to_pictures_is_counted(
 
 def test_time_stamps_that_wander_are_found_by_the_doctor(guest: Guest, one: VirtualSensor) -> None:
     honest = jitter_ms(guest.run("looking:stamps", serial=ONE)["text"])
-    one.inject(Faults(late_ms=40))
+    one.inject(Faults(late_ms=120))  # a busy computer alone makes stamps wander by 20 ms
     finding = guest.run("looking:stamps", serial=ONE)
     lying = jitter_ms(finding["text"])
-    print(f"jitter of the stamps (95 %): honest {honest} ms, held back up to 40 ms {lying} ms")
-    assert lying > 10
-    assert lying > 1.5 * honest
+    print(f"jitter of the stamps (95 %): honest {honest} ms, held back up to 120 ms {lying} ms")
+    assert lying > max(30, 1.5 * honest)
     assert (finding["level"], finding["check"]) == ("warning", "stamps")
     assert "stamp_error_us=" in finding["remedy"]
 

@@ -2,14 +2,42 @@
 
 import json
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from gellight.bundle.bundle import Bundle, load_bundle, write_bundle
+from gellight.lab.simulator.shutter import Shutter
+from gellight.lab.simulator.simulated_camera import open_simulated
+from tests.helpers.small_bundles import at_places
 from tests.vm.machine.bench import LIT, ONE, TWO, Bench, sized
 from tests.vm.machine.qemu import Guest, hardware_virtualisation
-from tests.vm.machine.tiny_bundle import tiny_bundle
+
+TIMING = {"readout_us": Shutter().readout_us, "delay_us": Shutter().readout_us + Shutter().transfer_us}
+"""the virtual camera sends a picture when all of it was read and transferred, not while its first rows are read"""
+
+
+def tiny_bundle(folder: Path, geometry: Mapping[str, float | int | str]) -> Bundle:
+    """Write the bundle of a sensor with `geometry`, whose pixels each cover several of the shipped bundle's."""
+    shipped = load_bundle("synthetic")
+    with open_simulated("sim://?board=0&programme=0&noise=0", geometry) as camera:
+        reference = camera.read().image.astype(np.float32)
+    factor = shipped.image_shape[1] / reference.shape[1]
+    return write_bundle(
+        folder,
+        sensor="virtual",
+        reference=reference,
+        reference_frames=1,
+        noise_grey=1.0,
+        pixel_size_mm=(float(geometry["pixel_size_mm"]),) * 2,
+        network=at_places(shipped.network, factor, (factor - 1) / 2, (factor - 1) / 2),
+        metrics={},
+        led=shipped.manifest.led,
+        camera={"exposure_us": 8000.0, "gain": 0.0, "white_balance_k": 4600.0, **TIMING},
+    )
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -40,23 +68,6 @@ def test_discovery_pairs_camera_and_ring_by_their_usb_parent(guest: Guest, bench
 
 def camera_of(found: dict[str, Any], serial: str) -> str:
     return next(str(sensor["camera"]) for sensor in found["sensors"] if sensor["serial"] == serial)
-
-
-def test_two_sensors_with_one_serial_number_are_told_as_ambiguous(guest: Guest, bench: Bench) -> None:
-    bench.plug("one", 0)
-    bench.plug("twin", 1)
-    found = guest.run("sensing:sensors")
-    (text,) = found["ambiguities"]
-    assert f"2 sensors have the serial number {ONE}" in text
-    assert "sensor://1-1 or sensor://1-2" in text
-    assert "name the USB port" in guest.run("sensing:refusal", url=f"sensor://{ONE}")
-
-
-def test_without_a_sensor_it_says_what_to_do(guest: Guest, bench: Bench) -> None:
-    found = guest.run("sensing:gellight", arguments=["run", "--sensor", "auto", "--frames", "1"], limit_s=60)
-    assert found["status"] == 2
-    assert "check the cable" in found["err"]
-    assert "--sensor sim://" in found["err"]
 
 
 def test_a_sensor_that_is_plugged_into_another_port_goes_on(guest: Guest, bench: Bench) -> None:

@@ -153,6 +153,12 @@ class VirtualBoard(Core):
         crc = zlib.crc32(b"".join(table) + b"".join(step.pack() for step in steps))
         self.ok("COMMIT", protocol.Commit(crc, loops, len(steps)))
 
+    def play(self, groups: Sequence[bytes], steps: Sequence[protocol.SetStep], loops: int = 0) -> None:
+        """Start a sequence that goes by the board's clock."""
+        self.load_sequence(groups, steps, loops)
+        self.sync(SyncMode.FREE)
+        self.ok("START")
+
     def sync(self, mode: SyncMode, *, divider: int = 1, delay_us: int = 0, timeout_us: int = 0) -> None:
         self.ok("SET_SYNC", protocol.SetSync(mode, Edge.RISING, divider, delay_us, timeout_us))
 

@@ -12,8 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from tests.vm.machine import initramfs
-from tests.vm.machine.packages import content, load_order, unpacked
+from tests.vm.machine.packages import FIRST_DRIVERS, content, initramfs, load_order, unpacked
 
 DRIVERS = ("vhci_hcd", "uvcvideo", "cdc_acm")
 ON_DEMAND = ("vivid",)
@@ -188,7 +187,7 @@ def write_first_files(base: Path, folder: Path, release: str) -> None:
     """Write the initramfs, and a list of the modules that the guest loads, in order."""
     modules = next((base / "kernel").rglob(f"modules/{release}"))
     busybox = next(path for root in (base / "tools", Path("/")) if (path := root / "usr/bin/busybox").exists())
-    (folder / "initramfs.gz").write_bytes(initramfs.build(load_order(modules, initramfs.DRIVERS), busybox))
+    (folder / "initramfs.gz").write_bytes(initramfs(load_order(modules, FIRST_DRIVERS), busybox))
     at_boot = plain(load_order(modules, DRIVERS), folder)
     later = [path for path in plain(load_order(modules, ON_DEMAND), folder) if path not in at_boot]
     (folder / "modules.txt").write_text("".join(f"{path}\n" for path in at_boot))
