@@ -38,7 +38,7 @@ PHRASES = {
 }
 NAMESAKES = {
     "Board", "Capability", "ForceFigures", "Identity", "Layer", "Level", "Light", "Mode", "Need", "Press", "Record",
-    "Sensor", "State", "Statistics", "Status", "Target", "Trim", "View", "Zero",
+    "Sensor", "State", "Status", "Target", "Trim", "View", "Zero",
 }  # fmt: skip
 """names that two classes still have; the list may only become shorter"""
 
