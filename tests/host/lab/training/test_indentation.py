@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.lab.training.indentation import Indentation, expected_indentation_mm, indentation_of
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm
-from gellight.lab.training.validation import Indentation, IndentationFigures, expected_indentation_mm, indentation_of
+from gellight.lab.training.validation import IndentationFigures
 from gellight.reconstruction.force import Layer
 from sim_reference import gel
 from sim_reference.deformation import grid
