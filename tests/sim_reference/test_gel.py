@@ -1,14 +1,14 @@
-"""The gel against what is known of elastic contact: Hertz, the bonded layer, complementarity, convergence."""
+"""The gel against Hertz, the bonded layer and the equations of elasticity; complementarity, convergence, refusals."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sim_reference.deformation import NO_OBJECT, Deformation, grid
+from sim_reference.deformation import NO_OBJECT, Deformation, NotConverged, grid
 from sim_reference.gel import compliance, deflection, press
 from sim_reference.geometry import SensorGeometry
-from sim_reference.objects import OBJECT_NAMES, ObjectParameters, object_height
+from sim_reference.objects import OBJECT_NAMES, object_height
 from sim_reference.surface import GRID_EXTENT_MM, press_object
 
 GEOMETRY = replace(SensorGeometry(), coating_smoothing_mm=0.0)
@@ -83,13 +83,6 @@ def test_a_finer_grid_changes_less_and_less() -> None:
     assert np.abs(means(512) - means(256)).mean() < 0.5 * np.abs(means(256) - means(128)).mean()
 
 
-def test_deflections_superpose() -> None:
-    response = compliance(64, 0.5, 5.0, 0.49)
-    one, other = np.random.default_rng(0).random((2, 64, 64))
-    both = deflection(one + 2 * other, response)
-    assert both == pytest.approx(deflection(one, response) + 2 * deflection(other, response), abs=1e-12)
-
-
 def test_uniform_pressure_compresses_uniaxially() -> None:
     # u = p h (1 - 2 nu) / (2 mu (1 - nu)): no lateral strain under a bonded support.
     response = compliance(32, 1.0, 5.0, 0.3)
@@ -116,13 +109,83 @@ def test_an_unknown_object_is_refused_with_the_known_ones() -> None:
         press_object("CUBE", 0.5, GEOMETRY, size=64)
 
 
-@pytest.mark.parametrize("name", OBJECT_NAMES)
-def test_every_object_has_its_highest_point_at_zero_and_its_relief(name: str) -> None:
-    at = np.linspace(-20, 20, 1201)
-    height = object_height(name, at[None, :], at[:, None])
-    there = height > NO_OBJECT / 2
-    assert height[there].max() == pytest.approx(0, abs=0.01)
-    expected = {"BALL": 4.0, "BSWAVE": 2.0}.get(name, ObjectParameters().relief_mm)
-    assert -height[there].min() == pytest.approx(expected, abs=0.15)
-    reach = np.hypot(at[None, :], at[:, None])[there].max()
-    assert reach == pytest.approx(4.0 if name == "BALL" else 17.5, abs=0.1)
+def paraboloid(at: np.ndarray, radius: float) -> np.ndarray:
+    """What Hertz takes for a sphere."""
+    square = at[None, :] ** 2 + at[:, None] ** 2
+    return np.where(square < radius**2, -square / (2 * radius), NO_OBJECT)
+
+
+def layer_response(k: float, h: float, nu: float) -> float:
+    """Depth per pressure cos(kx) of a bonded layer in units of 1 / mu: Airy's stress function, solved numerically.
+
+    phi(z) is a sum of e^(kz), e^(-kz), z e^(kz), z e^(-kz). Plane strain gives u_x ~ (1 - nu) phi'' + nu k^2 phi and
+    u_z = ((1 - nu) phi''' - (2 - nu) k^2 phi') / (2 mu k^2); both vanish at z = 0. At z = h the shear phi' is 0 and the
+    pressure k^2 phi is 1.
+    """
+
+    def derivatives(z: float) -> list[np.ndarray]:
+        def nth(n: int, s: float) -> list[float]:
+            return [s**n * np.exp(s * z), (s**n * z + n * s ** (n - 1)) * np.exp(s * z)]
+
+        return [np.array(nth(n, k) + nth(n, -k)) for n in range(4)]
+
+    def depth(d: list[np.ndarray]) -> np.ndarray:
+        return ((1 - nu) * d[3] - (2 - nu) * k**2 * d[1]) / (2 * k**2)
+
+    bottom, top = derivatives(0.0), derivatives(h)
+    conditions = np.array([(1 - nu) * bottom[2] + nu * k**2 * bottom[0], depth(bottom), top[1], k**2 * top[0]])
+    return abs(float(depth(top) @ np.linalg.solve(conditions, [0, 0, 0, 1])))
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.49])
+@pytest.mark.parametrize("column", [1, 3, 10])
+def test_the_layer_answers_as_the_equations_of_elasticity_say(nu: float, column: int) -> None:
+    response = compliance(64, 1.0, 5.0, nu)
+    assert response[0, column] == pytest.approx(layer_response(2 * np.pi * column / 64, 5.0, nu), rel=1e-9)
+
+
+def test_depth_is_linear_in_pressure_and_moves_with_it() -> None:
+    rng = np.random.default_rng(0)
+    response = compliance(32, 0.5, 5.0, 0.49)
+    p, q = rng.random((2, 32, 32))
+    both = deflection(2 * p + q, response)
+    assert both == pytest.approx(2 * deflection(p, response) + deflection(q, response), abs=1e-12)
+    assert deflection(np.roll(p, (3, -5), (0, 1)), response) == pytest.approx(
+        np.roll(deflection(p, response), (3, -5), (0, 1)), abs=1e-12
+    )
+
+
+def test_a_press_looks_the_same_everywhere() -> None:
+    at = grid(128, 0.375)
+    height = object_height("BALL", at[None, :], at[:, None])
+    here = press(height, 0.375, 0.8, GEOMETRY).depth_mm
+    there = press(np.roll(height, (7, -4), (0, 1)), 0.375, 0.8, GEOMETRY).depth_mm
+    assert there == pytest.approx(np.roll(here, (7, -4), (0, 1)), abs=1e-9)
+
+
+def test_the_gel_bulges_beside_the_object_and_keeps_its_volume() -> None:
+    pressed = press(paraboloid(grid(256, 48 / 256), 4.0), 48 / 256, 1.0, SensorGeometry(poisson_ratio=0.499))
+    assert pressed.depth_mm.min() < -0.01
+    displaced = pressed.depth_mm[pressed.depth_mm > 0].sum()
+    assert abs(pressed.depth_mm.sum()) < 0.05 * displaced
+
+
+def test_a_contact_that_was_not_found_is_not_returned() -> None:
+    with pytest.raises(NotConverged, match="coarser grid"):
+        press(paraboloid(grid(64, 0.5), 4.0), 0.5, 1.0, GEOMETRY, max_iterations=2)
+
+
+def test_an_object_that_is_no_square_of_numbers_is_refused() -> None:
+    height = paraboloid(grid(33, 1.0), 4.0)
+    for spoilt in (height[:-1], np.where(height == 0, np.nan, height)):
+        with pytest.raises(ValueError, match="object"):
+            press(spoilt, 1.0, 0.5, GEOMETRY)
+
+
+def test_under_the_ball_the_gel_is_the_ball() -> None:
+    pressed = press_object("BALL", 1.0, GEOMETRY)
+    at = grid(len(pressed.depth_mm), pressed.spacing_mm)
+    square = at[None, :] ** 2 + at[:, None] ** 2
+    under = square < 1.2**2
+    assert pressed.contact[under].all()
+    np.testing.assert_allclose(pressed.depth_mm[under], np.sqrt(16 - square[under]) - 3, rtol=0, atol=2e-3)

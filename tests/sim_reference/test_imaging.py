@@ -1,16 +1,16 @@
-"""Geometry and pixels, light on the gel (Lambert, inverse square, shadows), and from light to grey levels."""
+"""Geometry and pixels, light on the gel (flat, tilted, stepped, bumpy; shadows), and from light to grey levels."""
 
 from dataclasses import replace
 from math import cos, radians, sin, tan
 
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import binary_dilation, map_coordinates
 
 from sim_reference.camera import CameraResponse, digitise, expose, exposure_for, linear_grey
 from sim_reference.geometry import SensorGeometry, led_axes, led_positions, pixel_grid
 from sim_reference.imaging import directional_image, led_irradiance, normals, ring_irradiance, ring_light, visibility
-from sim_reference.surface import press_object, sample, untouched
+from sim_reference.surface import Surface, press_object, sample, untouched
 
 GEOMETRY = SensorGeometry()
 SMALL = replace(GEOMETRY, image_width_px=160, image_height_px=120, pixel_size_mm=0.2352)
@@ -25,24 +25,6 @@ def test_the_ring_is_where_the_paper_puts_it() -> None:
     assert axis[:, 2] == pytest.approx(-cos(radians(29)))
     assert (position[:, :2] * axis[:, :2]).sum(axis=1) == pytest.approx(-21.5 * sin(radians(29)))
     assert ring_light(GEOMETRY)[[0, 4, 8]] == pytest.approx(np.eye(3))
-
-
-def test_one_pixel_by_hand() -> None:
-    # LED 0 at (21.5, 0, 20), its axis (-sin 29, 0, -cos 29); the pixel at (1.5 mm, 1.5 mm).
-    geometry = replace(GEOMETRY, image_width_px=4, image_height_px=4, pixel_size_mm=1.0)
-    to_led = np.array([20.0, -1.5, 20.0])
-    distance = np.sqrt(to_led @ to_led)
-    leaving = (20 * sin(radians(29)) + 20 * cos(radians(29))) / distance
-    expected = leaving * 20 / distance * 400 / distance**2
-    assert led_irradiance(untouched(geometry), geometry, 0)[3, 3] == pytest.approx(expected, rel=1e-12)
-
-
-def test_light_falls_with_the_square_of_the_distance() -> None:
-    # Twice as far in every direction: the same angles, a quarter of the light (E is relative to h^2 / d^2).
-    far = replace(SMALL, camera_height_mm=60.0, ring_radius_mm=43.0, pixel_size_mm=2 * 0.2352)
-    one = led_irradiance(untouched(SMALL), SMALL, 2) / 20**2
-    other = led_irradiance(untouched(far), far, 2) / 40**2
-    assert one == pytest.approx(4 * other, rel=1e-12)
 
 
 def test_a_slope_towards_the_light_is_brighter_by_lambert() -> None:
@@ -80,32 +62,11 @@ def test_a_box_is_a_piece_of_the_whole() -> None:
     np.testing.assert_allclose(ring_irradiance(surface, SMALL, ring_light(SMALL), box), whole[box], rtol=1e-12)
 
 
-def test_a_flat_gel_has_no_cast_shadow() -> None:
-    x, y = pixel_grid(SMALL)
-    for position in led_positions(SMALL):
-        assert visibility(np.zeros(SMALL.image_shape), (x[0], y[:, 0]), position).min() == 1
-
-
 def test_a_gentle_ball_casts_no_shadow_on_itself() -> None:
     surface = sample(press_object("BALL", 0.3, GEOMETRY), GEOMETRY, 0.0, 0.0)
     x, y = pixel_grid(GEOMETRY)
     for position in led_positions(GEOMETRY)[::3]:
         assert visibility(surface.depth_mm, (x[0], y[:, 0]), position).min() == 1
-
-
-def test_the_shadow_of_a_wall_has_the_length_of_geometry() -> None:
-    # A wall 1 mm high and 20 mm in front of the light's foot, light 20 mm high: the shadow ends where the ray over
-    # the wall comes down, at 20 * 20 / (20 - 1) = 21.05 mm from the foot.
-    x = np.arange(3.0, 8.0, 0.02)
-    y = np.arange(-1.0, 1.0, 0.02)
-    wall = np.broadcast_to(((x >= 4.5) & (x <= 5.0)).astype(float), (len(y), len(x)))
-    seen = visibility(wall, (x, y), np.array([-15.0, 0.0, 20.0]))
-    middle = seen[len(y) // 2]
-    shadow = x[(middle < 0.5) & (x > 5.05)]
-    # Shadows are found on a polar grid of two pixels' pitch, 0.04 mm.
-    assert shadow.max() == pytest.approx(-15 + 20 * 20 / 19, abs=0.08)
-    assert middle[x < 4.4].min() == 1
-    assert middle[x > 6.4].min() == 1
 
 
 def test_shadows_agree_with_brute_force() -> None:
@@ -215,3 +176,94 @@ def test_a_beam_of_120_degrees_is_lambertian_and_a_wider_one_flatter() -> None:
 def test_geometry_that_cannot_be_built_is_refused(wrong: dict) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong)).replace("mounting_", "mounting.")):
         SensorGeometry(**wrong)
+
+
+def plane(gx: float, gy: float) -> Surface:
+    x, y = pixel_grid(SMALL)
+    gradient = np.broadcast_to(np.array([gx, gy]), (*SMALL.image_shape, 2))
+    return Surface(gx * x + gy * y, gradient, np.zeros(SMALL.image_shape, bool))
+
+
+def test_a_lambertian_lamp_that_looks_down_lights_a_plane_with_the_fourth_power_of_the_cosine() -> None:
+    down = replace(SMALL, incident_angle_rad=0.0)
+    x, y = pixel_grid(down)
+    position = led_positions(down)[1]
+    cosine = position[2] / np.sqrt((x - position[0]) ** 2 + (y - position[1]) ** 2 + position[2] ** 2)
+    assert led_irradiance(untouched(down), down, 1) == pytest.approx(cosine**4, rel=1e-12)
+
+
+@pytest.mark.parametrize("led", [0, 3, 7])
+def test_a_tilted_plane_obeys_equation_3(led: int) -> None:
+    surface = plane(0.1, -0.2)
+    row, column = 31, 117
+    x, y = (axis.ravel() for axis in pixel_grid(SMALL))
+    point = np.array([x[column], y[row], surface.depth_mm[row, column]])
+    to_led = led_positions(SMALL)[led] - point
+    distance = np.linalg.norm(to_led)
+    light = to_led / distance
+    normal = np.array([-0.1, 0.2, 1]) / np.sqrt(1.05)
+    expected = (-light @ led_axes(SMALL)[led]) * (normal @ light) * (20 / distance) ** 2
+    assert led_irradiance(surface, SMALL, led)[row, column] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_narrow_beam_is_a_power_of_a_wide_one() -> None:
+    narrow = replace(SMALL, beam_angle_rad=2 * np.arccos(0.5 ** (1 / 3)))
+    flat = untouched(SMALL)
+    x, y = pixel_grid(SMALL)
+    to_led = led_positions(SMALL)[2] - np.stack(np.broadcast_arrays(x, y, 0 * x), axis=2)
+    leaving = -(to_led @ led_axes(SMALL)[2]) / np.linalg.norm(to_led, axis=2)
+    expected = led_irradiance(flat, SMALL, 2) * leaving**2
+    assert led_irradiance(flat, narrow, 2) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("height", [0.5, 1.0, 2.0])
+def test_the_shadow_of_a_step_is_as_long_as_similar_triangles_say(height: float) -> None:
+    x = (np.arange(800) - 399.5) * 0.025
+    y = (np.arange(41) - 20) * 0.025
+    led = np.array([21.5, 0.0, 20.0])
+    step = np.where(x > 0, height, 0.0) * np.ones((41, 1))
+    seen = visibility(step, (x, y), led)[20]
+    assert (seen[x > 0.05] == 1).all()
+    shadow = (1 - seen).sum() * 0.025
+    assert shadow == pytest.approx(21.5 * height / (20 - height), abs=0.06)  # 1.2 pitches of the polar grid
+
+
+def test_cast_shadows_darken_the_far_side_of_a_bump_only() -> None:
+    x, y = pixel_grid(SMALL)
+    depth = 3.0 * np.exp(-(x**2 + y**2) / 1.5)
+    gradient = np.stack([-2 * x / 1.5 * depth, -2 * y / 1.5 * depth], axis=2)
+    bump = Surface(depth, gradient, depth > 1)
+    lit = led_irradiance(bump, SMALL, 0)  # from the right
+    flat = led_irradiance(untouched(SMALL), SMALL, 0)
+    middle = slice(58, 62)
+    assert lit[middle, (x > -5).ravel() & (x < -4).ravel()].max() > 0.9 * flat.min()
+    assert lit[middle, (x > -2.6).ravel() & (x < -2.2).ravel()].max() < 0.05 * flat[60, 60]
+    assert lit[:, x.ravel() > 6] == pytest.approx(flat[:, x.ravel() > 6], rel=0.01)
+
+
+def without_shadows(surface: Surface, geometry: SensorGeometry, led: int) -> np.ndarray:
+    """Equation 3 as a product of vectors, attached shadow included, cast shadow not."""
+    x, y = pixel_grid(geometry)
+    to_led = led_positions(geometry)[led] - np.stack(np.broadcast_arrays(x, y, surface.depth_mm), axis=2)
+    distance = np.linalg.norm(to_led, axis=2)
+    facing = (normals(surface.gradient_map) * to_led).sum(axis=2) / distance
+    leaving = -(to_led @ led_axes(geometry)[led]) / distance
+    return np.asarray(np.maximum(leaving, 0) * np.maximum(facing, 0) * (20 / distance) ** 2)
+
+
+@pytest.mark.parametrize("led", [1, 5, 8])
+def test_looking_for_shadows_only_where_they_can_fall_finds_them_all(led: int) -> None:
+    fine = replace(SMALL, image_width_px=200, image_height_px=160, pixel_size_mm=0.1)
+    x, y = pixel_grid(fine)
+    depth, gradient = np.zeros(fine.image_shape), np.zeros((*fine.image_shape, 2))
+    for height, cx, cy in ((2.5, 3.0, 0.0), (2.0, -4.0, 3.0)):
+        bump = height * np.exp(-((x - cx) ** 2 + (y - cy) ** 2))
+        depth += bump
+        gradient -= 2 * np.stack([(x - cx) * bump, (y - cy) * bump], axis=2)
+    surface = Surface(depth, gradient, depth > 1)
+    seen_share = visibility(depth, (x.ravel(), y.ravel()), led_positions(fine)[led])
+    full = without_shadows(surface, fine, led) * seen_share
+    # The two polar grids differ, so do the pixels of partial visibility and their neighbours.
+    edge = binary_dilation((seen_share > 0) & (seen_share < 1), iterations=2)
+    assert ((seen_share == 0) & ~edge).sum() > 100
+    np.testing.assert_allclose(led_irradiance(surface, fine, led)[~edge], full[~edge], rtol=0, atol=1e-9)
