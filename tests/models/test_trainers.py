@@ -155,27 +155,47 @@ def test_a_width_of_32_has_3426_parameters_drawn_as_torch_draws_them(trainer: st
         assert layer.weight.std() == pytest.approx(bound / np.sqrt(3), rel=0.15)
 
 
+def begun(trainer: str, pixels: Floats, gradient: Floats) -> Any:
+    made = make_trainer(trainer, seed=0)
+    made.begin(pixels.astype(np.float32), gradient.astype(np.float32), width=4, recipe=RECIPES["fast"])
+    return made
+
+
+@pytest.mark.parametrize("trainer", TRAINERS)
 @pytest.mark.parametrize(("steepest", "bound"), [(0.09, 0.1), (0.1, 0.1047), (5.0, 1.442), (10.0, 1.5), (1e9, 1.5)])
-def test_the_bound_leaves_room_for_the_steepest_training_slope(steepest: float, bound: float) -> None:
-    rows = pressed(per_image=2).rows[:, :5]
-    made = random_network(rows, np.full((20, 2), -steepest, np.float32), width=4, random=np.random.default_rng(0))
-    assert made.steepest_rad == pytest.approx(bound, abs=1e-3)
+def test_the_bound_leaves_room_for_the_steepest_training_slope(trainer: str, steepest: float, bound: float) -> None:
+    made = begun(trainer, pressed(per_image=2).pixels, np.full((20, 2), -steepest))
+    assert made.parameters().steepest_rad == pytest.approx(bound, abs=1e-3)
 
 
-@pytest.mark.parametrize(("spread", "scale"), [(5e-7, 1.0), (2e-6, 2e-6)])
-def test_a_column_that_hardly_changes_is_not_divided_by_its_spread(spread: float, scale: float) -> None:
-    rows = np.tile(np.array([[-1.0], [1.0]], np.float64), (500, 5)) * spread
-    made = random_network(rows, np.zeros((1000, 2), np.float32), width=4, random=np.random.default_rng(0))
-    assert made.scale == pytest.approx(scale, rel=1e-2)
+@pytest.mark.parametrize("trainer", TRAINERS)
+@pytest.mark.parametrize(("spread", "scale"), [(0.0, 1.0), (5e-7, 1.0), (2e-6, 2e-6)])
+def test_a_column_that_hardly_changes_is_not_divided_by_its_spread(trainer: str, spread: float, scale: float) -> None:
+    made = begun(trainer, np.tile(np.array([[-1.0], [1.0]]), (500, 5)) * spread, np.zeros((1000, 2)))
+    assert made.parameters().scale == pytest.approx(scale, rel=1e-2)
 
 
-def test_a_column_that_never_changes_does_not_divide_by_nothing() -> None:
-    rows = pressed().rows
-    rows[:, 3] = 7.0
-    made = random_network(rows[:, :5], rows[:, 5:], width=4, random=np.random.default_rng(0))
-    assert made.scale[3] == 1
-    alone = random_network(rows[:1, :5], rows[:1, 5:], width=4, random=np.random.default_rng(0))
-    assert (alone.scale == 1).all()
+@pytest.mark.parametrize("trainer", TRAINERS)
+def test_units_of_the_input_do_not_matter_because_the_range_is_inside(trainer: str) -> None:
+    table = pressed(per_image=20)
+    others = table.pixels * np.array([3.0, 0.5, 10.0, 2.0, 7.0]) + np.array([5.0, -20.0, 0.0, 100.0, 3.0])
+    networks = [begun(trainer, pixels, table.gradient).parameters() for pixels in (table.pixels, others)]
+    inside = [(rows - one.centre) / one.scale for rows, one in zip((table.pixels, others), networks, strict=True)]
+    np.testing.assert_allclose(*inside, atol=1e-4)
+    np.testing.assert_array_equal(*(flat(one) for one in networks))
+
+
+def test_one_row_has_no_spread_and_no_input_makes_a_slope_steeper_than_the_bound() -> None:
+    table = pressed(per_image=20)
+    assert (begun("numpy", table.pixels[:1], table.gradient[:1]).parameters().scale == 1).all()
+    made = begun("numpy", table.pixels, table.gradient)
+    drawn = made.parameters()
+    output = drawn.layers[-1]
+    steep = replace(drawn, layers=(*drawn.layers[:-1], type(output)(1e6 * output.weight, output.bias)))
+    made.begin_with(steep, RECIPES["fast"])
+    slopes = made.answer(table.pixels * np.float32(1e4))
+    assert np.isfinite(slopes).all()
+    assert np.abs(slopes).max() == pytest.approx(np.tan(drawn.steepest_rad), rel=1e-4)
 
 
 @pytest.mark.nightly
