@@ -14,13 +14,10 @@ from gellight.lab.calibration.coverage import LiveError, advice, coverage
 from gellight.lab.calibration.display import Display
 from gellight.lab.calibration.preparing import full_colours, led_settings, of_image, uniformity
 from gellight.lab.calibration.sensing import TouchDetector, check_light, wait_free, wait_press
-from gellight.lab.calibration.untouched import foreign_share
-from gellight.lab.simulator.scene import Press as GelPress
 from gellight.lab.simulator.scene import Scene
-from gellight.lab.simulator.virtual_hand import spread
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 from gellight.photometric.ring_geometry import RingGeometry
-from sim_reference.camera import CameraResponse, digitise
+from sim_reference.camera import CameraResponse
 from sim_reference.geometry import SensorGeometry
 
 GEOMETRY = SensorGeometry(image_width_px=320, image_height_px=240, pixel_size_mm=0.1176)
@@ -84,11 +81,6 @@ def test_a_clipped_and_a_dark_picture_are_told_apart() -> None:
         check_light(np.full((*SHAPE, 3), 3, np.uint8), "the press")
 
 
-def test_the_untouched_gel_is_smooth_light_and_a_hand_on_it_is_not(scene: Scene) -> None:
-    assert foreign_share(scene.show(None)[0]) == 0
-    assert foreign_share(scene.show(GelPress("CYLINDER", 0.5))[0]) > 0.03
-
-
 def test_the_missing_edge_is_named_with_how_many_presses_it_needs() -> None:
     presses = [at(x, y, 30) for x in range(110, 320, 30) for y in range(10, 240, 30)]
     found = coverage(presses, BALL, SHAPE)
@@ -146,21 +138,6 @@ def test_the_depth_of_a_press_is_judged_as_its_slopes_say(bend: float) -> None:
     _, depth_mm = exact.errors((1 + bend) * np.eye(2), np.arange(2))
     cap_mm = cap_depth_mm(press, BALL, SHAPE)[contact_circle(press, SHAPE)]
     assert depth_mm == pytest.approx(bend * np.abs(cap_mm - cap_mm.mean()).mean(), rel=0.1)
-
-
-def test_the_places_of_the_virtual_hand_fill_the_view_evenly() -> None:
-    points = np.array([spread(0, number) for number in range(40)])
-    counts = np.histogramdd(points[:, :2], bins=(4, 4), range=((0, 1), (0, 1)))[0]
-    assert counts.min() >= 1
-    assert counts.max() <= 4
-
-
-def test_the_noise_of_the_camera_does_not_look_like_a_touch(scene: Scene) -> None:
-    grey, random = scene.show(None)[0], np.random.default_rng(0)
-    detector = TouchDetector(grey, 1.0)
-    looks = [detector.look(frame(digitise(grey, 1.0, random))) for _ in range(5)]
-    assert all(look.free for look in looks)
-    assert all(look.still for look in looks[1:])
 
 
 class DarkAtFirst:
@@ -226,15 +203,6 @@ def test_a_ring_is_lit_in_the_colours_of_its_design(colours: str) -> None:
 def test_a_ring_that_cannot_be_is_refused(colours: str, message: str) -> None:
     with pytest.raises((InputError, ConfigError), match=message):
         RoutineOptions(out=Path("b"), ring=RingGeometry(led_colours=colours))
-
-
-@pytest.mark.parametrize(("radius_px", "step"), [(10, 1), (18, 1), (30, 2), (100, 8)])
-def test_the_live_error_looks_at_some_25_pixels_along_a_contact(radius_px: int, step: int) -> None:
-    press, live = at(160, 120, radius_px), LiveError(REFERENCE, BALL)
-    live.add(0, photograph(press, BALL, REFERENCE, 0), press)
-    (one,) = live._learnt.values()
-    assert one.grid_mm == pytest.approx(step * BALL.pixel_size_mm)
-    assert one.inside.sum() == contact_circle(press, SHAPE)[::step, ::step].sum()
 
 
 def test_the_pictures_that_are_shown_are_a_copy_that_nobody_changes_later() -> None:

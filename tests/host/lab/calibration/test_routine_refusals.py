@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,15 +17,9 @@ from tests.helpers.calibration_routine import LIT, URL, camera, finished, option
 
 
 class Clumsy(VirtualHand):
-    """A hand that presses as it is told by the test."""
+    """A hand that may forget to lift."""
 
-    ball_press: tuple[float, float, float] = (1.0, 0.0, 0.0)
     at_rest = False
-    last = "BALL"
-
-    def ball(self, number: int, pixel_size_mm: float, image_shape: tuple[int, int]) -> None:
-        """Press the ball always in the same way."""
-        self._stage.press("BALL", *self.ball_press)
 
     def lift(self) -> None:
         """Lift, or forget to."""
@@ -49,31 +42,35 @@ def jam() -> None:
     raise RuntimeError("the hand is stuck")
 
 
-def refused(tmp_path: Path, prepare: Callable[[Clumsy, SimulatedCamera], None], url: str = URL, **changes: Any) -> str:
-    """Run a routine that is disturbed by `prepare`; returns the reason of its end."""
+def swap_colours(hand: Clumsy, sensor: SimulatedCamera) -> None:
+    """Let what is red look green."""
+    sensor._response = sensor._scene.response = type(sensor._response)(
+        exposure=sensor._response.exposure, crosstalk=((0, 1, 0), (1, 0, 0), (0, 0, 1))
+    )
+
+
+@pytest.mark.parametrize(
+    ("disturb", "url", "told"),
+    [
+        (lambda hand, sensor: sensor.stage.press("CYLINDER", 0.5, 2.0, 1.0), URL, "something lies on it"),
+        (lambda hand, sensor: setattr(hand, "at_rest", True), URL, "lift the tool"),
+        (lambda hand, sensor: sensor._scene.led_gain.put(5, 0.0), LIT, "LED 5 stays dark"),
+        (swap_colours, LIT, "shines in another colour: check the colour order"),
+    ],
+    ids=["a hand on the gel", "a tool that is never lifted", "a dead LED", "LEDs in another order"],
+)
+def test_what_disturbs_a_routine_ends_it_with_its_reason(
+    disturb: Callable[[Clumsy, SimulatedCamera], None], url: str, told: str, tmp_path: Path
+) -> None:
     with camera(url) as sensor:
         hand = Clumsy(sensor.stage)
-        routine = Routine(sensor, options(tmp_path, **changes), tmp_path / "state", hand=hand)
-        prepare(hand, sensor)
+        routine = Routine(sensor, options(tmp_path), tmp_path / "state", hand=hand)
+        disturb(hand, sensor)
         snapshot = finished(routine)
     assert snapshot["step"] == "failed"
     assert isinstance(routine.error, GellightError)
     assert not (tmp_path / "bundle").exists()
-    return str(snapshot["problem"])
-
-
-def test_a_hand_on_the_gel_during_the_reference_is_noticed(tmp_path: Path) -> None:
-    def press(hand: Clumsy, sensor: SimulatedCamera) -> None:
-        sensor.stage.press("CYLINDER", 0.5, 2.0, 1.0)
-
-    assert "something lies on it" in refused(tmp_path, press)
-
-
-def test_a_tool_that_is_never_lifted_is_told(tmp_path: Path) -> None:
-    def press(hand: Clumsy, sensor: SimulatedCamera) -> None:
-        hand.at_rest = True
-
-    assert "lift the tool" in refused(tmp_path, press)
+    assert told in snapshot["problem"]
 
 
 @pytest.mark.parametrize(
@@ -88,22 +85,6 @@ def test_however_a_routine_ends_nothing_stays_pressed_into_the_gel(way: str, ste
         hand.end = ways[way]
         assert finished(routine)["step"] == step
         assert sensor.stage.status()["object"] == ""
-
-
-def test_a_dead_led_is_named(tmp_path: Path) -> None:
-    def unsolder(hand: Clumsy, sensor: SimulatedCamera) -> None:
-        sensor._scene.led_gain[5] = 0.0
-
-    assert "LED 5 stays dark" in refused(tmp_path, unsolder, LIT)
-
-
-def test_leds_in_the_wrong_order_are_named(tmp_path: Path) -> None:
-    def swap(hand: Clumsy, sensor: SimulatedCamera) -> None:
-        sensor._response = sensor._scene.response = type(sensor._response)(
-            exposure=sensor._response.exposure, crosstalk=((0, 1, 0), (1, 0, 0), (0, 0, 1))
-        )
-
-    assert "shines in another colour: check the colour order" in refused(tmp_path, swap, LIT)
 
 
 def test_recorded_pictures_cannot_be_calibrated_live(tmp_path: Path) -> None:

@@ -114,27 +114,15 @@ def test_a_camera_needs_480_mbit_s_and_shares_no_slow_bus(mbps: float, others: i
 WEBCAM = (0x046D, 0x0825)
 
 
-@pytest.fixture
-def usb(tmp_path: Path) -> UsbTree:
-    return UsbTree(tmp_path)
-
-
-def test_camera_and_ring_that_are_switched_on_have_enough(usb: UsbTree) -> None:
-    usb.plug("1-4.1", ids=WEBCAM, cameras=1)
-    usb.plug("1-4.2", rings=1)
-    (finding,) = check_power(usb.sysfs, {"1-4.1"})
-    assert finding.level is Level.OK
-
-
-def test_a_ring_that_linux_refused_is_found_without_its_node(usb: UsbTree) -> None:
-    usb.plug("1-4.1", ids=WEBCAM, cameras=1)
-    usb.plug("1-4.2", rings=0, refused=True)
-    (finding,) = check_power(usb.sysfs, {"1-4.1"})
-    assert finding.level is Level.PROBLEM
-    assert "at USB 1-4.2 asks for more current than its hub gives, so Linux does not switch it on" in finding.text
-    assert "a power supply of its own" in finding.remedy
-
-
-def test_nothing_is_said_of_the_devices_of_others(usb: UsbTree) -> None:
+@pytest.mark.parametrize("refused", [False, True])
+def test_a_ring_that_linux_refused_is_found_without_its_node(refused: bool, tmp_path: Path) -> None:
+    """Beside the device of somebody else, of which nothing is said."""
+    usb = UsbTree(tmp_path)
     usb.plug("1-3", ids=WEBCAM, refused=True)
-    assert list(check_power(usb.sysfs, ())) == []
+    usb.plug("1-4.1", ids=WEBCAM, cameras=1)
+    usb.plug("1-4.2", rings=int(not refused), refused=refused)
+    (finding,) = check_power(usb.sysfs, {"1-4.1"})
+    assert finding.level is (Level.PROBLEM if refused else Level.OK)
+    if refused:
+        assert "at USB 1-4.2 asks for more current than its hub gives, so Linux does not switch it on" in finding.text
+        assert "a power supply of its own" in finding.remedy

@@ -1,5 +1,6 @@
 """The doctor: every finding with its remedy, on a computer made of nothing."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -37,34 +38,65 @@ def test_a_healthy_sensor_has_no_finding_that_needs_a_remedy(clinic: Clinic, tmp
     assert not clinic.kernel.opened
 
 
+def plugged(**fault: Any) -> Callable[[Clinic], object]:
+    """A camera that has a fault."""
+    return lambda clinic: clinic.plug("1-2", "GL0001", **fault)
+
+
+def without(number: int) -> Callable[[Clinic], object]:
+    """A camera that lacks a control."""
+    return lambda clinic: clinic.plug("1-2", "GL0001").controls.pop(number)
+
+
+def repeating(clinic: Clinic) -> None:
+    clinic.plug("1-2", "GL0001").payload = lambda number: clinic.look(number // 2)
+
+
+def coming_loose(clinic: Clinic) -> None:
+    camera = clinic.plug("1-2", "GL0001")
+
+    def spoil(number: int) -> bytes:
+        camera.controls[c.EXPOSURE_AUTO].value = 3
+        return clinic.look(number)
+
+    camera.payload = spoil
+
+
+def unseen(clinic: Clinic) -> None:
+    clinic.plug("1-2", "GL0001")
+    clinic.blind = True
+
+
 @pytest.mark.parametrize(
     ("fault", "check", "words", "remedy"),
     [
-        ({"stamp": lambda number, time_s: 98 + (time_s - 100) * 1.5}, "rate", "20.00 frames/s", "exposure"),
-        ({"missing": lambda number: number % 4 == 2}, "frames", "lost", "cable"),
-        ({"bad": lambda number: v.FLAG_ERROR * (number % 4 == 2)}, "frames", "damaged", "cable"),
-        ({"stamp": lambda number, time_s: time_s + 9}, "clock", "cannot be true", "hwtimestamps"),
+        (plugged(stamp=lambda number, time_s: 98 + (time_s - 100) * 1.5), "rate", "20.00 frames/s", "exposure"),
+        (plugged(missing=lambda number: number % 4 == 2), "frames", "lost", "cable"),
+        (plugged(bad=lambda number: v.FLAG_ERROR * (number % 4 == 2)), "frames", "damaged", "cable"),
+        (plugged(stamp=lambda number, time_s: time_s + 9), "clock", "cannot be true", "hwtimestamps"),
+        (plugged(stamp=lambda number, time_s: time_s + 0.005 * (number % 7 == 3)), "stamps", "than the 2 ms", "a hub"),
         (
-            {"stamp": lambda number, time_s: time_s + 0.005 * (number % 7 == 3)},
-            "stamps",
-            "than the 2 ms",
-            "without a hub",
-        ),
-        (
-            {"missing": lambda number: number % 9 == 4, "sequence": lambda number: number - (number + 4) // 9},
+            plugged(missing=lambda number: number % 9 == 4, sequence=lambda number: number - (number + 4) // 9),
             "frames",
             "missing without a gap in the driver's numbers",
             "lower the rate",
         ),
+        (repeating, "frames", "repeat the one before", ""),
+        (without(c.EXPOSURE), "settings", "cannot be fixed", ""),
+        (without(c.GAIN), "settings", "no gain", ""),
+        (without(c.WHITE_BALANCE), "settings", "white_balance_k", ""),
+        (coming_loose, "settings", "automatic exposure_us", ""),
+        (unseen, "leds", "", "data wire"),
     ],
 )
-def test_what_is_wrong_with_the_frames_is_found(
-    clinic: Clinic, tmp_path: Path, fault: dict[str, Any], check: str, words: str, remedy: str
+def test_what_is_wrong_with_frames_settings_and_light_is_found(
+    clinic: Clinic, tmp_path: Path, fault: Callable[[Clinic], object], check: str, words: str, remedy: str
 ) -> None:
-    clinic.plug("1-2", "GL0001", **fault)
-    found = wrong(clinic.examine(tmp_path))
-    assert words in found[check].text
-    assert remedy in found[check].remedy
+    fault(clinic)
+    found = wrong(clinic.examine(tmp_path))[check]
+    assert found.level is (Level.PROBLEM if check == "leds" else found.level)
+    assert words in found.text
+    assert remedy in found.remedy
     assert clinic.all_dark()
 
 
@@ -100,21 +132,6 @@ def test_jpegs_that_are_not_whole_are_found(clinic: Clinic, tmp_path: Path) -> N
     found = [finding for finding in clinic.examine(tmp_path) if finding.check == "frames"]
     assert "15 not whole" in found[0].text
     assert "cable" in found[0].remedy
-
-
-def test_a_camera_that_repeats_its_pictures_is_found(clinic: Clinic, tmp_path: Path) -> None:
-    camera = clinic.plug("1-2", "GL0001")
-    camera.payload = lambda number: clinic.look(number // 2)
-    assert "repeat the one before" in wrong(clinic.examine(tmp_path))["frames"].text
-
-
-def test_leds_that_the_camera_does_not_see_are_found(clinic: Clinic, tmp_path: Path) -> None:
-    clinic.plug("1-2", "GL0001")
-    clinic.blind = True
-    found = wrong(clinic.examine(tmp_path))["leds"]
-    assert found.level is Level.PROBLEM
-    assert "data wire" in found.remedy
-    assert clinic.all_dark()
 
 
 @pytest.mark.parametrize("of_start", [True, False], ids=["stamps of the first packet", "stamps of the end"])
@@ -178,27 +195,6 @@ def test_a_slow_board_a_slow_bus_and_a_shared_bus_are_found(
     findings = [finding for finding in clinic.examine(tmp_path) if finding.check == "usb"]
     assert "12 Mbit/s" in findings[0].text
     assert "cable" in findings[0].remedy
-
-
-@pytest.mark.parametrize(
-    ("number", "words"), [(c.EXPOSURE, "cannot be fixed"), (c.GAIN, "no gain"), (c.WHITE_BALANCE, "white_balance_k")]
-)
-def test_a_camera_without_a_control_is_found(clinic: Clinic, tmp_path: Path, number: int, words: str) -> None:
-    camera = clinic.plug("1-2", "GL0001")
-    del camera.controls[number]
-    assert words in wrong(clinic.examine(tmp_path))["settings"].text
-
-
-def test_a_setting_that_comes_loose_is_found(clinic: Clinic, tmp_path: Path) -> None:
-    camera = clinic.plug("1-2", "GL0001")
-    look = camera.payload
-
-    def spoil(number: int) -> bytes:
-        camera.controls[c.EXPOSURE_AUTO].value = 3
-        return bytes(look(number))
-
-    camera.payload = spoil
-    assert "automatic exposure_us" in wrong(clinic.examine(tmp_path))["settings"].text
 
 
 def test_a_node_that_others_have_open_is_told_and_one_that_may_not_be_used_is_not_opened(

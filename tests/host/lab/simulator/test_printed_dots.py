@@ -16,7 +16,6 @@ from tests.helpers.dotted import centres_of
 GEOMETRY = SensorGeometry(image_width_px=320, image_height_px=240, pixel_size_mm=0.1176)
 DOTS = PrintedDots(columns=9, rows=7, diameter_mm=0.8)
 FRICTION = 0.6
-PRESSED = Press("BALL", 1.0, 2.0, 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -48,15 +47,6 @@ def test_what_lies_deep_is_seen_farther_from_the_middle() -> None:
     assert (pressed - at_rest)[0, 1] == 0
 
 
-def test_a_press_moves_dots_outwards_without_a_force(scene: Scene) -> None:
-    truth = scene.shear(PRESSED)
-    away = DOTS.places_mm - [PRESSED.x_mm, PRESSED.y_mm]
-    outward = (truth.dots_mm * away).sum(axis=1) / np.hypot(*away.T)
-    assert 0.05 < outward.max() < 0.09
-    assert truth.force_n == (0, 0)
-    assert truth.torque_nmm == 0
-
-
 def test_an_object_that_slides_pulls_with_all_of_its_friction(scene: Scene, slid: Press) -> None:
     truth = scene.shear(slid)
     record = ForceRecord.model_validate_json(known_force(GEOMETRY)["force.json"])
@@ -79,12 +69,6 @@ def test_a_small_drag_sticks_in_the_middle_and_carries_its_dots(scene: Scene) ->
     row, column = np.rint(seen_px(DOTS.places_mm[[under]], np.zeros(1), GEOMETRY))[0, ::-1].astype(int)
     assert truth.field_mm[row, column, 0] == pytest.approx(0.2, abs=0.005)
     assert truth.sticks[row, column]
-
-
-def test_a_twist_has_a_torque_from_x_towards_y(scene: Scene) -> None:
-    truth = scene.shear(Press("BALL", 1.0, 2.0, 0.0, ((0.0, 0.0, 0.1),)))
-    assert truth.torque_nmm > 0.1
-    assert np.hypot(*truth.force_n) < 0.01
 
 
 def test_going_back_over_the_same_path_does_not_undo_what_slipped(scene: Scene, slid: Press) -> None:

@@ -39,18 +39,6 @@ def test_an_exposure_that_is_no_whole_number_of_pulses_makes_bands() -> None:
     assert weights.mean() == pytest.approx(100 / 255, rel=0.02)
 
 
-def test_rows_before_a_change_see_the_old_light_and_rows_after_it_the_new() -> None:
-    start, change = 1e6, 1e6 + 10_000.0
-    lights = [Light(0.0, colours(255)), Light(change, colours(0))]
-    weights = row_weights(lights, start, ROWS, PHASES, SHUTTER)[:, :, 0]
-    begins = start + SHUTTER.readout_us * np.arange(ROWS) / (ROWS - 1)
-    assert weights[begins + SHUTTER.exposure_us < change] == pytest.approx(1.0)
-    assert weights[begins > change + SHUTTER.pulse_period_us] == pytest.approx(0.0, abs=1e-12)
-    mixed = (begins < change) & (begins + SHUTTER.exposure_us > change + SHUTTER.pulse_period_us)
-    assert mixed.any()
-    assert ((weights[mixed] > 0) & (weights[mixed] < 1)).all()
-
-
 def test_a_new_colour_waits_for_the_next_pulse_of_its_own_led() -> None:
     start = 1e6
     change = start - 100.0

@@ -1,8 +1,5 @@
 """What makes one simulated sensor differ from another: its controls, its LEDs, its colour filters, its probe."""
 
-import gc
-import weakref
-
 import numpy as np
 import pytest
 
@@ -103,15 +100,6 @@ def perfect(frame: CameraFrame) -> TactileFrame:
         depth_mm=truth.depth_mm,
         contact=Contact(mask=truth.contact, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
     )
-
-
-def test_the_camera_keeps_no_judge_that_nobody_uses_any_more() -> None:
-    with camera() as sensor:
-        judge = sensor.selfcheck((0.588, 0.588))
-        gone = weakref.ref(judge)
-        del judge
-        gc.collect()
-        assert gone() is None
 
 
 def test_the_cylinder_presses_a_flat_round_end() -> None:

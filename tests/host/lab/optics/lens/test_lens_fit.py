@@ -142,23 +142,24 @@ def test_a_grid_is_followed_round_gaps_and_strays_are_left_out() -> None:
     assert np.linalg.det(matrix[:2]) > 0
 
 
-def test_a_picture_without_a_grid_is_refused() -> None:
-    with pytest.raises(InputError, match="no grid of pins"):
-        measured(pin_picture(BARREL, depth=0.0, noise=3.0))
-
-
-def test_an_irregular_grid_is_refused() -> None:
-    with pytest.raises(InputError, match=r"from where any lens would show them|no row and column"):
-        measured(pin_picture(BARREL, noise=2.0, jitter_mm=0.15))
-
-
-def test_spots_in_disorder_are_refused() -> None:
-    random = np.random.default_rng(3)
-    picture = untouched(SHAPE)
-    rows, columns = np.indices(SHAPE)
-    for x, y in random.uniform(20, 460, (120, 2)) * (1.3, 1):
+def in_disorder() -> np.ndarray:
+    picture, (rows, columns) = untouched(SHAPE), np.indices(SHAPE)
+    for x, y in np.random.default_rng(3).uniform(20, 460, (120, 2)) * (1.3, 1):
         picture -= 50 * np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / 40)[..., None]
-    with pytest.raises(InputError, match=r"no grid of pins|no row and column"):
+    return picture
+
+
+@pytest.mark.parametrize(
+    ("picture", "refusal"),
+    [
+        (pin_picture(BARREL, depth=0.0, noise=3.0), "no grid of pins"),
+        (pin_picture(BARREL, noise=2.0, jitter_mm=0.15), r"from where any lens would show them|no row and column"),
+        (in_disorder(), r"no grid of pins|no row and column"),
+    ],
+    ids=["no grid", "an irregular one", "disorder"],
+)
+def test_what_is_no_grid_of_pins_is_refused(picture: np.ndarray, refusal: str) -> None:
+    with pytest.raises(InputError, match=refusal):
         measured(picture)
 
 

@@ -127,12 +127,6 @@ def test_pictures_of_different_exposures_are_told(gel: Gel) -> None:
         light_model(replace(pictures, whole=pictures.whole * 0.05), RING, RING.colours, PIXEL_MM)
 
 
-def test_a_clipped_picture_is_told(gel: Gel) -> None:
-    pictures = gel.references(1)
-    with pytest.raises(BundleError, match="reaches 255 of 255 grey levels: shorten the exposure"):
-        light_model(replace(pictures, whole=pictures.whole * 0 + 255), RING, RING.colours, PIXEL_MM)
-
-
 def test_a_glint_is_no_clipped_picture(gel: Gel) -> None:
     pictures = gel.references(1)
     for image in (pictures.whole, *pictures.singles, *pictures.triples):

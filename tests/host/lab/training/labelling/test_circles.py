@@ -11,8 +11,6 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.frames.image_files import read_image
 from gellight.lab.report.pictures import write_png
-from gellight.lab.simulator.scene import Press as GelPress
-from gellight.lab.simulator.scene import Scene
 from gellight.lab.training.labelling import circle, find_circle
 from gellight.lab.training.labelling.circle import ARC, PressCircle
 from gellight.lab.training.labelling.detection import Detection, _refused_touch_of_reference
@@ -28,7 +26,6 @@ from gellight.lab.training.labelling.pattern import (
 )
 from gellight.lab.training.labelling.pixel_ratio import PixelRatio, pixel_ratio
 from gellight.lab.training.presses import Ball, Press
-from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import ObjectParameters
 from sim_reference.surface import press_object, sample
@@ -113,25 +110,6 @@ def test_less_than_an_arc_and_an_uncertain_one_are_refused() -> None:
         find_circle(photograph((-10, -8, 26)), reference(), ball=BALL, least_view=ARC)
 
 
-@pytest.mark.parametrize(("x", "y", "depth"), [(0, 0, 2.0), (6, -3, 1.5), (-9, 1, 1.5), (0, -8, 1.5)])
-def test_a_large_ball_whose_contact_leaves_the_picture_is_found(x: float, y: float, depth: float) -> None:
-    """A ball of 21 mm in the elastic layer; the picture is a part of 19 x 14 mm, as a GelSight Mini shows."""
-    geometry, large = SensorGeometry(), ObjectParameters(calibration_ball_radius_mm=21.0)
-    scene = Scene(geometry, CameraResponse(), model=lambda *_: press_object("BALL", depth, geometry, parameters=large))
-    seen, random = np.s_[120:360, 160:480], np.random.default_rng(0)
-    untouched = np.mean([digitise(scene.show(None)[0], 1.0, random) for _ in range(8)], axis=0)[seen]
-    image = digitise(scene.show(GelPress("BALL", 0.5, x, y))[0], 1.0, random)[seen]
-    ball = Ball(radius_mm=21.0, pixel_size_mm=geometry.pixel_size_mm)
-    circle = find_circle(image, untouched, ball=ball, least_view=ARC)
-    off = np.hypot(
-        circle.center_x_px - x / ball.pixel_size_mm - 159.5, circle.center_y_px - y / ball.pixel_size_mm - 119.5
-    )
-    assert np.degrees(off / ball.radius_px) < 0.6
-    assert off < 2 * circle.center_error_px + 0.1
-    with pytest.raises(InputError, match="off the image"):
-        find_circle(image, untouched, ball=ball)
-
-
 def test_the_slope_is_that_of_the_ball_inside_and_the_depth_is_its_integral() -> None:
     shape = PressShape(center_x=0, center_y=0, contact_radius=25.0)
     r = np.linspace(0, 120, 2401)
@@ -162,7 +140,7 @@ REFUSED = {
     "several presses": (photograph((70, 100, 24), (190, 100, 24)), "several presses"),
     "clipped": (photograph((130, 100, 24), strength=6), "clipped"),
     "dark": (np.zeros((*SHAPE, 3), np.uint8), "dark"),
-    "another size": (np.zeros((100, 100, 3), np.uint8), "one camera setting"),
+    "another size": (np.zeros((90, 100, 3), np.uint8), "100 x 90 px, the reference 260 x 200 px.* one camera setting"),
 }
 
 
@@ -184,21 +162,11 @@ def test_light_that_is_too_far_off_is_refused_with_its_size_and_the_remedy() -> 
         find_circle(photograph(strength=0.1), 0.7 * reference(), ball=BALL)
 
 
-def test_a_refusal_says_all_that_may_be_wrong() -> None:
+def test_an_object_that_is_no_ball_is_refused_and_all_that_may_be_wrong_is_said() -> None:
     image = reference()
     image[60:140, 120:124] += 60
     image[60:64, 120:200] -= 60
-    with pytest.raises(InputError, match="check its radius and the size of a pixel"):
-        find_circle(image.astype(np.uint8), reference(), ball=BALL)
-    with pytest.raises(InputError, match="the image is 100 x 90 px, the reference 260 x 200 px"):
-        find_circle(np.zeros((90, 100, 3), np.uint8), reference(), ball=BALL)
-
-
-def test_an_object_that_is_no_ball_is_refused() -> None:
-    image = reference()
-    image[60:140, 120:124] += 60
-    image[60:64, 120:200] -= 60
-    with pytest.raises(InputError, match="no single ball"):
+    with pytest.raises(InputError, match=r"no single ball.* check its radius and the size of a pixel"):
         find_circle(image.astype(np.uint8), reference(), ball=BALL)
 
 
