@@ -61,16 +61,6 @@ def test_a_height_is_found_by_two_hundred_pixels(gel: Gel, model: LightModel, pi
     assert np.isfinite(measured(gel, model, None, 0.3, pixels).deviation_mm) == certain
 
 
-def test_where_too_few_pixels_see_eight_lights_nothing_is_said() -> None:
-    few = np.zeros((12, 4000), bool)
-    few[:7] = True
-    points = Points(*(np.zeros(4000, np.float32),) * 3)
-    signals = Signals(np.ones((12, 4000), np.float32), few, np.ones(12), np.zeros((3, 4000), np.float32))
-    level = find_level(signals, np.ones((12, 4000), np.float32), points, RING)
-    assert level == Level(0.0, np.inf)
-    assert level.correction_mm == 0
-
-
 def test_where_every_height_fits_alike_nothing_is_said() -> None:
     points = Points(*(np.zeros(4000, np.float32),) * 3)
     dark = Signals(np.zeros((12, 4000), np.float32), np.ones((12, 4000), bool), np.ones(12), np.zeros((3, 4000)))
