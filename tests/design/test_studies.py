@@ -13,7 +13,7 @@ import platformdirs
 import pytest
 
 from gellight.base.errors import ConfigError, GellightError, InputError
-from gellight.frames.point_cloud import STL_RECORD, solid_stl
+from gellight.frames.point_cloud import STL_RECORD
 from gellight_design import benchmark_files, studies, sweep
 from gellight_design.output import write_all
 from gellight_design.simulating.geometry_file import read_geometry
@@ -155,23 +155,6 @@ def test_ctrl_c_says_where_to_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     result = invoke("optimize", "coarse", "--workers", "1")
     assert result.exit_code == 130
     assert f"what is done is kept in {sweep.kept_in()}" in result.stderr
-
-
-def test_the_solids_are_closed(tmp_path: Path) -> None:
-    height, spacing = benchmark_files.benchmark_height("TSTEP", 1.0, 24)
-    records = np.frombuffer(solid_stl(np.maximum(height, -2.0), spacing, -7.0)[84:], STL_RECORD)
-    corners = np.round(records["corners"].astype(float), 5)
-    edges: dict[tuple[Any, Any], int] = {}
-    for triangle in corners.tolist():
-        points = [tuple(point) for point in triangle]
-        for a, b in zip(points, points[1:] + points[:1], strict=True):
-            edges[a, b] = edges.get((a, b), 0) + 1
-    assert all(edges.get((b, a)) == count for (a, b), count in edges.items())
-    first, second, third = corners[:, 0], corners[:, 1], corners[:, 2]
-    volume = (first * np.cross(second, third)).sum() / 6
-    box = (23 * spacing) ** 2
-    assert volume == pytest.approx(box * 5.0, rel=0.2)
-    assert volume > box * 5.0
 
 
 def test_the_objects_can_be_exported(tmp_path: Path) -> None:

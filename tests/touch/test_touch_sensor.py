@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import RectBivariateSpline
 
-from gellight.base.errors import BundleError, InputError
-from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.base.errors import InputError
+from gellight.bundle.bundle import Bundle
 from gellight.lab.simulator.measured_light import MeasuredLight
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.opening import open_camera
@@ -139,17 +139,11 @@ def test_a_force_beyond_the_gel_is_refused(touch: TouchSensor) -> None:
         touch.sink(gap_of(touch, "BALL", 0.1), -1.0)
 
 
-def test_nothing_carries_nothing(touch: TouchSensor) -> None:
-    beside = np.where(np.hypot(touch.layer.at_mm[:, None], touch.layer.at_mm) > 25, -1.0, NOTHING)
-    assert touch.sink(beside, 0.0).force_n == 0
+def test_nothing_is_felt_beside_the_gel_and_nothing_carries_nothing(touch: TouchSensor) -> None:
+    beside = np.where(np.hypot(touch.layer.at_mm[:, None], touch.layer.at_mm) > 25.1, -1.0, NOTHING)
+    assert touch.feel(beside).force_n == touch.sink(beside, 0.0).force_n == 0
     with pytest.raises(ValueError, match="nothing lies before the gel that could press it with 2 N"):
         touch.sink(beside, 2.0)
-
-
-def test_nothing_is_felt_beside_the_gel(touch: TouchSensor) -> None:
-    at = touch.layer.at_mm
-    beside = np.where(np.hypot(at[None, :], at[:, None]) > 25.1, -1.0, NOTHING)
-    assert touch.feel(beside).force_n == 0
 
 
 def test_a_gap_that_is_none_is_refused(touch: TouchSensor) -> None:
@@ -230,8 +224,3 @@ def test_the_user_may_know_the_gel_better(bundle: Bundle) -> None:
         TouchSensor(gel={"gel_thickness_mm": 2.0})
     with pytest.raises(InputError, match="no thickness_mm: did you mean gel_thickness_mm"):
         TouchSensor(bundle, gel={"thickness_mm": 2.0})
-
-
-def test_a_bundle_that_keeps_no_presses_is_refused() -> None:
-    with pytest.raises(BundleError, match=r"has no presses.npz: calibrate the sensor again to record presses"):
-        TouchSensor(load_bundle("synthetic"))

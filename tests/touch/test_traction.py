@@ -89,12 +89,6 @@ def test_a_little_sticks_in_the_middle_and_slips_at_the_rim(touch: TouchSensor, 
     assert (length <= FRICTION * felt.pressure_mpa * (1 + 1e-6)).all()
 
 
-def test_a_turn_gives_torque_and_no_force(touch: TouchSensor, felt: Felt) -> None:
-    sheared = touch.drag(felt, (0.0, 0.0, 0.05), friction=FRICTION)
-    assert sheared.torque_nmm > 0
-    assert sheared.force_n == pytest.approx((0.0, 0.0), abs=0.01 * felt.force_n)
-
-
 def test_the_way_back_pulls_the_other_way(touch: TouchSensor, felt: Felt) -> None:
     out = touch.drag(felt, (5.0, 0.0, 0.0), friction=FRICTION)
     assert touch.drag(felt, (0.0, 0.0, 0.0), friction=FRICTION, before=out).force_n[0] < 0

@@ -150,21 +150,9 @@ def test_a_strip_that_cannot_be_made_is_refused_in_one_sentence(
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize(
-    ("options", "content", "reason"),
-    [
-        (["--board", "teensy"], None, "no carrier for a board 'teensy': choose pico, pico2, xiao, rp2040-zero"),
-        (["--package", "3535"], None, "choose 2020 or 5050"),
-        ([], '[geometry]\nled_colours = "RGBRGBRGBRGBRGBRGBRGBRGBRGB"\n', "the firmware drives 24"),
-    ],
-)
-def test_the_verb_refuses_and_leaves_no_folder(
-    tmp_path: Path, options: list[str], content: str | None, reason: str
-) -> None:
-    if content:
-        (tmp_path / "mine.toml").write_text(content)
-        options = ["--geometry", str(tmp_path / "mine.toml")]
-    done = gellight("optimize", "make", "boards", "--out", tmp_path / "boards", *options)
+def test_the_verb_refuses_and_leaves_no_folder(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(f'[geometry]\nled_colours = "{"RGB" * 9}"\n')
+    done = gellight("optimize", "make", "boards", "--out", tmp_path / "boards", "--geometry", tmp_path / "mine.toml")
     assert done.returncode == 2
-    assert reason in " ".join(done.stderr.split())
+    assert "the firmware drives 24" in " ".join(done.stderr.split())
     assert not (tmp_path / "boards").exists()

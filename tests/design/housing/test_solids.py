@@ -184,14 +184,6 @@ def test_it_prints_without_support(name: str) -> None:
     assert part.area_faces[hanging].sum() < allowed + 0.1, "mm2"
 
 
-def test_the_mould_lets_the_gel_go(sensor: tuple[SensorGeometry, str, dict[str, Any]]) -> None:
-    part = mesh(stl_bytes(sensor[2]["mould"]))
-    wall = (part.triangles_center[:, 2] > 3.01) & (np.hypot(*part.triangles_center[:, :2].T) < part.bounds[1, 0] - 1)
-    sides = part.face_normals[wall & (abs(part.face_normals[:, 2]) < 0.9)]
-    assert sides[:, 2].mean() == pytest.approx(sin(radians(2)), abs=2e-3)
-    assert sides[:, 2].min() > 0.01, "nowhere does it close towards the rim"
-
-
 def test_the_plug_has_its_play(sensor: tuple[SensorGeometry, str, dict[str, Any]]) -> None:
     geometry, package, parts = sensor
     at = housing(geometry, package)
