@@ -14,7 +14,7 @@ from gelnet.train import main
 from gelnet.trainers import make_trainer
 from gelnet.training import Training, normal_error_deg, train
 from tests.helpers.children import run
-from tests.helpers.trainers import TRAINERS
+from tests.helpers.trainers import TRAINERS, rows_of_a_known_sensor
 
 ROOT = Path(__file__).parent.parent.parent
 both = pytest.mark.parametrize("trainer", TRAINERS)
@@ -22,22 +22,13 @@ TINY = replace(RECIPES["fast"], epochs=2, least_visits=0)
 
 
 def arrays(images: int = 6, per_image: int = 400) -> dict[str, np.ndarray]:
-    """Pixels of a sensor whose colours are a known function of the slope, brighter to the right."""
-    random = np.random.default_rng(5)
-    n = images * per_image
-    slope = random.uniform(-0.8, 0.8, (n, 2))
-    place = random.uniform([0, 0], [319, 239], (n, 2))
-    lights = np.array([[1.0, 0.0], [-0.5, 0.87], [-0.5, -0.87]])
-    bend = 1 / np.sqrt(1 + (slope**2).sum(axis=1, keepdims=True))
-    colour = 60 * (1 + place[:, :1] / 640) * bend * (slope @ lights.T)
-    rows = np.concatenate([colour, place, slope], axis=1).astype(np.float32)
     image = np.repeat(np.arange(images, dtype=np.int32), per_image)
+    rows = rows_of_a_known_sensor(images * per_image, steepest=0.8, seed=5)
     return {"rows": rows, "image": image, "image_size": np.array([320, 240], np.int32)}
 
 
 def table(**sizes: int) -> Table:
-    made = arrays(**sizes)
-    return checked(made["rows"], made["image"], made["image_size"])
+    return checked(**arrays(**sizes))
 
 
 def saved(place: Path, **changes: np.ndarray) -> Path:
