@@ -21,11 +21,12 @@ from gellight.photometric.solver import (
     solve_robustly,
 )
 from sim_reference import geometry as reference_geometry
+from sim_reference.geometry import SensorGeometry
 from sim_reference.imaging import led_irradiance
 from sim_reference.surface import Surface
 
 RING = RingGeometry()
-SENSOR = reference_geometry.SensorGeometry(image_width_px=64, image_height_px=48, pixel_size_mm=0.3)
+SENSOR = SensorGeometry(image_width_px=64, image_height_px=48, pixel_size_mm=0.3)
 
 
 def grid() -> tuple[np.ndarray, np.ndarray]:
@@ -34,14 +35,14 @@ def grid() -> tuple[np.ndarray, np.ndarray]:
     return across.ravel(), down.ravel()
 
 
-def pictures_of(depth: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+def pictures_of(depth: np.ndarray, gradient: np.ndarray, sensor: SensorGeometry = SENSOR) -> np.ndarray:
     """(12, P) irradiance of a surface (H, W), by the reference simulator, exact."""
     surface = Surface(depth, gradient, np.zeros(depth.shape, bool))
-    return np.stack([led_irradiance(surface, SENSOR, led).ravel() for led in range(12)])
+    return np.stack([led_irradiance(surface, sensor, led).ravel() for led in range(12)])
 
 
-def flat_pictures() -> np.ndarray:
-    return pictures_of(np.zeros(SENSOR.image_shape), np.zeros((*SENSOR.image_shape, 2)))
+def flat_pictures(sensor: SensorGeometry = SENSOR) -> np.ndarray:
+    return pictures_of(np.zeros(SENSOR.image_shape), np.zeros((*SENSOR.image_shape, 2)), sensor)
 
 
 def solved(signals: np.ndarray, depth: np.ndarray, valid: np.ndarray | None = None) -> np.ndarray:
@@ -63,7 +64,7 @@ def ball(radius_mm: float, depth_mm: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_the_ring_is_where_the_reference_simulator_has_it() -> None:
-    theirs = reference_geometry.SensorGeometry()
+    theirs = SensorGeometry()
     np.testing.assert_allclose(RING.positions_mm(), reference_geometry.led_positions(theirs), atol=1e-12)
     np.testing.assert_allclose(RING.axes(), reference_geometry.led_axes(theirs), atol=1e-12)
     assert RING.emission_exponent == pytest.approx(theirs.emission_exponent)
@@ -74,17 +75,12 @@ def test_the_ring_is_where_the_reference_simulator_has_it() -> None:
 @pytest.mark.parametrize("beam_deg", [120.0, 90.0])
 def test_a_tilted_plane_is_exact(slope: tuple[float, float], beam_deg: float) -> None:
     x, y = (axis.reshape(SENSOR.image_shape) for axis in grid())
-    depth = slope[0] * x + slope[1] * y
+    depth = 0.2 * (slope[0] * x + slope[1] * y)
     gradient = np.broadcast_to(np.array(slope), (*SENSOR.image_shape, 2)).copy()
-    sensor = replace(SENSOR, beam_angle_rad=radians(beam_deg))
-    flat = Surface(np.zeros_like(depth), np.zeros_like(gradient), np.zeros(depth.shape, bool))
-    tilted = Surface(depth * 0.2, gradient, flat.contact)
-    references, signals = (
-        np.stack([led_irradiance(surface, sensor, led).ravel() for led in range(12)]) for surface in (flat, tilted)
-    )
-    ring = replace(RING, beam_angle_rad=radians(beam_deg))
-    lit = signals > 0
-    found = slopes(solve(signals, light_rows(Points(*grid(), depth.ravel() * 0.2), references, ring), lit))
+    sensor, ring = (replace(one, beam_angle_rad=radians(beam_deg)) for one in (SENSOR, RING))
+    signals = pictures_of(depth, gradient, sensor)
+    rows = light_rows(Points(*grid(), depth.ravel()), flat_pictures(sensor), ring)
+    found = slopes(solve(signals, rows, signals > 0))
     np.testing.assert_allclose(found, np.array(slope)[:, None] * np.ones_like(found), atol=1e-6)
 
 
@@ -235,11 +231,7 @@ def test_a_file_of_lights_with_anything_amiss_is_refused(name: str, array: np.nd
 def test_light_through_a_window_gives_the_slopes_that_light_straight_on_gives() -> None:
     behind, ring = replace(SENSOR, window=True), replace(RING, window_mm=SENSOR.window_mm)
     depth, gradient = ball(4.0, 1.0)
-    touched = Surface(depth, gradient, np.zeros(depth.shape, bool))
-    flat = Surface(np.zeros_like(depth), np.zeros_like(gradient), np.zeros(depth.shape, bool))
-    signals, rest = (
-        np.stack([led_irradiance(surface, behind, led).ravel() for led in range(12)]) for surface in (touched, flat)
-    )
+    signals, rest = pictures_of(depth, gradient, behind), flat_pictures(behind)
     lit = signals > 0.01 * rest  # beyond is shadow
     inside = (np.hypot(*gradient.transpose(2, 0, 1)) < 1.2).ravel() & (lit.sum(axis=0) > 8)
     points = Points(*grid(), depth.ravel())

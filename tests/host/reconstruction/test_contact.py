@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy import ndimage
 
 from gellight.reconstruction.contact import find_contact, measure_patches, without_untouched
@@ -114,15 +112,6 @@ def test_pixels_of_two_sizes_count_in_area_and_centroid() -> None:
     contact = find_contact(depth, (0.05, 0.1))
     assert contact.area_mm2 == pytest.approx(np.pi * STEEP**2 * 400 * 0.05 * 0.1, rel=0.04)
     assert contact.centroid_mm == pytest.approx((1.5, 4.0), abs=0.02)
-
-
-@settings(max_examples=25)
-@given(st.integers(16, 32), st.integers(16, 32), st.floats(-8, 8), st.floats(-8, 8))
-def test_mirroring_the_depth_mirrors_the_contact(height: int, width: int, x: float, y: float) -> None:
-    depth = gaussian((2 * height, 2 * width), 6, (x, y)).depth
-    contact, mirrored = find_contact(depth, 0.1), find_contact(depth[:, ::-1].copy(), 0.1)
-    assert contact.area_mm2 == pytest.approx(mirrored.area_mm2)
-    assert mirrored.centroid_mm == pytest.approx((-contact.centroid_mm[0], contact.centroid_mm[1]), abs=1e-9)
 
 
 def test_a_contact_cut_by_the_border_is_found() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import CameraFrame, Contact, GroundTruth, TactileFrame
+from gellight.frames.frames import GroundTruth
 from gellight.reconstruction.error_bounds import (
     TERMS,
     ErrorRecord,
@@ -17,6 +17,7 @@ from gellight.reconstruction.error_bounds import (
     signs,
 )
 from gellight.reconstruction.errors import surface_errors
+from tests.helpers.tactile import tactile
 
 SHAPE = (60, 90)
 Y, X = np.indices(SHAPE)
@@ -100,17 +101,6 @@ def test_a_bundle_keeps_its_errors_and_a_damaged_file_is_named(synthetic: Bundle
 MAP_SHAPE = (6, 8)
 
 
-def frame(depth_mm: np.ndarray, gradient_map: np.ndarray) -> TactileFrame:
-    image = np.zeros((*MAP_SHAPE, 3), np.uint8)
-    return TactileFrame(
-        camera_frame=CameraFrame(image=image, time_s=0.0, sequence=0),
-        difference=image.astype(np.float32),
-        gradient_map=gradient_map,
-        depth_mm=depth_mm,
-        contact=Contact(mask=np.ones(MAP_SHAPE, np.bool_), area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
-    )
-
-
 def test_errors_are_means_over_the_map_and_over_the_true_contact() -> None:
     contact = np.zeros(MAP_SHAPE, np.bool_)
     contact[2:4, 2:6] = True
@@ -120,11 +110,11 @@ def test_errors_are_means_over_the_map_and_over_the_true_contact() -> None:
     depth = np.where(contact, -0.5, 0.1).astype(np.float32)
     slopes = np.zeros((*MAP_SHAPE, 2), np.float32)
     slopes[contact, 0] = np.tan(np.radians(12))
-    error = surface_errors(frame(depth, slopes), true)
+    error = surface_errors(tactile(depth, slopes), true)
     share = contact.mean()
     assert error.contact_depth_mm == pytest.approx(0.5)
     assert error.depth_mm == pytest.approx(0.5 * share + 0.1 * (1 - share))
     assert error.contact_normal_deg == pytest.approx(12, rel=1e-5)
     assert error.normal_deg == pytest.approx(12 * share, rel=1e-5)
-    untouched = surface_errors(frame(depth, slopes), replace(true, contact=np.zeros(MAP_SHAPE, np.bool_)))
+    untouched = surface_errors(tactile(depth, slopes), replace(true, contact=np.zeros(MAP_SHAPE, np.bool_)))
     assert (untouched.contact_normal_deg, untouched.contact_depth_mm) == (error.normal_deg, error.depth_mm)

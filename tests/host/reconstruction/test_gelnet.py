@@ -9,11 +9,15 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import load_bundle
+from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction.gelnet import BLOCK_ROWS, GradientNetwork
 from gellight.reconstruction.integration import integrate, normals
 from gellight.reconstruction.smoothing import NARROWEST_PX, fixed
+from sim_reference import gel
+from sim_reference.camera import CameraResponse, digitise
+from sim_reference.deformation import NO_OBJECT, grid
+from sim_reference.geometry import AS_BUILT
 from tests.helpers.analytic_surfaces import Surface, centred_grid, gaussian, smooth_cap
-from tests.helpers.light_touches import NOISE_GREY, LightTouches, ball, flat_punch
 from tests.helpers.linear_sensor import (
     GREY_PER_SLOPE,
     gemm_network,
@@ -217,21 +221,14 @@ def test_what_the_gel_at_rest_differs_by_is_no_touch() -> None:
 
 # ---- what the noise of the camera allows to see ----
 
-PLACE_MM = (2.3, -1.4)
-PICTURES = 10
+SPACING_MM = 0.0625
+AT = grid(512, SPACING_MM)
+AWAY_MM = np.hypot(AT[None, :], AT[:, None])
 
 
-@pytest.fixture(scope="module")
-def touches() -> LightTouches:
-    return LightTouches()
-
-
-def share_marked(touches: LightTouches, grey: NDArray[np.float32]) -> float:
-    """Of some pictures with noise, those in which the mask marks a cell."""
-    bundle, random = load_bundle("synthetic"), np.random.default_rng(3)
-    network = GradientNetwork(bundle.network, bundle.image_shape, noise_grey=NOISE_GREY)
-    taken = [touches.picture(grey, random).image for _ in range(PICTURES)]
-    return float(np.mean([network.touched_cells(image - bundle.reference).any() for image in taken]))
+def ball(radius_mm: float) -> NDArray[np.float64]:
+    """Height of a ball, mm, 0 at its highest point."""
+    return np.where(radius_mm > AWAY_MM, np.sqrt(np.maximum(radius_mm**2 - AWAY_MM**2, 0)) - radius_mm, NO_OBJECT)
 
 
 @pytest.mark.parametrize(
@@ -239,12 +236,16 @@ def share_marked(touches: LightTouches, grey: NDArray[np.float32]) -> float:
     [
         pytest.param(ball(4), 14, 11.5, id="ball of 4 mm"),
         pytest.param(ball(12), 13, 12.1, id="ball of 12 mm"),
-        pytest.param(flat_punch(2), 8, 8.0, id="flat punch of 2 mm"),
+        pytest.param(np.where(AWAY_MM < 2, 0.0, NO_OBJECT), 8, 8.0, id="flat punch of 2 mm"),
     ],
 )
-def test_a_touch_of_some_micrometres_is_kept(
-    touches: LightTouches, height_mm: NDArray[np.float64], depth_um: float, gel_um: float
-) -> None:
-    surface = touches.press(height_mm, depth_um, PLACE_MM)
+def test_a_touch_of_some_micrometres_is_kept(height_mm: NDArray[np.float64], depth_um: float, gel_um: float) -> None:
+    """Of ten pictures with noise the mask marks a cell in nine."""
+    pressed = gel.press(height_mm, SPACING_MM, depth_um * 1e-3, AS_BUILT)
+    scene = Scene(AS_BUILT, CameraResponse(noise_grey=1.0), model=lambda *_: pressed)
+    grey, surface = scene.show(Press("BALL", 0.1, 2.3, -1.4))
     assert surface.depth_mm.max() * 1e3 == pytest.approx(gel_um, abs=0.1)
-    assert share_marked(touches, touches.grey(surface)) >= 0.9
+    bundle, random = load_bundle("synthetic"), np.random.default_rng(3)
+    net = GradientNetwork(bundle.network, bundle.image_shape, noise_grey=1.0)
+    taken = [digitise(grey, 1.0, random) - bundle.reference for _ in range(10)]
+    assert np.mean([net.touched_cells(difference).any() for difference in taken]) >= 0.9

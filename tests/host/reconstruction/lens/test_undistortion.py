@@ -21,7 +21,6 @@ from gellight.reconstruction.lens.undistortion import (
     LensRecord,
     Undistortion,
     circle_on_gel,
-    has_lens,
     intrinsics,
 )
 from tests.helpers.distorted import TrueLens
@@ -38,13 +37,17 @@ BARREL = TrueLens(k1=-0.10, centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), sha
 STRAIGHT = TrueLens(centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), shape=SHAPE)
 
 
-def with_lens(bundle: Bundle, folder: Path, lens: TrueLens, *, from_circles: bool = False) -> Bundle:
-    record = LensRecord(
+def record_of(lens: TrueLens, *, from_circles: bool = False) -> LensRecord:
+    return LensRecord(
         image_width_px=SHAPE[1], image_height_px=SHAPE[0], centre_px=lens.centre_px, k1=lens.k1, k2=lens.k2,
         px_per_mm=(1 / PIXEL_MM, 0.0, 1 / PIXEL_MM), origin_mm=(0.0, 0.0), learnt_from_circles=from_circles,
         pitch_mm=2.0, images=("grid.png",), pins=200, rms_before_px=2.0, rms_after_px=0.02,
         created="2026-01-01T00:00:00Z",
     )  # fmt: skip
+
+
+def with_lens(bundle: Bundle, folder: Path, lens: TrueLens, *, from_circles: bool = False) -> Bundle:
+    record = record_of(lens, from_circles=from_circles)
     return extend_bundle(bundle, folder, {FILE_NAME: record.model_dump_json().encode()})
 
 
@@ -63,10 +66,7 @@ def test_the_circle_of_a_press_in_the_picture_is_that_of_the_contact_over_the_ge
     distance = np.linalg.norm(BARREL.gel_of_pixels() - PLACE, axis=-1)
     rows, columns = np.nonzero(distance < CONTACT_MM)
     seen = float(columns.mean()), float(rows.mean()), float(np.sqrt(len(rows) / np.pi))
-    lens = Lens(
-        image_shape=SHAPE, centre_px=MIDDLE, k1=BARREL.k1, k2=0.0, px_per_mm=(10.0, 0.0, 10.0), origin_mm=(0.0, 0.0)
-    )
-    x, y, radius = circle_on_gel(lens, (PIXEL_MM, PIXEL_MM), seen)
+    x, y, radius = circle_on_gel(module.lens_of(record_of(BARREL)), (PIXEL_MM, PIXEL_MM), seen)
     assert np.hypot(seen[0] - MIDDLE[0] - 90, seen[1] - MIDDLE[1] + 60) > 3
     assert (x, y) == pytest.approx((MIDDLE[0] + 90, MIDDLE[1] - 60), abs=0.3)
     assert radius * PIXEL_MM == pytest.approx(CONTACT_MM, rel=0.01)
@@ -127,13 +127,6 @@ def test_a_lens_without_distortion_changes_nothing(plain: Bundle, tmp_path: Path
         assert (after.contact.mask == before.contact.mask).all()
 
 
-def test_without_the_file_there_is_no_such_stage(plain: Bundle, tmp_path: Path) -> None:
-    flat = np.zeros((*SHAPE, 2), np.float32)
-    assert not has_lens(plain)
-    assert "lens" not in felt(plain, flat).stage_seconds
-    assert "lens" in felt(with_lens(plain, tmp_path / "lens", BARREL), flat).stage_seconds
-
-
 def test_what_the_camera_does_not_see_is_not_felt(plain: Bundle, tmp_path: Path) -> None:
     pincushion = TrueLens(k1=0.1, centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), shape=SHAPE)
     slopes = cap_slopes(pincushion.gel_of_pixels() - (14.0, 10.5), BALL_MM, CONTACT_MM)
@@ -178,14 +171,7 @@ def test_photometric_mode_refuses_a_bundle_with_a_lens(plain: Bundle, tmp_path: 
 
 def test_a_small_contact_keeps_its_slopes_between_the_pixels() -> None:
     # A picture that is shifted by half a pixel each way is the worst that resampling can meet.
-    shifted = Lens(
-        image_shape=SHAPE,
-        centre_px=(MIDDLE[0] + 0.5, MIDDLE[1] + 0.5),
-        k1=0.0,
-        k2=0.0,
-        px_per_mm=(1 / PIXEL_MM, 0.0, 1 / PIXEL_MM),
-        origin_mm=(0.0, 0.0),
-    )
+    shifted = module.lens_of(record_of(TrueLens(centre_px=(MIDDLE[0] + 0.5, MIDDLE[1] + 0.5))))
     undistortion = Undistortion(shifted, (PIXEL_MM, PIXEL_MM), from_circles=False)
     sigma_px = 3.0
 

@@ -104,9 +104,13 @@ def test_a_dot_on_every_cell_tells_the_traction_of_each() -> None:
 
 
 @pytest.mark.parametrize("press", DRAGS[:4])
-def test_the_force_of_a_drag_is_told_within_a_tenth(scene: Scene, bundle: Bundle, press: Press) -> None:
+def test_the_force_of_a_drag_is_told_within_a_tenth_and_the_traction_adds_up_to_it(
+    scene: Scene, bundle: Bundle, press: Press
+) -> None:
     shear, truth = shear_of(scene, bundle, press), scene.shear(press)
     assert not shear.unknown
+    total = shear.traction_mpa.sum(axis=(0, 1)) * GEOMETRY.pixel_size_mm**2
+    np.testing.assert_allclose(total, shear.force_n, rtol=0.02, atol=0.002)
     off = np.hypot(*np.subtract(shear.force_n, truth.force_n))
     assert off < 0.12 * np.hypot(*truth.force_n)
     assert off < 4 * np.hypot(*shear.force_error_n)
@@ -136,13 +140,6 @@ def test_a_press_has_no_force_along_the_gel(scene: Scene, bundle: Bundle) -> Non
         assert np.hypot(*shear.force_n) < 0.02 * normal.normal_n
 
 
-def test_the_traction_adds_up_to_the_force(scene: Scene, bundle: Bundle) -> None:
-    shear = shear_of(scene, bundle, DRAGS[0])
-    traction = shear.traction_mpa
-    total = traction.sum(axis=(0, 1)) * GEOMETRY.pixel_size_mm**2
-    np.testing.assert_allclose(total, shear.force_n, rtol=0.02, atol=0.002)
-
-
 def test_a_fifth_of_the_dots_missing_costs_little(scene: Scene, bundle: Bundle) -> None:
     truth = scene.shear(DRAGS[0])
     shear = shear_of(scene, bundle, DRAGS[0], seed=2, unseen=0.2)
@@ -150,13 +147,9 @@ def test_a_fifth_of_the_dots_missing_costs_little(scene: Scene, bundle: Bundle) 
     assert np.hypot(*np.subtract(shear.force_n, truth.force_n)) < 0.15 * np.hypot(*truth.force_n)
 
 
-def test_nothing_touched_is_no_force(scene: Scene, bundle: Bundle) -> None:
+def test_nothing_touched_is_no_force_and_without_dots_there_is_nothing_to_say(scene: Scene, bundle: Bundle) -> None:
     shear = felt(scene, bundle, None, seen_dots(scene, None, np.random.default_rng(0))).shear
-    assert shear.force_n == (0, 0)
-    assert shear.traction_mpa is None
-
-
-def test_without_dots_there_is_nothing_to_say(scene: Scene, bundle: Bundle) -> None:
+    assert (shear.force_n, shear.traction_mpa) == ((0, 0), None)
     assert felt(scene, bundle, DRAGS[0], None).shear is None
 
 
