@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import ErrorBounds
 from gellight.lab.simulator.objects import FLAT_MM, sine_plate
 from gellight_scan.filtering import beyond_run_in, finest_mm, transmission, waviness, without_form
@@ -16,6 +16,7 @@ from sim_reference import gel
 from sim_reference.deformation import grid
 from sim_reference.geometry import SensorGeometry, pixel_grid
 from sim_reference.surface import Surface, sample
+from tests.helpers.tactile import tactile
 
 
 def a_map() -> HeightMap:
@@ -141,15 +142,7 @@ def pressed(wavelength_mm: float, steepness: float, depth_mm: float) -> Surface:
 
 def frame(bounds: ErrorBounds | None = None) -> TactileFrame:
     true = pressed(2.0, 0.02, 0.5)
-    contact = Contact(mask=true.contact, area_mm2=1.0, indentation_mm=0.5, centroid_mm=(0.0, 0.0))
-    taken = CameraFrame(image=np.zeros((240, 320, 3), np.uint8), time_s=0.0, sequence=0)
-    felt = TactileFrame(
-        camera_frame=taken,
-        difference=np.zeros((240, 320, 3), np.float32),
-        gradient_map=true.gradient_map.astype(np.float32),
-        depth_mm=true.depth_mm.astype(np.float32),
-        contact=contact,
-    )
+    felt = tactile(true.depth_mm, true.gradient_map, true.contact)
     felt.__dict__["error_bounds"] = bounds
     return felt
 

@@ -33,22 +33,22 @@ def seen(pose: np.ndarray, deep_mm: float = 0.1, surface=PLATE.seen) -> ContactV
     return ContactView(np.maximum(height + deep_mm, 0).astype(np.float32), PIXEL_MM, "exact")
 
 
-@pytest.mark.parametrize(("x", "y", "turn_deg", "tilt_deg"), [(-20, 3, 6, 0.1), (5, -16, -11, -0.2)])
-def test_a_press_beside_is_found_without_a_guess(x: float, y: float, turn_deg: float, tilt_deg: float) -> None:
-    pose = beside(x, y, turn_deg, tilt_deg)
-    joint = joined((0, seen(ONE)), (1, seen(pose)))
+@pytest.mark.parametrize(
+    ("pose", "guess"),
+    [
+        (beside(-20, 3, 6, 0.1), None),
+        (beside(5, -16, -11, -0.2), None),
+        (beside(12, 4, 3), beside(12.15, 3.9, 3.4)),
+    ],
+    ids=["left", "above", "near a guess"],
+)
+def test_a_press_beside_is_found_with_and_without_a_guess(pose: np.ndarray, guess: np.ndarray | None) -> None:
+    joint = joined((0, seen(ONE)), (1, seen(pose)), guess)
     off = np.abs(twist_of(inverse(pose) @ joint.pose, joint.centre_mm))
     assert off[:2].max() < 0.01
     assert off[2] < 0.005
     assert np.degrees(off[5]) < 0.05
     assert (off < 3 * np.sqrt(np.diag(joint.covariance))).all()
-
-
-def test_a_guess_that_is_near_leads_to_the_same_place() -> None:
-    pose = beside(12, 4, 3)
-    guess = beside(12.15, 3.9, 3.4)
-    joint = joined((0, seen(ONE)), (1, seen(pose)), guess)
-    assert np.abs(twist_of(inverse(pose) @ joint.pose, joint.centre_mm))[:2].max() < 0.01
 
 
 def test_what_does_not_overlap_is_not_joined() -> None:
