@@ -10,6 +10,8 @@ from gellight.tracking.view import View, eroded
 
 Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
 PIXEL_MM = 0.1176
+RADIUS_MM = 2.2
+"""of what touches"""
 SHAPE = (120, 160)
 Y, X = ((np.arange(n) - (n - 1) / 2) * PIXEL_MM for n in SHAPE)
 X, Y = np.meshgrid(X, Y)
@@ -42,9 +44,8 @@ def other(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return ball(x, y) + 0.05 * (np.sin(2.8 * x - 1.7 * y + 2) + np.sin(2.2 * y + 2.1 * x) + np.sin(3.1 * x + 1))
 
 
-def seen(height: Height, pose: np.ndarray | None = None, *, noise: float = 0.0, seed: int = 0, radius_mm: float = 2.2,
-         beside_mm: tuple[float, float] = (0.0, 0.0)) -> View:  # fmt: skip
-    """What a sensor sees of a surface that was moved; it touches in a disc, by default in the middle."""
+def seen(height: Height, pose: np.ndarray | None = None, *, noise: float = 0.0, seed: int = 0) -> View:
+    """What a sensor sees of a surface that was moved; it touches in a disc in the middle."""
     back = inverse(np.eye(4) if pose is None else pose)
     depth = height(X, Y)
     for _ in range(40):
@@ -52,14 +53,14 @@ def seen(height: Height, pose: np.ndarray | None = None, *, noise: float = 0.0, 
         depth = depth + 0.8 * (height(x, y) - z)
     down, across = np.gradient(depth, PIXEL_MM)
     planes = np.dstack([depth, across, down])
-    touching = np.hypot(X - beside_mm[0], Y - beside_mm[1]) < radius_mm
+    touching = np.hypot(X, Y) < RADIUS_MM
     pixel = (PIXEL_MM, PIXEL_MM)
     middle = ((SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2)
     view = View(planes.astype(np.float32), touching, eroded(touching, 0.12, pixel), pixel, middle)
     return noisy(view, noise, seed) if noise else view
 
 
-def from_height(height: Height, pose: np.ndarray, height_mm: float, told_mm: float, radius_mm: float = 2.2) -> View:
+def from_height(height: Height, pose: np.ndarray, height_mm: float, told_mm: float) -> View:
     """`seen` by a pinhole that stands `height_mm` above the gel, taken to stand at `told_mm`; 0: far away."""
     back = inverse(pose)
     share, depth = np.ones_like(X), height(X, Y)
@@ -73,7 +74,7 @@ def from_height(height: Height, pose: np.ndarray, height_mm: float, told_mm: flo
     slopes = (across * high[0] - down * high[1]) / turned, (down * wide[1] - across * wide[0]) / turned
     pixel = (PIXEL_MM, PIXEL_MM)
     view = View.of(depth.astype(np.float32), np.dstack(slopes), pixel, camera_height_mm=told_mm)
-    touching = np.hypot(X - pose[0, 3], Y - pose[1, 3]) < radius_mm
+    touching = np.hypot(X - pose[0, 3], Y - pose[1, 3]) < RADIUS_MM
     return replace(view, touching=touching, inside=eroded(touching, 0.12, pixel))
 
 

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.lab.calibration.choices import Limits
 from gellight.lab.calibration.records import CheckErrors, Fit, Verification
 from gellight.lab.calibration.report import Example, _training, _verification, depth_tiles
 from gellight.lab.calibration.state import CheckRecord
 from gellight.lab.calibration.verifying import verdict_on
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle
+from tests.helpers.tactile import tactile
 
 BALL = Ball(radius_mm=4.0, pixel_size_mm=0.1)
 SHAPE = (60, 80)
@@ -67,15 +67,7 @@ def example(raised_mm: float) -> Example:
     """A press that feels as the ball, its rim so deep."""
     cap = np.nan_to_num(cap_depth_mm(PRESS, BALL, SHAPE))
     depth = np.where(contact_circle(PRESS, SHAPE), cap + raised_mm, 0).astype(np.float32)
-    image = np.zeros((*SHAPE, 3), np.uint8)
-    felt = TactileFrame(
-        camera_frame=CameraFrame(image=image, time_s=0.0, sequence=0),
-        difference=np.zeros((*SHAPE, 3), np.float32),
-        gradient_map=np.zeros((*SHAPE, 2), np.float32),
-        depth_mm=depth,
-        contact=Contact(mask=depth > 0, area_mm2=1.0, indentation_mm=float(depth.max()), centroid_mm=(0.0, 0.0)),
-    )
-    return Example(image, PRESS, PRESS, felt, BALL)
+    return Example(np.zeros((*SHAPE, 3), np.uint8), PRESS, PRESS, tactile(depth), BALL)
 
 
 @pytest.mark.parametrize("raised_mm", [0.0, 0.33])

@@ -20,10 +20,8 @@ PAIR = colour_triples(RING)[[0, 2]]
 HEIGHT = (np.arange(BANDS) + 0.5) / BANDS
 
 
-def seen(share: np.ndarray, old: int = 0, new: int = 1) -> np.ndarray:
-    amounts = np.zeros((BANDS, 2))
-    amounts[:, new], amounts[:, old] = share, 1 - share
-    return amounts
+def seen(share: np.ndarray) -> np.ndarray:
+    return np.stack([1 - share, share], axis=1)
 
 
 @pytest.mark.parametrize(

@@ -1,16 +1,19 @@
 """What makes one simulated sensor differ from another: its controls, its LEDs, its colour filters, its probe."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gellight.base.errors import CameraError, InputError
 from gellight.frames.camera import Camera
-from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.lab.simulator.shutter import ReadNoise
 from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.opening import open_camera
 from gellight.reconstruction.fine_pattern import FinePattern
 from sim_reference.camera import CameraResponse, digitise
+from tests.helpers.tactile import tactile
 
 GEOMETRY = {"image_width_px": 64, "image_height_px": 48, "pixel_size_mm": 0.588}
 PLAIN = "sim://?board=0&programme=0&fps=1000&noise=0"
@@ -85,21 +88,15 @@ def test_the_self_check_follows_controls_and_leds() -> None:
     with camera("&led_spread=0.1&dim=0.2") as sensor:
         judge = sensor.selfcheck((0.588, 0.588))
         sensor.controls.set("exposure_us", 6000)
-        assert judge.compare(perfect(sensor.read())).picture_error_grey < 1.5
+        assert judge.compare(felt_of(sensor.read())).picture_error_grey < 1.5
         stranger = camera().selfcheck((0.588, 0.588))
-        assert stranger.compare(perfect(sensor.read())).picture_error_grey > 10, "a sensor with other LEDs"
+        assert stranger.compare(felt_of(sensor.read())).picture_error_grey > 10, "a sensor with other LEDs"
 
 
-def perfect(frame: CameraFrame) -> TactileFrame:
+def felt_of(frame: CameraFrame) -> TactileFrame:
     """What a reconstruction without any error makes of a frame."""
     truth = frame.truth
-    return TactileFrame(
-        camera_frame=frame,
-        difference=np.zeros((*truth.depth_mm.shape, 3), np.float32),
-        gradient_map=truth.gradient_map,
-        depth_mm=truth.depth_mm,
-        contact=Contact(mask=truth.contact, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
-    )
+    return replace(tactile(truth.depth_mm, truth.gradient_map, truth.contact), camera_frame=frame)
 
 
 def test_the_cylinder_presses_a_flat_round_end() -> None:
