@@ -100,14 +100,14 @@ def with_files(bundle: Bundle, source: str, **files: bytes) -> Bundle:
     return more.with_reference(bundle.reference, frames=bundle.manifest.reference_frames)
 
 
-def with_lens(bundle: Bundle) -> Bundle:
-    """Return it with a lens that bends by less than a tenth of a pixel, of a small picture."""
+def with_lens(bundle: Bundle, **changes: object) -> Bundle:
+    """Return it with a lens that bends by less than a tenth of a pixel, of a small picture; changes: of its record."""
     (height, width), (across_mm, down_mm) = bundle.image_shape, bundle.pixel_size_mm
     record = {
         "image_width_px": width, "image_height_px": height, "centre_px": ((width - 1) / 2, (height - 1) / 2),
         "k1": 1e-3, "k2": 0.0, "px_per_mm": (1 / across_mm, 0.0, 1 / down_mm), "origin_mm": (0.0, 0.0),
         "learnt_from_circles": False, "pitch_mm": 2.0, "images": ["grid.png"], "pins": 40, "rms_before_px": 0.1,
-        "rms_after_px": 0.05, "created": datetime.now(UTC).isoformat(),
+        "rms_after_px": 0.05, "created": datetime.now(UTC).isoformat(), **changes,
     }  # fmt: skip
     return with_files(bundle, "lens", lens__json=json.dumps(record).encode())
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
+from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.measures import CLIPPED, DARK, ELSEWHERE, STEEP, STRANGE
@@ -19,6 +19,7 @@ from gellight.reconstruction.measures import BundleMeasures
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import AS_BUILT
 from tests.helpers.linear_sensor import bundle_of
+from tests.helpers.small_bundles import with_lens
 
 SHAPE = (4, 6)
 REFERENCE = np.full((*SHAPE, 3), 120, np.float32)
@@ -135,18 +136,11 @@ def test_pins_throw_shadows_and_there_the_normals_are_worse() -> None:
     assert error[found.value < 0.5].mean() > 1.5 * error[believed & (slope > 1)].mean()
 
 
-def test_the_pixels_of_the_picture_are_carried_through_the_lens(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_pixels_of_the_picture_are_carried_through_the_lens(monkeypatch: pytest.MonkeyPatch) -> None:
     """A clipped corner of the picture is doubted where the undistorted maps have it."""
     bundle = load_bundle("synthetic")
     height, width = bundle.image_shape
-    lens = (
-        f'{{"image_width_px": {width}, "image_height_px": {height}, "centre_px": [320, 240], "k1": 0.05, "k2": 0, '
-        '"px_per_mm": [17.0, 0, 17.0], "origin_mm": [0, 0], "learnt_from_circles": false, "pitch_mm": 2, '
-        '"images": ["grid"], "pins": 99, "rms_before_px": 1, "rms_after_px": 0.1, "created": "2026-01-01T00:00:00Z"}'
-    )
-    bent = extend_bundle(bundle, tmp_path / "bent", {"lens.json": lens.encode()})
+    bent = with_lens(bundle, centre_px=(320, 240), k1=0.05, px_per_mm=(17.0, 0, 17.0))
     image = bundle.reference.astype(np.uint8)
     image[100:110, 100:110] = 255
     flat = np.zeros((height, width, 2), np.float32)

@@ -10,7 +10,7 @@ import pytest
 
 from gellight.base.errors import BundleError
 from gellight.base.settings import ReconstructionSettings, Settings
-from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
+from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.daemon.configuration import mode_config
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import TactileFrame
@@ -18,13 +18,14 @@ from gellight.reconstruction.lens import undistortion as module
 from gellight.reconstruction.lens.model import Lens
 from gellight.reconstruction.lens.undistortion import (
     FILE_NAME,
-    LensRecord,
     Undistortion,
     circle_on_gel,
     intrinsics,
+    read_record,
 )
 from tests.helpers.distorted import TrueLens
 from tests.helpers.linear_sensor import linear_bundle, photograph
+from tests.helpers.small_bundles import with_lens
 
 SHAPE = (240, 320)
 PIXEL_MM = 0.1
@@ -37,18 +38,16 @@ BARREL = TrueLens(k1=-0.10, centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), sha
 STRAIGHT = TrueLens(centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), shape=SHAPE)
 
 
-def record_of(lens: TrueLens, *, from_circles: bool = False) -> LensRecord:
-    return LensRecord(
-        image_width_px=SHAPE[1], image_height_px=SHAPE[0], centre_px=lens.centre_px, k1=lens.k1, k2=lens.k2,
-        px_per_mm=(1 / PIXEL_MM, 0.0, 1 / PIXEL_MM), origin_mm=(0.0, 0.0), learnt_from_circles=from_circles,
-        pitch_mm=2.0, images=("grid.png",), pins=200, rms_before_px=2.0, rms_after_px=0.02,
-        created="2026-01-01T00:00:00Z",
+def bent_by(bundle: Bundle, lens: TrueLens, *, from_circles: bool = False) -> Bundle:
+    """The bundle with the record of a lens."""
+    return with_lens(
+        bundle, image_width_px=SHAPE[1], image_height_px=SHAPE[0], centre_px=lens.centre_px, k1=lens.k1,
+        px_per_mm=(1 / PIXEL_MM, 0.0, 1 / PIXEL_MM), learnt_from_circles=from_circles,
     )  # fmt: skip
 
 
-def with_lens(bundle: Bundle, folder: Path, lens: TrueLens, *, from_circles: bool = False) -> Bundle:
-    record = record_of(lens, from_circles=from_circles)
-    return extend_bundle(bundle, folder, {FILE_NAME: record.model_dump_json().encode()})
+def lens_of(bundle: Bundle) -> Lens:
+    return module.lens_of(read_record(bundle))
 
 
 @pytest.fixture
@@ -62,11 +61,11 @@ def cap_slopes(offset: np.ndarray, ball: float, contact: float) -> np.ndarray:
     return np.where(r2 < contact**2, -offset / np.sqrt(np.maximum(ball**2 - r2, 1e-9)), 0).astype(np.float32)
 
 
-def test_the_circle_of_a_press_in_the_picture_is_that_of_the_contact_over_the_gel() -> None:
+def test_the_circle_of_a_press_in_the_picture_is_that_of_the_contact_over_the_gel(plain: Bundle) -> None:
     distance = np.linalg.norm(BARREL.gel_of_pixels() - PLACE, axis=-1)
     rows, columns = np.nonzero(distance < CONTACT_MM)
     seen = float(columns.mean()), float(rows.mean()), float(np.sqrt(len(rows) / np.pi))
-    x, y, radius = circle_on_gel(module.lens_of(record_of(BARREL)), (PIXEL_MM, PIXEL_MM), seen)
+    x, y, radius = circle_on_gel(lens_of(bent_by(plain, BARREL)), (PIXEL_MM, PIXEL_MM), seen)
     assert np.hypot(seen[0] - MIDDLE[0] - 90, seen[1] - MIDDLE[1] + 60) > 3
     assert (x, y) == pytest.approx((MIDDLE[0] + 90, MIDDLE[1] - 60), abs=0.3)
     assert radius * PIXEL_MM == pytest.approx(CONTACT_MM, rel=0.01)
@@ -84,10 +83,10 @@ def extent_mm(frame: TactileFrame) -> tuple[float, float, np.ndarray]:
     return float(large), float(small), points.mean(axis=0)
 
 
-def test_a_ball_pressed_near_a_corner_of_a_barrel_lens_is_round_and_where_it_is(plain: Bundle, tmp_path: Path) -> None:
+def test_a_ball_pressed_near_a_corner_of_a_barrel_lens_is_round_and_where_it_is(plain: Bundle) -> None:
     slopes = cap_slopes(BARREL.gel_of_pixels() - PLACE, BALL_MM, CONTACT_MM)
     bent = felt(plain, slopes)
-    straight = felt(with_lens(plain, tmp_path / "lens", BARREL), slopes)
+    straight = felt(bent_by(plain, BARREL), slopes)
     large, small, centre = extent_mm(straight)
     assert large / small == pytest.approx(1, abs=0.01)
     # Deeper than a quarter is a disc, whose standard deviation is half its radius.
@@ -99,9 +98,7 @@ def test_a_ball_pressed_near_a_corner_of_a_barrel_lens_is_round_and_where_it_is(
     assert np.linalg.norm(extent_mm(bent)[2] - PLACE) > 0.3
 
 
-def test_a_network_that_learnt_from_circles_in_the_picture_also_feels_the_true_ball(
-    plain: Bundle, tmp_path: Path
-) -> None:
+def test_a_network_that_learnt_from_circles_in_the_picture_also_feels_the_true_ball(plain: Bundle) -> None:
     centre_px = BARREL.to_picture(PLACE)
     rows, columns = np.indices(SHAPE)
     offset_px = np.stack([columns, rows], axis=-1) - centre_px
@@ -109,36 +106,36 @@ def test_a_network_that_learnt_from_circles_in_the_picture_also_feels_the_true_b
     inside = (true_offset**2).sum(axis=-1, keepdims=True) < CONTACT_MM**2
     # What `gellight calibrate fit` teaches: the ball has the same radius in px everywhere in the picture.
     taught = np.where(inside, cap_slopes(offset_px, BALL_MM / PIXEL_MM, np.inf), 0).astype(np.float32)
-    frame = felt(with_lens(plain, tmp_path / "lens", BARREL, from_circles=True), taught)
-    unaware = felt(with_lens(plain, tmp_path / "unaware", BARREL), taught)
+    frame = felt(bent_by(plain, BARREL, from_circles=True), taught)
+    unaware = felt(bent_by(plain, BARREL), taught)
     assert frame.contact.indentation_mm == pytest.approx(PRESSED_MM, rel=0.03)
     assert unaware.contact.indentation_mm < 0.95 * PRESSED_MM
     assert extent_mm(frame)[0] / extent_mm(frame)[1] == pytest.approx(1, abs=0.02)
 
 
-def test_a_lens_without_distortion_changes_nothing(plain: Bundle, tmp_path: Path) -> None:
+def test_a_lens_without_distortion_changes_nothing(plain: Bundle) -> None:
     slopes = cap_slopes(STRAIGHT.gel_of_pixels() - PLACE, BALL_MM, CONTACT_MM)
     before = felt(plain, slopes)
     for from_circles in (False, True):
-        bundle = with_lens(plain, tmp_path / f"lens-{from_circles}", STRAIGHT, from_circles=from_circles)
+        bundle = bent_by(plain, STRAIGHT, from_circles=from_circles)
         after = felt(bundle, slopes)
         np.testing.assert_allclose(after.gradient_map, before.gradient_map, atol=1e-5)
         np.testing.assert_allclose(after.depth_mm, before.depth_mm, atol=1e-5)
         assert (after.contact.mask == before.contact.mask).all()
 
 
-def test_what_the_camera_does_not_see_is_not_felt(plain: Bundle, tmp_path: Path) -> None:
+def test_what_the_camera_does_not_see_is_not_felt(plain: Bundle) -> None:
     pincushion = TrueLens(k1=0.1, centre_px=MIDDLE, pixel_mm=(PIXEL_MM, PIXEL_MM), shape=SHAPE)
     slopes = cap_slopes(pincushion.gel_of_pixels() - (14.0, 10.5), BALL_MM, CONTACT_MM)
-    frame = felt(with_lens(plain, tmp_path / "lens", pincushion), slopes)
+    frame = felt(bent_by(plain, pincushion), slopes)
     assert frame.contact.mask.any()
     assert not frame.contact.mask[-1, -1]
     assert frame.depth_mm[-1, -1] == 0
 
 
-def test_a_labelled_press_is_judged_over_the_picture_it_was_labelled_in(plain: Bundle, tmp_path: Path) -> None:
+def test_a_labelled_press_is_judged_over_the_picture_it_was_labelled_in(plain: Bundle) -> None:
     slopes = cap_slopes(STRAIGHT.gel_of_pixels() - PLACE, BALL_MM, CONTACT_MM)
-    bundle = with_lens(plain, tmp_path / "lens", BARREL)
+    bundle = bent_by(plain, BARREL)
     over_picture = Reconstructor(bundle, undistorted=False).reconstruct(photograph(slopes))
     np.testing.assert_array_equal(over_picture.depth_mm, felt(plain, slopes).depth_mm)
 
@@ -158,20 +155,20 @@ def test_a_damaged_lens_file_is_refused(plain: Bundle, tmp_path: Path, content: 
 
 def test_a_lens_of_another_picture_size_is_refused(tmp_path: Path) -> None:
     small = linear_bundle(tmp_path / "small", (120, 160), pixel_size_mm=(PIXEL_MM, PIXEL_MM))
-    bundle = with_lens(small, tmp_path / "lens", BARREL)
+    bundle = bent_by(small, BARREL)
     with pytest.raises(BundleError, match="is for 320 x 240 px, the bundle for 160 x 120 px"):
         Reconstructor(bundle)
 
 
-def test_photometric_mode_refuses_a_bundle_with_a_lens(plain: Bundle, tmp_path: Path) -> None:
-    bundle = load_bundle(with_lens(plain, tmp_path / "lens", BARREL).source)
+def test_photometric_mode_refuses_a_bundle_with_a_lens(plain: Bundle) -> None:
+    bundle = bent_by(plain, BARREL)
     with pytest.raises(BundleError, match=r"has lens.json.*use network mode"):
         mode_config(bundle, Settings(reconstruction=ReconstructionSettings(mode="photometric")))
 
 
-def test_a_small_contact_keeps_its_slopes_between_the_pixels() -> None:
+def test_a_small_contact_keeps_its_slopes_between_the_pixels(plain: Bundle) -> None:
     # A picture that is shifted by half a pixel each way is the worst that resampling can meet.
-    shifted = module.lens_of(record_of(TrueLens(centre_px=(MIDDLE[0] + 0.5, MIDDLE[1] + 0.5))))
+    shifted = lens_of(bent_by(plain, TrueLens(centre_px=(MIDDLE[0] + 0.5, MIDDLE[1] + 0.5))))
     undistortion = Undistortion(shifted, (PIXEL_MM, PIXEL_MM), from_circles=False)
     sigma_px = 3.0
 
