@@ -105,23 +105,13 @@ def test_a_press_spreads_the_gel_and_nothing_pulls() -> None:
     assert not still.traction.any()
 
 
-def test_a_drag_that_goes_far_slides_with_all_of_the_friction_and_back_turns_it() -> None:
-    size, spacing = 64, 0.25
-    layer = Layer((size, size), spacing, THICKNESS, POISSON)
-    pressure = hertz(size, spacing, 2.0)
-    x, y = mesh(size, spacing)
+def test_a_drag_that_goes_far_slides_with_all_of_the_friction_back_turns_it_and_a_twist_has_a_torque_alone() -> None:
+    layer, pressure, (x, y) = Layer((64, 64), 0.25, THICKNESS, POISSON), hertz(64, 0.25, 2.0), mesh(64, 0.25)
     forth = drag(at_rest(pressure, layer), pressure, rigid_motion(x, y, (2.0, 0.0, 0.0)), 0.4, layer)
     assert forth.traction[..., 0].sum() == pytest.approx(0.4 * pressure.sum(), rel=1e-6)
     assert not forth.sticks.any()
     back = drag(forth, pressure, rigid_motion(x, y, (1.0, 0.0, 0.0)), 0.4, layer)
     assert back.traction[..., 0].sum() < 0
-
-
-def test_a_twist_has_a_torque_and_no_force() -> None:
-    size, spacing = 64, 0.25
-    layer = Layer((size, size), spacing, THICKNESS, POISSON)
-    pressure = hertz(size, spacing, 2.0)
-    x, y = mesh(size, spacing)
     turned = drag(at_rest(pressure, layer), pressure, rigid_motion(x, y, (0.0, 0.0, 0.05)), 5.0, layer)
     torque = (x * turned.traction[..., 1] - y * turned.traction[..., 0]).sum()
     assert torque > 0

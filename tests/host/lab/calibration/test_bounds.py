@@ -69,6 +69,8 @@ def test_two_thousandths_of_a_picture_may_be_clipped(pixels: int, refused: bool)
     image.reshape(-1, 3)[:pixels, 1] = 255
     with refusing(InputError, "clipped at 255" if refused else ""):
         check_light(image, "the press")
+    with refusing(InputError, "the press is dark"):
+        check_light(np.full_like(image, 3), "the press")
 
 
 @pytest.mark.parametrize(("rows", "grey", "dark"), [(30, 11, True), (30, 12, False), (20, 200, True)])

@@ -13,7 +13,7 @@ from gellight.lab.calibration.choices import RoutineOptions
 from gellight.lab.calibration.coverage import LiveError, advice, coverage
 from gellight.lab.calibration.display import Display
 from gellight.lab.calibration.preparing import full_colours, led_settings, of_image, uniformity
-from gellight.lab.calibration.sensing import TouchDetector, check_light, wait_free, wait_press
+from gellight.lab.calibration.sensing import TouchDetector, wait_free, wait_press
 from gellight.lab.simulator.scene import Scene
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 from gellight.photometric.ring_geometry import RingGeometry
@@ -74,13 +74,6 @@ def test_a_touch_is_seen_and_a_change_of_all_the_light_is_not() -> None:
     assert not detector.look(frame(brighter)).free
 
 
-def test_a_clipped_and_a_dark_picture_are_told_apart() -> None:
-    with pytest.raises(InputError, match="clipped at 255"):
-        check_light(np.full((*SHAPE, 3), 255, np.uint8), "the press")
-    with pytest.raises(InputError, match="the press is dark"):
-        check_light(np.full((*SHAPE, 3), 3, np.uint8), "the press")
-
-
 def test_the_missing_edge_is_named_with_how_many_presses_it_needs() -> None:
     presses = [at(x, y, 30) for x in range(110, 320, 30) for y in range(10, 240, 30)]
     found = coverage(presses, BALL, SHAPE)
@@ -95,8 +88,6 @@ def test_enough_is_enough_when_every_place_is_covered_and_the_error_rests() -> N
     found = coverage(presses, BALL, SHAPE)
     assert advice(found, 50, 80, settled=True) == "enough"
     assert advice(found, 50, 80, settled=False) == "30 more presses anywhere"
-    shallow = coverage([at(p.center_x_px, p.center_y_px, 10) for p in presses for _ in range(3)], BALL, SHAPE)
-    assert advice(shallow, 50, 80, settled=True).startswith("press deeper")
 
 
 def test_the_live_error_of_a_matt_ball_is_small_and_a_slipped_circle_stands_out() -> None:
