@@ -239,7 +239,7 @@ def test_frames_go_on_while_a_press_of_the_programme_is_computed() -> None:
         assert all(frame.truth is not None and not frame.truth.contact.any() for frame in frames)
         assert camera.stage.status()["preparing"] == "", "nobody waits for it"
         may_go_on.set()
-        deadline_s = time.monotonic() + 20
+        deadline_s = time.monotonic() + 60  # a limit, not a promise: processors are shared
         while time.monotonic() < deadline_s and not camera.read().truth.contact.any():  # type: ignore[union-attr]
             pass
         assert time.monotonic() < deadline_s, "the press is shown when it is computed"
