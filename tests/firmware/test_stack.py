@@ -19,8 +19,8 @@ import pytest
 from firmware.tools.build import build
 from gellight.ring.light_ring import LightRing
 from tests.helpers.bench_board import BenchBoard, VirtualTransport
+from tests.helpers.places import CHECKOUT
 
-CHECKOUT = Path(__file__).parents[3]
 BOARD, SHARED, CORE = (CHECKOUT / "firmware" / name for name in ("boards/rp2040", "boards/rp2", "core"))
 COMPILER = ["arm-none-eabi-gcc", "-mcpu=cortex-m0plus", "-mthumb", "-std=c11", "-Os", "-ffreestanding", "-fno-builtin",
             "-fno-common", "-DTHERMISTOR_PIN=26u", f"-I{BOARD}", f"-I{SHARED}", f"-I{CORE}",
