@@ -231,7 +231,7 @@ class RunningSensor(RuleBasedStateMachine):
         self.last = self.session.captured.take(0, 60)[1].sequence if not self.in_series else self.last
 
 
-@pytest.mark.parametrize("examples", [12, pytest.param(200, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("examples", [12, pytest.param(200, marks=[pytest.mark.nightly, pytest.mark.timeout(900)])])
 def test_whatever_changes_a_running_sensor(bundles: dict[str, Bundle], tmp_path: Path, examples: int) -> None:
     kept = {"made": bundles, "folder": tmp_path}
     machine: Any = type("RunningSensor", (RunningSensor,), kept)
