@@ -6,13 +6,19 @@ from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.state import Identity
 
 
-def identity(sensor: str = "A17", *, ball_mm: float = 4.0, pins_mm: float | None = None) -> Identity:
+def identity(
+    sensor: str = "A17",
+    *,
+    ball_mm: float = 4.0,
+    cylinder_mm: float = 8.0,
+    pins_mm: float | None = None,
+) -> Identity:
     """What a calibration of pictures of 320 x 240 px is begun with."""
     return Identity(
         sensor=sensor,
         image_size_px=(320, 240),
         ball_radius_mm=ball_mm,
-        cylinder_diameter_mm=8.0,
+        cylinder_diameter_mm=cylinder_mm,
         pin_pitch_mm=pins_mm,
     )
 
