@@ -17,7 +17,7 @@ from gellight.bundle.bundle import METRICS, Bundle
 from gellight.bundle.contents import npz
 from gellight.dashboard.access import guard
 from gellight.frames.point_cloud import solid_stl
-from gellight.lab.calibration.force.indented import ForceReadings
+from gellight.lab.calibration.force.record import ForceReadings
 from gellight.lab.calibration.state import STATE, state_in
 from gellight.lab.simulator.sequence import read_sequence
 from gellight.lab.simulator.simulated_url import SimulatedUrl

@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gellight.lab.training.judged_fit import GIVEN, REFINED, trained_folds
+from gellight.lab.training.folds import GIVEN, REFINED, trained_folds
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.training import Learning, Reference
 from gellight.lab.training.validation import PressError, PressFigures, press_errors, summarised

@@ -19,7 +19,7 @@ from gellight.ring import protocol
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.ring.light_ring import Ping
 from gellight.sensor.lighting.clock import ClockMap
-from gellight.sensor.lighting.light_watch import label_frame
+from gellight.sensor.lighting.label import label_frame
 from gellight.sensor.lighting.timeline import KnownLight
 
 ROWS = 9

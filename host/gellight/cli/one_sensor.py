@@ -1,10 +1,7 @@
 """How a verb runs one sensor: the dashboard, the publisher, and the end."""
 
-import ctypes
 import json
 import logging
-import os
-import socket
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -17,6 +14,8 @@ from typing import Any
 
 from gellight.base import logs
 from gellight.base.errors import CameraError
+from gellight.base.large_arrays import give_back_large_arrays
+from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
 from gellight.cli.advice import with_program_path
@@ -39,34 +38,6 @@ from gellight.stream.running import running
 
 STATUS_S = 1.0
 WAIT_S = 0.5
-
-
-class ServiceManager:
-    """The manager that started this process, where there is one (`sd_notify` of systemd): it is told that we live."""
-
-    def __init__(self) -> None:
-        """Find the manager's socket, which the environment names."""
-        address = os.environ.get("NOTIFY_SOCKET", "")
-        self._address = f"\0{address[1:]}" if address.startswith("@") else address
-        self._frames = -1
-
-    def ready(self) -> None:
-        """Say that the service works from now on."""
-        self._tell("READY=1")
-
-    def alive(self, frames: int, *, away: bool) -> None:
-        """Say that the service lives, if it does: frames have come since, or the sensor is known to be away.
-
-        frames: until now. A service that says nothing for as long as its unit file allows is started anew.
-        """
-        if away or frames != self._frames:
-            self._frames = frames
-            self._tell("WATCHDOG=1")
-
-    def _tell(self, message: str) -> None:
-        if self._address:
-            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as wire:
-                wire.sendto(message.encode(), self._address)
 
 
 def run_sensor(settings: Settings, options: RunOptions, *, dashboard: bool, as_json: bool) -> None:
@@ -263,25 +234,3 @@ def print_status(status: SensorStatus, as_json: bool) -> None:
     elif sys.stderr.isatty():
         print(f"\r{status['frames']} frames, {status['fps']} frames/s, age {status['frame_age_ms']} ms, "
               f"{status['lost']} lost", end="", file=sys.stderr, flush=True)  # fmt: skip
-
-
-M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8
-"""of `mallopt`, glibc's malloc.h"""
-ARENAS = 2
-"""else each of some twenty threads keeps its own"""
-LARGE_BYTES = 1 << 20
-"""smaller than any map of a picture"""
-
-
-def give_back_large_arrays() -> None:
-    """Let the C library take large arrays from the system one by one; a no-op where it is not glibc.
-
-    Else it learns from the first that is freed to keep up to 32 MB of such memory in the arena of each thread, in
-    pieces that no later array fits.
-    """
-    if sys.platform != "linux":
-        return
-    c_library = ctypes.CDLL(None)
-    if hasattr(c_library, "mallopt"):
-        c_library.mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)
-        c_library.mallopt(M_ARENA_MAX, ARENAS)

@@ -15,8 +15,9 @@ from gellight.frames.frames import CameraFrame, FrameJudge, Provenance, TactileF
 from gellight.frames.status import ForceStatus, TouchStatus
 from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.force_file import read_force
-from gellight.series.reconstructor import PhotometricReconstructor, WindowReconstructor
+from gellight.series.reconstructor import PhotometricReconstructor
 from gellight.series.single_light_path import SingleLightPath
+from gellight.series.window import WindowReconstructor
 from gellight.watch.monitor import SensorWatch
 from gellight.watch.possible import gel_thickness_mm, impossible_depth
 

@@ -3,14 +3,6 @@
 First every pixel is solved as if the gel were flat, by one precomputed product. Then the light reaching the depth found
 is computed, and the pixels that are touched or shadowed are solved again with it; twice. A gel pressed 1 mm towards
 LEDs 20 mm away is lit from lower angles than the gel at rest: without this second look its slopes are 5 % wrong.
-
-Photometric stereo at the rate of the camera, from a window that slides over the frames of a light sequence.
-
-A window holds the newest frame of every light group, so each new frame gives a new result. What makes that quick
-enough: only the new frame is taken apart; pixels of a large picture are solved as means over 2 x 2; the height of the
-surface as a whole is measured once a turn of the sequence; and near light is computed for the depth of the result
-before, which one frame period later is nearly the depth that is there. Where the gel is touched anew, slopes are up to
-5 % wrong until the next frame.
 """
 
 from math import inf
@@ -26,21 +18,18 @@ from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries, 
 from gellight.frames.pixel_grid import block_means, plane_means, spread_blocks
 from gellight.frames.status import PathStatus
 from gellight.photometric import static_scene
+from gellight.photometric.level import find_level
 from gellight.photometric.light_model import (
     Bools,
     Floats,
-    GroupSignals,
     LightGroups,
     LightModel,
     Signals,
-    group_signals,
-    joined,
     signals_of,
     without_shadows,
 )
 from gellight.photometric.solver import (
     Points,
-    find_level,
     flat_gel,
     inverse,
     light_rows,
@@ -233,50 +222,3 @@ def _flat_solution(rows: NDArray[np.floating]) -> tuple[Floats, float]:
     # n / n_z of the flat gel: a grey level of noise in each light is the root of this in a slope, rho being 1.
     noise = float(np.sqrt(max(np.median(inverted[0, 0]), np.median(inverted[1, 1]))))
     return np.ascontiguousarray(np.einsum("ijp,kjp->kip", inverted, rows), np.float32), noise
-
-
-BLOCK_PX = 2
-MOST_PIXELS = 100_000
-"""a picture of more is solved as means: this many take about one frame period of a camera of 30 Hz"""
-
-
-class WindowReconstructor(PhotometricReconstructor):
-    """Like its base, for windows that follow on each other. One reconstructor serves one thread."""
-
-    def __init__(
-        self, bundle: Bundle, model: LightModel, kind: LightGroups, *, smoothing_px: int = NARROWEST_PX
-    ) -> None:
-        """Compute the light on the flat gel; arguments and errors as the base."""
-        height, width = model.image_shape
-        coarse = height * width > MOST_PIXELS and height % BLOCK_PX == width % BLOCK_PX == 0
-        super().__init__(bundle, model, kind, smoothing_px=smoothing_px, block_px=BLOCK_PX if coarse else 1)
-        self._before = np.zeros(self._shape, np.float32)
-        """depth map of the result before, mm"""
-        self._apart: dict[int, tuple[CameraFrame, GroupSignals]] = {}
-        """by light group: the newest frame, taken apart"""
-        self._frames = 0
-        self._correction_mm = 0.0
-
-    def _signals(self, series: ExposureSeries) -> Signals:
-        for group, (frame, *_) in enumerate(series.frames):
-            if group not in self._apart or self._apart[group][0] is not frame:
-                noise = self.bundle.manifest.noise_grey
-                apart = group_signals([frame.image], series.groups[group], self.model, noise, self._block)
-                self._apart[group] = frame, apart
-        return joined([self._apart[group][1] for group in range(len(series.groups))], len(self.model.colours))
-
-    def _solved(self, signals: Signals, stages: Stages) -> tuple[Floats, Floats, Bools, Floats]:
-        scaled: Floats = np.einsum("kip,kp->ip", self._projection, signals.grey)
-        scaled, used, predicted = self._refined(scaled, self._before, signals)
-        gradient_map, noise = self._slopes(scaled)
-        stages.end("slopes")
-        self._before = depth = self._depth(gradient_map, scaled, signals)
-        gradient_map = self._smoother.of_surface(depth, self._pixel_size_mm, gradient_map, noise)
-        stages.end("depth")
-        return gradient_map, depth, used, predicted
-
-    def _level_mm(self, depth: Floats, signals: Signals) -> float:
-        if self._frames % len(self._apart) == 0:
-            self._correction_mm = super()._level_mm(depth, signals)
-        self._frames += 1
-        return self._correction_mm

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import CameraError, InputError
-from gellight.cli.calibrate.guided import _read_lines, obey, screen
 from gellight.cli.calibrate.routine_options import Target, Tools
+from gellight.cli.calibrate.screen import _read_lines, obey, screen
 from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View
 from gellight.lab.calibration.choices import ToolSizes

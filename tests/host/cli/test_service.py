@@ -13,8 +13,8 @@ from unittest.mock import Mock
 import pytest
 
 from gellight.base.errors import ConfigError, InputError
+from gellight.base.service_manager import ServiceManager
 from gellight.base.settings import load_settings
-from gellight.cli.one_sensor import ServiceManager
 from gellight.cli.service import unit
 from gellight.sensor import udev
 from tests.helpers import children

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from gellight.lab.simulator.scene import Press
+from gellight.photometric.level import Level, find_level, samples
 from gellight.photometric.light_model import LightGroups, LightModel, Signals, signals_of
-from gellight.photometric.solver import Level, Points, find_level, flat_gel, samples
+from gellight.photometric.solver import Points, flat_gel
 from gellight.photometric.static_scene import change_of_repetition, misfit, repetition_limit
 from tests.helpers.simulated_gel import GROUPS, PIXEL_MM, RING, SMALL, Gel
 

@@ -13,7 +13,8 @@ from gellight.lab.simulator.scene import Press
 from gellight.photometric.light_model import LightGroups
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.series import reconstructor
-from gellight.series.reconstructor import PhotometricReconstructor, WindowReconstructor
+from gellight.series.reconstructor import PhotometricReconstructor
+from gellight.series.window import WindowReconstructor
 from tests.helpers.simulated_gel import GROUPS, PIXEL_MM, RING, Gel
 
 BALL = Press("BALL", 1.0, 4.0, -3.0)

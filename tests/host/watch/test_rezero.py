@@ -14,9 +14,10 @@ from gellight.lab.simulator.objects import PROBES
 from gellight.lab.simulator.scene import Press
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.watch.cells import spread
-from gellight.watch.explanation import Explanation, Situation, refusal
+from gellight.watch.explanation import Explanation
 from gellight.watch.findings import WatchFinding
 from gellight.watch.monitor import SensorWatch
+from gellight.watch.rezero import Situation, refusal
 from sim_reference.camera import digitise
 from sim_reference.deformation import NO_OBJECT
 from tests.helpers.scripted_camera import ScriptedCamera

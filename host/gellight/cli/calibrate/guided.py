@@ -1,33 +1,26 @@
 """The guided routine in the terminal, from its begin to the report."""
 
 import sys
-import threading
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from queue import Empty, SimpleQueue
 
 import typer
-from rich.console import Console, Group, RenderableType
-from rich.live import Live
-from rich.text import Text
 
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.calibrate.routine_options import Presses, Target, Tools
+from gellight.cli.calibrate.screen import follow
 from gellight.cli.calibrate.training_options import Training
 from gellight.cli.ending import Ending
-from gellight.cli.showing import how_far, lines_in_log, show
+from gellight.cli.showing import show
 from gellight.daemon.bundle_choice import sensor_name
 from gellight.lab.calibration.choices import RoutineOptions
-from gellight.lab.calibration.display import Display
 from gellight.lab.calibration.records import MeasuredLens, MeasuredPixelSize, PinGrid
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.calibration.state import Identity, Steps, kept_like
-from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.virtual_hand import hand_of
 from gellight.lab.training.training import like_words
 from gellight.opening import open_camera
@@ -138,91 +131,3 @@ def _lens_text(lens: PinGrid | None) -> str:
         f"the lens moves a corner of the picture by {lens.corner_moves_px:.1f} px; {lens.pins} pins are "
         f"{lens.rms_after_px:.2f} px off it, {lens.rms_before_px:.2f} px off a straight one"
     )
-
-
-POLL_S = 0.1
-KEYS = "n: next or enough   d: drop the last press   c X Y R: correct its circle, px   a: accept   q: stop"
-_ACTIONS = {"n": "next", "d": "drop", "c": "correct", "a": "accept", "q": "abort"}
-
-
-def follow(routine: Routine, place: Path, *, interactive: bool, quiet: bool) -> None:
-    """Show what the routine says until it ends, and hand it what the user types."""
-    typed: SimpleQueue[str] = SimpleQueue()
-    if interactive:
-        threading.Thread(target=_read_lines, args=(typed,), daemon=True).start()
-    console = Console(stderr=True, quiet=quiet)
-    version, refusal = -1, ""
-    shown: dict[str, object] = {}
-    with (
-        Live(console=console, auto_refresh=False, transient=False) as live,
-        lines_in_log(lambda: line(routine.display)),
-    ):
-        while not routine.ended:
-            if routine.display.version != version:
-                version = routine.display.version
-                live.update(screen(routine.display, refusal, keys=interactive), refresh=console.is_terminal)
-                if interactive:
-                    _show_pictures(routine, place, shown)
-            try:
-                refusal = obey(routine, typed.get(timeout=POLL_S))
-            except Empty:
-                continue
-        live.update(screen(routine.display, "", keys=False), refresh=True)
-    if not console.is_terminal:
-        console.print()  # only a terminal is left on a new line
-
-
-def line(shown: Display) -> str:
-    """Return what a log says of how far the routine is."""
-    progress = shown.progress
-    return how_far(shown.step.replace("_", " "), progress.done, progress.wanted, progress.unit)
-
-
-def _read_lines(typed: SimpleQueue[str]) -> None:
-    for line in sys.stdin:
-        typed.put(line)
-    typed.put("q")  # nobody can type any more
-
-
-def obey(routine: Routine, line: str) -> str:
-    """Do what a line asks for; returns why it cannot be done, empty otherwise."""
-    words = line.split() or ["n"]
-    action = _ACTIONS.get(words[0].lower(), words[0])
-    try:
-        numbers = [float(word) for word in words[1:]]
-        names = ("center_x_px", "center_y_px", "contact_radius_px")
-        routine.act(action, **dict(zip(names, numbers, strict=action == "correct")))
-    except (InputError, ValueError) as error:
-        return str(error)
-    return ""
-
-
-def _show_pictures(routine: Routine, place: Path, shown: dict[str, object]) -> None:
-    """Write the pictures that are new into the folder of the state, because a terminal shows none."""
-    pictures = routine.pictures()
-    for name in ("press", "cylinder", "pins"):
-        if pictures.get(name) is not shown.get(name):
-            shown[name] = pictures[name]
-            with suppress(OSError):  # the routine reports a full disk, because it cannot go on
-                write_png(place / f"{name}.png", pictures[name])
-
-
-def screen(shown: Display, refusal: str, *, keys: bool) -> RenderableType:
-    """Return what the routine shows, with what was refused last; keys: explain the keys."""
-    marks = {"done": "●", "now": "◐", "to do": "○"}
-    head = "  ".join(f"{marks[step['state']]} {step['name'].replace('_', ' ')}" for step in shown.step_states())
-    lines: list[RenderableType] = [Text(head, style="bold"), Text(shown.instruction)]
-    progress, press, coverage = shown.progress, shown.press, shown.coverage
-    if progress.done is not None:
-        lines.append(Text(f"{progress.done} of {progress.wanted} {progress.unit}", style="cyan"))
-    if shown.awaiting:
-        lines.append(Text({"press": "▼ press", "lift": "▲ lift"}[shown.awaiting], style="bold green"))
-    if press:
-        lines.append(Text(f"last press: {press.place}"))
-    if coverage and shown.step == "presses":
-        rows = (" ".join("·" if count == 0 else str(min(count, 9)) for count in row) for row in coverage.places)
-        lines.append(Text("\n".join(rows), style="green"))
-    if shown.advice:
-        lines.append(Text(shown.advice, style="yellow"))
-    lines += [Text(words, style="bold red") for words in (shown.problem, refusal) if words]
-    return Group(*lines, *([Text(KEYS, style="dim")] if keys else []))

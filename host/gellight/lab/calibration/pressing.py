@@ -6,8 +6,9 @@ from pydantic import ValidationError
 
 from gellight.base.errors import BundleError, InputError
 from gellight.frames.image_files import read_image
-from gellight.lab.calibration.coverage import LiveError, advice, coverage, coverage_picture
+from gellight.lab.calibration.coverage import advice, coverage, coverage_picture
 from gellight.lab.calibration.display import Picture, Progress
+from gellight.lab.calibration.live_error import LiveError
 from gellight.lab.calibration.records import BallPresses, Circle, LiveCoverage, PixelSize
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.sensing import check_light, detector_of, next_press, wait_free

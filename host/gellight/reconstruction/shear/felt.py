@@ -18,7 +18,8 @@ from gellight.frames.measures import Force
 from gellight.frames.pixel_grid import block_means, spread_blocks
 from gellight.frames.shear import FEW_DOTS, FRICTION, PERSPECTIVE, DotsSeen, Shear
 from gellight.reconstruction.force import Layer, cell_side_px
-from gellight.reconstruction.shear.layer import Pull, find_pull, kernels
+from gellight.reconstruction.shear.inverse import Pull, find_pull
+from gellight.reconstruction.shear.layer import kernels
 
 Array = NDArray[np.float64]
 NO_CONSTANT = "the bundle has no constant for the force: find it with `gellight calibrate force`"

@@ -23,7 +23,8 @@ from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import Edge, State, Status, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from gellight.sensor.lighting.hold import Hold
-from gellight.sensor.lighting.light_watch import UNKNOWN_LABEL, LightWatch
+from gellight.sensor.lighting.label import UNKNOWN_LABEL
+from gellight.sensor.lighting.light_watch import LightWatch
 from gellight.sensor.lighting.lock import PhaseLock, Trim, hold_frames
 from gellight.sensor.lighting.timeline import REPEAT_US
 

@@ -12,12 +12,15 @@ import pytest
 from gellight.base.errors import BoardError, BundleError, CameraError, GellightError, InputError
 from gellight.frames.frames import CameraFrame
 from gellight.lab.calibration import fitting, preparing, probing
-from gellight.lab.calibration.coverage import LiveError, advice, coverage
-from gellight.lab.calibration.force.fit import fit_force, fit_side
-from gellight.lab.calibration.force.indented import ForceReadings
+from gellight.lab.calibration.coverage import advice, coverage
+from gellight.lab.calibration.cylinder import Imprint
+from gellight.lab.calibration.force.fit import fit_force
+from gellight.lab.calibration.force.record import ForceReadings
+from gellight.lab.calibration.force.sideways import fit_side
 from gellight.lab.calibration.led_check import _refuse as refuse_leds
+from gellight.lab.calibration.live_error import LiveError
 from gellight.lab.calibration.pressing import corrected_circle
-from gellight.lab.calibration.probing import Imprint, pixel_size
+from gellight.lab.calibration.probing import pixel_size
 from gellight.lab.calibration.records import LedAnswer
 from gellight.lab.calibration.sensing import TouchDetector, check_light, is_dark
 from gellight.lab.calibration.untouched import compare_with_reference, foreign_share, wait_steady

@@ -5,7 +5,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from gellight.base.errors import InputError
-from gellight.lab.calibration.probing import edge_profile, find_cylinder, pixel_size
+from gellight.lab.calibration.cylinder import edge_profile, find_cylinder
+from gellight.lab.calibration.probing import pixel_size
 from gellight.lab.simulator.scene import Press, Scene
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import SensorGeometry

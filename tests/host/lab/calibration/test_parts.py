@@ -10,8 +10,9 @@ from gellight.base.errors import ConfigError, InputError
 from gellight.bundle.limits import Limits
 from gellight.frames.frames import CameraFrame
 from gellight.lab.calibration.choices import RoutineOptions
-from gellight.lab.calibration.coverage import LiveError, advice, coverage
+from gellight.lab.calibration.coverage import advice, coverage
 from gellight.lab.calibration.display import Display
+from gellight.lab.calibration.live_error import LiveError
 from gellight.lab.calibration.preparing import full_colours, led_settings, of_image, uniformity
 from gellight.lab.calibration.sensing import TouchDetector, wait_free, wait_press
 from gellight.lab.simulator.scene import Scene

@@ -15,7 +15,8 @@ from gellight.reconstruction.force import Layer
 from gellight.reconstruction.force_file import FILE_NAME, ForceRecord, force_file
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.shear.felt import ShearScale
-from gellight.reconstruction.shear.layer import find_pull, kernels
+from gellight.reconstruction.shear.inverse import find_pull
+from gellight.reconstruction.shear.layer import kernels
 from gellight.reconstruction.stages import Stages, tactile_frame
 from sim_reference.camera import CameraResponse
 from sim_reference.fem.tangential import Layer as ReferenceLayer

@@ -13,7 +13,8 @@ from gellight.ring import protocol
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.light_groups import colour_triples
 from gellight.ring.light_ring import Ping, Step
-from gellight.sensor.lighting.light_watch import MIXED, UNKNOWN, LightWatch, label_of
+from gellight.sensor.lighting.label import MIXED, UNKNOWN, label_of
+from gellight.sensor.lighting.light_watch import LightWatch
 from gellight.sensor.lighting.timeline import OTHER, UNTOLD, KnownLight
 from tests.helpers.clock_bounds import board_us
 from tests.helpers.light_world import NO_STATUS, World, compare

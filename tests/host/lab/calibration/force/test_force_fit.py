@@ -8,8 +8,10 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.lab.calibration.force.fit import chosen_layer, fit_force, fit_side, left_out_share, measure_force
-from gellight.lab.calibration.force.indented import ForceReadings, felt_in_images
+from gellight.lab.calibration.force.fit import chosen_layer, fit_force, left_out_share, measure_force
+from gellight.lab.calibration.force.indented import felt_in_images
+from gellight.lab.calibration.force.record import ForceReadings
+from gellight.lab.calibration.force.sideways import fit_side
 from gellight.lab.report.pictures import write_png
 from gellight.opening import open_camera
 from gellight.reconstruction.force import Layer

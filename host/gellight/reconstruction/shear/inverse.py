@@ -1,0 +1,78 @@
+"""The traction along the gel that moves its dots as they have moved.
+
+The traction under the contact is sought as t = p m: friction holds no more than a share m of the pressure p (Coulomb).
+Before the dots are looked at, m is taken for a normal variable: a part that is the same all over the contact, parts
+that grow with x and y, by which the contact can be twisted and stretched, and a part that is free in each cell. With
+the linear layer the most probable traction, and the covariance of its sums, follow in closed form (Rasmussen and
+Williams, Gaussian Processes for Machine Learning, 2006, equations 2.11 and 2.12).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+SAME, GROWING, FREE = 0.5, 0.25, 0.15
+"""standard deviations of the three parts of m"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pull:
+    """What pulls the gel along itself, as a share of Young's modulus."""
+
+    traction: Array
+    """(m, 2) of each cell"""
+    total: Array
+    """(3,) x, y (mm2) and torque about the centre of the pressure (mm3)"""
+    covariance: Array
+    """(3, 3) of `total`"""
+
+
+def find_pull(
+    moved_mm: Array, error_mm: float, influence: Array, pressure: Array, cells_mm: Array, area_mm2: float
+) -> Pull:
+    """Return the traction that moves n dots by (n, 2) mm, each known to `error_mm`.
+
+    influence: (2n, 2m) mm by the traction of each cell, x of all dots before y, x of all cells before y. pressure: (m,)
+    as a share of Young's modulus, above 0. cells_mm: (m, 2) their middles.
+    """
+    shapes, spread = _shapes(pressure, cells_mm)
+    whole = np.concatenate([pressure, pressure])
+    by_shape, by_cell = sums_along(influence, shapes), influence * whole
+    short = by_cell.astype(np.float32)  # 7 digits are plenty, in a third of the time
+    together = sums_along(by_shape * spread, by_shape) + FREE**2 * sums_along(short, short)
+    together[np.diag_indices_from(together)] += error_mm**2
+    factor = scipy.linalg.cho_factor(together, lower=True, check_finite=False)
+    sums = _sums(pressure, cells_mm) * area_mm2
+    weights = scipy.linalg.cho_solve(factor, moved_mm.T.ravel(), check_finite=False)
+    traction = (spread * (weights @ by_shape)) @ shapes + FREE**2 * whole * np.einsum("i,ij->j", weights, by_cell)
+    of_shapes, of_cells = sums_along(sums, shapes), sums * whole
+    seen = sums_along(of_shapes * spread, by_shape) + FREE**2 * sums_along(of_cells, by_cell)
+    before = sums_along(of_shapes * spread, of_shapes) + FREE**2 * sums_along(of_cells, of_cells)
+    left = before - seen @ scipy.linalg.cho_solve(factor, seen.T, check_finite=False)
+    return Pull(traction=traction.reshape(2, -1).T, total=sums @ traction, covariance=left)
+
+
+def sums_along(rows: Array | NDArray[np.float32], others: Array | NDArray[np.float32]) -> Array:
+    """Return rows @ others.T, in this thread alone: threads of BLAS would spin between two frames."""
+    return np.asarray(np.einsum("ik,jk->ij", rows, others), np.float64)
+
+
+def _shapes(pressure: Array, cells_mm: Array) -> tuple[Array, Array]:
+    """Return (6, 2m) tractions of m = 1, x and y in both directions, and (6,) their variances."""
+    centre = np.average(cells_mm, axis=0, weights=pressure)
+    away = cells_mm - centre
+    reach = np.sqrt(np.average((away**2).sum(axis=1), weights=pressure)) + 0.3
+    one = np.stack([pressure, pressure * away[:, 0] / reach, pressure * away[:, 1] / reach])
+    spread = np.array([SAME, GROWING, GROWING] * 2) ** 2
+    return np.kron(np.eye(2), one), spread
+
+
+def _sums(pressure: Array, cells_mm: Array) -> Array:
+    """(3, 2m) that make x, y and the torque about the centre of the pressure of (2m,) tractions."""
+    away = cells_mm - np.average(cells_mm, axis=0, weights=pressure)
+    nothing, one = np.zeros(len(pressure)), np.ones(len(pressure))
+    rows = [(one, nothing), (nothing, one), (-away[:, 1], away[:, 0])]
+    return np.array([np.concatenate(row) for row in rows])
