@@ -1,7 +1,6 @@
 """What a pydantic model allows, in a user's words: for messages and for the reference of the settings."""
 
 import difflib
-import re
 from collections.abc import Iterable
 from typing import Any, TypeVar
 from urllib.parse import SplitResult, parse_qsl, urlsplit
@@ -133,24 +132,3 @@ def query_of(url: str, model: type[Model]) -> Model:
         return model.model_validate(given)
     except ValidationError as error:
         raise InputError(f"{url}: {refusals(error, model, 'parameter')}") from None
-
-
-class Record(BaseModel):
-    """Figures with their names."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the figures ready for JSON; what is unknown is left out."""
-        return self.model_dump(mode="json", exclude_none=True)
-
-
-NAME = "[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
-ALLOWED = "at most 64 letters, digits, '-', '_' and '.', the first a letter or a digit"
-
-
-def check_name(name: str) -> str:
-    """Return `name`; InputError where no sensor can be called so."""
-    if not re.fullmatch(NAME, name):
-        raise InputError(f"--name {name!r} is not possible: give {ALLOWED}")
-    return name

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from gellight.base.allowed import check_name
 from gellight.base.errors import InputError, first_line
+from gellight.base.names import check_name
 from gellight.base.settings import Settings, load_settings
 from gellight.base.writing import check_place
 

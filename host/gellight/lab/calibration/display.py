@@ -7,9 +7,9 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.allowed import Record
 from gellight.lab.calibration.records import LiveCoverage, ShownCircle, Verdict
 from gellight.lab.calibration.state import Steps
+from gellight.lab.report.record import Record
 
 STEPS = ("prepare", "reference", "pixel_size", "lens", "presses", "fit", "verify")
 """in this order, "lens" only where the user has a pin grid; then "finished", and "aborted" or "failed" at any time"""

@@ -4,8 +4,8 @@ from typing import ClassVar
 
 from pydantic import ConfigDict
 
-from gellight.base.allowed import Record
 from gellight.lab.optics.lens.measuring import LensFigures
+from gellight.lab.report.record import Record
 
 
 class StepPart(Record):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gellight.base.allowed import Record, in_words
+from gellight.base.allowed import in_words
 from gellight.base.errors import BundleError, InputError, first_line
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.manifest import MANIFEST
@@ -27,6 +27,7 @@ from gellight.lab.calibration.records import (
     UntouchedGel,
     Verification,
 )
+from gellight.lab.report.record import Record
 from gellight.lab.training.presses import Press
 
 STATE = "state.json"

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from gellight.base.allowed import Record
 from gellight.base.errors import InputError, printable
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.frame_path.pipeline import Reconstructor
@@ -17,6 +16,7 @@ from gellight.frames.over_gel import over_gel
 from gellight.lab.optics.lens.lens_fit import Floats, LensFit, fit_lens, read_pins, spacing_px
 from gellight.lab.optics.lens.pins import dimples, marked, spots
 from gellight.lab.report.pictures import Picture, write_png
+from gellight.lab.report.record import Record
 from gellight.lab.training.training import read_reference
 from gellight.reconstruction.lens.undistortion import FILE_NAME, LensRecord, Undistortion
 
