@@ -17,7 +17,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.training import judged_fit
+from gellight.lab.training import folds
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.training import Learning, TrainingOptions, read_reference
@@ -90,7 +90,7 @@ def test_wrong_circles_make_a_larger_error(bundle: Path, pressed: Path, tmp_path
 
 def test_each_fold_is_measured_by_a_network_that_never_saw_it(pressed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[tuple[set[str], set[str]]] = []
-    fit, errors_of = judged_fit.fit, cross_validation.press_errors
+    fit, errors_of = folds.fit, cross_validation.press_errors
 
     def spying_fit(presses, *rest, **options):  # type: ignore[no-untyped-def]
         seen.append(({press.image.name for press in presses}, set()))
@@ -100,7 +100,7 @@ def test_each_fold_is_measured_by_a_network_that_never_saw_it(pressed: Path, mon
         seen[-1][1].update(press.image.name for press in presses)
         return errors_of(bundle, presses, ball)
 
-    monkeypatch.setattr(judged_fit, "fit", spying_fit)
+    monkeypatch.setattr(folds, "fit", spying_fit)
     monkeypatch.setattr(cross_validation, "press_errors", spying_errors)
     ball, reference = Ball(radius_mm=4, pixel_size_mm=0.2352), read_reference(pressed / "untouched")
     presses = read_presses(pressed / "presses.csv", ball=ball, image_shape=reference.image_shape)

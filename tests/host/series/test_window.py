@@ -12,7 +12,7 @@ from gellight.frames.frames import CameraFrame, ExposureSeries, LightLabel, Ligh
 from gellight.lab.simulator.scene import Press
 from gellight.photometric.light_model import LightGroups
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.series import reconstructor
+from gellight.series import window
 from gellight.series.reconstructor import PhotometricReconstructor
 from gellight.series.window import WindowReconstructor
 from tests.helpers.simulated_gel import GROUPS, PIXEL_MM, RING, Gel
@@ -60,7 +60,7 @@ def normal_error_deg(felt: TactileFrame, gel: Gel, press: Press) -> float:
 def test_a_ball_at_rest_is_felt_as_in_a_series(
     gel: Gel, bundle: Bundle, monkeypatch: pytest.MonkeyPatch, pixels: int, worse: float
 ) -> None:
-    monkeypatch.setattr(reconstructor, "MOST_PIXELS", pixels)
+    monkeypatch.setattr(window, "MOST_PIXELS", pixels)
     model = Gel(seed=14).model(16)
     path = WindowReconstructor(bundle, model, LightGroups.TRIPLES)
     felt = [path.reconstruct(each) for each in windows(gel, [BALL] * 8)]
@@ -83,14 +83,14 @@ def test_a_ball_at_rest_is_felt_as_in_a_series(
 
 def test_only_the_new_frame_is_taken_apart(gel: Gel, bundle: Bundle, monkeypatch: pytest.MonkeyPatch) -> None:
     count = 0
-    take_apart = reconstructor.group_signals
+    take_apart = window.group_signals
 
     def counted(*arguments):  # type: ignore[no-untyped-def]
         nonlocal count
         count += 1
         return take_apart(*arguments)
 
-    monkeypatch.setattr(reconstructor, "group_signals", counted)
+    monkeypatch.setattr(window, "group_signals", counted)
     path = WindowReconstructor(bundle, Gel(seed=14).model(4), LightGroups.TRIPLES)
     for each in windows(gel, [None] * 8):
         path.reconstruct(each)
@@ -109,7 +109,7 @@ def test_a_ball_that_slides_is_flagged_where_it_is(gel: Gel, bundle: Bundle) -> 
 
 
 def test_a_picture_of_odd_size_is_solved_pixel_by_pixel(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reconstructor, "MOST_PIXELS", 1)
+    monkeypatch.setattr(window, "MOST_PIXELS", 1)
     odd = replace(Gel(seed=14).model(1), image_shape=(239, 321))
     told = SimpleNamespace(camera_height_mm=0.0)
     other: Any = SimpleNamespace(image_shape=(239, 321), pixel_size_mm=PIXEL_MM, files={}, manifest=told)

@@ -11,7 +11,7 @@ import pytest
 
 from gellight.base.errors import BoardError, BundleError, CameraError, GellightError, InputError
 from gellight.frames.frames import CameraFrame
-from gellight.lab.calibration import fitting, preparing, probing
+from gellight.lab.calibration import cylinder, lights, preparing
 from gellight.lab.calibration.coverage import advice, coverage
 from gellight.lab.calibration.cylinder import Imprint
 from gellight.lab.calibration.force.fit import fit_force
@@ -198,7 +198,7 @@ def test_an_edge_scatters_by_three_hundredths_of_its_radius_and_lies_in_the_pict
     found: Imprint, refusal: str
 ) -> None:
     with refusing(InputError, refusal):
-        probing._check(found, SHAPE)
+        cylinder._check(found, SHAPE)
 
 
 @pytest.mark.parametrize(
@@ -287,11 +287,11 @@ def test_a_ring_stands_within_a_tenth_of_where_the_settings_have_it(
     found = SimpleNamespace(ring_radius_mm=radius * told.ring_radius_mm, height_mm=height * told.height_mm)
     model, run = SimpleNamespace(ring=told), Mock()
     run.folder.figures.return_value = SimpleNamespace(led=[[0, 0, 0]])
-    monkeypatch.setattr(fitting, "take_lights", lambda *how: model)
-    monkeypatch.setattr(fitting, "fit_ring", lambda *how: SimpleNamespace(ring=found))
-    monkeypatch.setattr(fitting, "ball_of", lambda run: BALL)
+    monkeypatch.setattr(lights, "take_lights", lambda *how: model)
+    monkeypatch.setattr(lights, "fit_ring", lambda *how: SimpleNamespace(ring=found))
+    monkeypatch.setattr(lights, "ball_of", lambda run: BALL)
     with refusing(BundleError, "" if taken else "it falls off as that of LEDs"):
-        assert fitting._measured(run) is model
+        assert lights._measured(run) is model
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.lab.calibration.fitting import measure_lights
+from gellight.lab.calibration.lights import measure_lights
 from gellight.lab.calibration.preparing import prepare
 from gellight.lab.calibration.probing import measure_pixel_size
 from gellight.lab.calibration.run import Aborted, CalibrationRun

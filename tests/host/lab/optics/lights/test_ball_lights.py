@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.lab.optics.lights import channel_fit
+from gellight.lab.optics.lights import ball_lights
+from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
 from gellight.lab.optics.lights.ball_series import BallSeries, divided
-from gellight.lab.optics.lights.channel_fit import check_lights, lights_from_balls
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
 from gellight.photometric.directions import view_places
 from gellight.reconstruction.integration import normals
@@ -101,6 +101,6 @@ def test_lights_from_straight_above_are_refused(lean: float, enough: bool) -> No
 def test_held_out_balls_are_felt_within_twelve_degrees(
     normal_deg: float, right: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(channel_fit, "held_out", lambda *given: Mock(normal_deg=normal_deg))
+    monkeypatch.setattr(ball_lights, "held_out", lambda *given: Mock(normal_deg=normal_deg))
     with nullcontext() if right else pytest.raises(InputError, match=r"felt 12\.1 degrees off"):
         assert check_lights(Mock(), [], BALL).normal_deg == normal_deg
