@@ -82,7 +82,7 @@ def test_a_file_is_judged_by_the_tests_that_import_it_its_own_first() -> None:
 
 def test_a_file_is_judged_by_other_rooms_that_reach_it_through_what_they_start() -> None:
     tests = judges(HOST / "daemon/frame_threads.py")
-    assert "tests/host/cli/test_service.py" in tests.outside
+    assert any(test.startswith("tests/host/cli/") for test in tests.outside), "a program that starts a sensor"
     assert "tests/host/daemon/test_matrix.py" in tests.room, "all of its own room"
     assert len(set(tests.outside)) == len(tests.outside)
     assert len(tests.outside) < 30
