@@ -47,12 +47,13 @@ class ErrorRecord(BundleFile):
     def bounds(self, gradient_map: Floats, depth_mm: Floats, touched: NDArray[np.bool_]) -> ErrorBounds:
         """Return the (H, W) bounds of a frame: inf where it is steeper than any press, and farther from a contact."""
         found = signs(gradient_map, depth_mm, touched)
-        terms = quadratic(np.clip(found, self.least, self.most))
         known = (found[..., 0] <= self.steepest) & (found[..., 2] >= self.least[2])
+        within = np.clip(found[known], self.least, self.most)
 
         def bound(weights: Weights, floor: float) -> Floats:
-            most = np.maximum(np.exp(terms @ np.array(weights)) - floor, 0.0)
-            return np.where(known, most, np.inf).astype(np.float32)
+            bounds = np.full(known.shape, np.inf, np.float32)
+            bounds[known] = np.maximum(np.exp(quadratic_form(within, weights)) - floor, 0.0)
+            return bounds
 
         return ErrorBounds(
             normal_deg=bound(self.normal_weights, DEG_FLOOR), shape_mm=bound(self.shape_weights, MM_FLOOR)
@@ -88,15 +89,28 @@ def _patches(depth_mm: Floats, touched: NDArray[np.bool_]) -> _Patches:
     numbers, count = ndimage.label(touched)
     every = np.arange(1, count + 1)
     radius = np.sqrt(ndimage.sum_labels(touched, numbers, every) / np.pi)
-    deepest = ndimage.maximum(depth_mm, numbers, every)
+    deepest = np.full(count, -np.inf)
+    np.maximum.at(deepest, numbers[touched] - 1, depth_mm[touched])  # ndimage.maximum sorts the whole map
     own = numbers[row, column] - 1
-    return _Patches(rim=distance / radius[own], deepest=np.asarray(deepest)[own])
+    return _Patches(rim=distance / radius[own], deepest=deepest[own])
 
 
 def quadratic(found: Array) -> Array:
     """(..., 10) all products of at most two of (..., 3) numbers."""
     a, b, c = np.moveaxis(found, -1, 0)
     return np.stack([np.ones_like(a), a, b, c, a * a, b * b, c * c, a * b, a * c, b * c], axis=-1)
+
+
+def quadratic_form(found: Array, weights: Weights) -> Array:
+    """(...) `quadratic(found) @ weights`, without ten arrays of the size of the picture."""
+    a, b, c = np.moveaxis(found, -1, 0)
+    w = weights
+    return (
+        w[0]
+        + a * (w[1] + w[4] * a + w[7] * b + w[8] * c)
+        + b * (w[2] + w[5] * b + w[9] * c)
+        + c * (w[3] + w[6] * c)
+    )  # fmt: skip
 
 
 def read_errors(bundle: Bundle) -> ErrorRecord | None:

@@ -13,6 +13,7 @@ from gellight.reconstruction.error_bounds import (
     ErrorRecord,
     errors_file,
     quadratic,
+    quadratic_form,
     read_errors,
     signs,
 )
@@ -63,6 +64,12 @@ def test_inside_a_contact_presses_tell_and_outside_nobody_knows() -> None:
     assert np.isinf(bounds.normal_deg[59, 89])
     untouched = record().bounds(slopes, 0 * depth, np.zeros_like(touched))
     assert np.isinf(untouched.shape_mm).all()
+
+
+def test_the_form_is_the_products_by_their_weights() -> None:
+    rng = np.random.default_rng(3)
+    found, chosen = rng.normal(size=(40, 3)), tuple(rng.normal(size=TERMS))
+    assert quadratic_form(found, chosen) == pytest.approx(quadratic(found) @ chosen)
 
 
 def test_what_is_steeper_than_any_press_is_not_known() -> None:
