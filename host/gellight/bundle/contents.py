@@ -60,9 +60,12 @@ def arrays_of(content: bytes) -> dict[str, NDArray[Any]]:
 
 
 def npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Return arrays as the content of an .npz file."""
+    """Return arrays as the content of an .npz file, packed at the quickest level: noise packs no better at another."""
     content = io.BytesIO()
-    np.savez_compressed(content, **dict(arrays))  # type: ignore[arg-type]
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w") as entry:
+                np.lib.format.write_array(entry, array, allow_pickle=False)
     return content.getvalue()
 
 

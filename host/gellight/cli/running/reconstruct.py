@@ -1,17 +1,15 @@
 """Pictures of the gel to depth, normals and contact."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import islice
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from gellight.base.ahead import ahead
 from gellight.base.errors import InputError
 from gellight.base.logs import say
 from gellight.base.settings import load_settings
@@ -31,8 +29,6 @@ from gellight.series.single_light_path import has_single_lights, read_directions
 from gellight.series.summary import frame_of_lights
 from gellight.watch.findings import WatchFinding, other_light
 from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth, learnt_elsewhere
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -69,7 +65,7 @@ def reconstruct(
     thickness_mm = gel_thickness_mm(bundle, load_settings({}).geometry.gel_thickness_mm)
     rows = [
         _written(frame, path, out, scale_um, tuple(_against(frame, thickness_mm, bundle)))
-        for frame, path in _ahead(_frames(bundle, paths, white, least_squares))
+        for frame, path in ahead(_frames(bundle, paths, white, least_squares))
     ]
     show(rows, as_json, _table(rows))
     for finding in learnt_elsewhere(bundle):
@@ -109,19 +105,9 @@ def _of_colours(bundle: Bundle, paths: Sequence[Path]) -> Iterator[tuple[Tactile
     following = cache(lambda: Reconstructor(replace(bundle, manifest=manifest)))
     as_calibrated = Reconstructor(bundle)
     with prepared(ImageCamera(list(paths)), bundle) as camera:
-        for path, frame in zip(paths, _ahead(camera.read() for _ in paths), strict=True):
+        for path, frame in zip(paths, ahead(camera.read() for _ in paths), strict=True):
             other = frame.image.shape == bundle.reference.shape and _other_light(frame.image, bundle, path)
             yield (following() if other else as_calibrated).reconstruct(frame), path
-
-
-def _ahead(items: Iterable[T]) -> Iterator[T]:
-    """Yield the items; a thread computes the next one while the caller works on this one."""
-    left = iter(items)
-    with ThreadPoolExecutor(1) as pool:
-        coming = pool.submit(lambda: list(islice(left, 1)))
-        while item := coming.result():
-            coming = pool.submit(lambda: list(islice(left, 1)))
-            yield item[0]
 
 
 def _other_light(image: NDArray[np.uint8], bundle: Bundle, path: Path) -> bool:

@@ -80,7 +80,6 @@ class LiveError:
         far = np.flatnonzero(distance_px(press, shape) > _FLAT_DISTANCE * press.contact_radius_px)
         far = np.random.default_rng(number).choice(far, min(_FLAT_SAMPLES, len(far)), replace=False)
         chosen = np.concatenate([pixels, far])
-        gradient = sphere_gradient(press, self.ball, shape).reshape(-1, 2)
         difference = (image.astype(np.float32) - self.reference).reshape(-1, 3)[chosen]
         x, y = 2 * (chosen % shape[1]) / shape[1] - 1, 2 * (chosen // shape[1]) / shape[0] - 1
         self._learnt[number] = _Learnt(
@@ -88,7 +87,7 @@ class LiveError:
             grid_mm=step * self.ball.pixel_size_mm,
             # Five inputs, each scaled to about one.
             terms=terms_of([*(difference / 64.0).T, x, y], _POWERS),
-            slopes=np.concatenate([gradient[pixels], np.zeros((len(far), 2))]),
+            slopes=np.concatenate([sphere_gradient(press, self.ball, shape, pixels), np.zeros((len(far), 2))]),
         )
 
     def drop(self, number: int) -> None:

@@ -79,7 +79,7 @@ def indentation_of(press: Press, ball: Ball, depth_mm: NDArray[np.floating], lay
     """
     shape = (depth_mm.shape[0], depth_mm.shape[1])
     inside, rim_px = contact_circle(press, shape), on_ball(press, ball, shape, np.zeros(1), np.zeros(1)).rim
-    cap_mm = cap_depth_mm(press, ball, shape)[inside]
+    cap_mm = cap_depth_mm(press, ball, shape, np.flatnonzero(inside))
     radius_mm = sqrt(ball.radius_px**2 - rim_px**2) * ball.pixel_size_mm
     return Indentation(
         felt_mm=float((depth_mm[inside] - cap_mm).mean()) + ball.radius_mm - rim_px * ball.pixel_size_mm,

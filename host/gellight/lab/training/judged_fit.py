@@ -6,12 +6,16 @@ better than what was judged.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from threading import Event
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.ahead import ahead
+from gellight.base.errors import TrainingError
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.view import View
@@ -75,7 +79,10 @@ def fit_judged(
     report = in_parts(progress, folds + 1)
     found = [Found(level_plane=False), Found(level_plane=True)]
     if folds:
-        for fold in trained_folds(given, reference, ball, folds, how, first=first, progress=report, check=check):
+        stop = Event()
+        watched = partial(_go_on_unless, stop, check)
+        parts = trained_folds(given, reference, ball, folds, how, first=first, progress=report, check=watched)
+        for fold in ahead(parts, stop.set):  # one fold trains while the one before it is judged
             for one in found:
                 one.add(fold.bundle, fold.held_out[REFINED if how.refine else GIVEN], ball)
     best = found[found[1].better_than(found[0])]
@@ -87,6 +94,12 @@ def fit_judged(
         extra_files={**(extra_files or {}), **(errors_file(fit_errors(best.samples)) if best.samples else {})},
         extra_metrics={**(extra_metrics or {}), **labels.record, **verdict},
     )  # fmt: skip
+
+
+def _go_on_unless(stop: Event, check: Check) -> None:
+    check()
+    if stop.is_set():
+        raise TrainingError("ended before it was done")
 
 
 @dataclass(eq=False)
@@ -193,8 +206,9 @@ def samples_of(bundle: Bundle, presses: Sequence[Press], ball: Ball) -> list[Sam
         inside = np.flatnonzero(contact_circle(press, shape) & ~unknown)
         if not len(inside):
             continue
-        off_mm = (frame.depth_mm - cap_depth_mm(press, ball, shape)).ravel()[inside]
-        angle = angle_deg(normals(frame.gradient_map), normals(sphere_gradient(press, ball, shape))).ravel()[inside]
+        off_mm = frame.depth_mm.ravel()[inside] - cap_depth_mm(press, ball, shape, inside)
+        true = normals(sphere_gradient(press, ball, shape, inside)[np.newaxis])[0]
+        angle = angle_deg(frame.normal_map.reshape(-1, 3)[inside], true)
         told = signs(frame.gradient_map, frame.depth_mm, frame.contact.mask).reshape(-1, 3)[inside]
         some = random.choice(len(inside), min(len(inside), MOST_PIXELS), replace=False)
         error_mm = np.abs(off_mm - off_mm.mean())

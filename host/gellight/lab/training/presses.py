@@ -167,21 +167,36 @@ def _rim_px(contact_radius_px: float, radius_px: float) -> float:
     return math.sqrt(max(radius_px**2 - contact_radius_px**2, 0.0))
 
 
-def sphere_gradient(press: Press, ball: Ball, image_shape: tuple[int, int]) -> Floats:
+def sphere_gradient(
+    press: Press, ball: Ball, image_shape: tuple[int, int], pixels: NDArray[np.intp] | None = None
+) -> Floats:
     """Return the (H, W, 2) gradient of a gel that has the shape of the ball; NaN beyond what is seen of the ball.
+
+    pixels: (n,) of the flattened picture, if only the (n, 2) gradients there are needed.
 
     The ball is deepest in its centre: depth = sqrt(R^2 - r^2) + constant, so d(depth)/dx = -(x - cx) / sqrt(R^2 - r^2).
     """
-    rows, columns = np.indices(image_shape, dtype=np.float64)
-    seen = on_ball(press, ball, image_shape, columns, rows)
-    return np.stack([-seen.across / seen.up, -seen.down / seen.up], axis=2).astype(np.float32)
+    seen = on_ball(press, ball, image_shape, *_places(image_shape, pixels))
+    return np.stack([-seen.across / seen.up, -seen.down / seen.up], axis=-1).astype(np.float32)
 
 
-def cap_depth_mm(press: Press, ball: Ball, image_shape: tuple[int, int]) -> Floats:
-    """Return the (H, W) depth of the ball's cap below its contact circle, mm, negative outside, NaN beyond the ball."""
-    rows, columns = np.indices(image_shape, dtype=np.float64)
-    seen = on_ball(press, ball, image_shape, columns, rows)
+def cap_depth_mm(
+    press: Press, ball: Ball, image_shape: tuple[int, int], pixels: NDArray[np.intp] | None = None
+) -> Floats:
+    """Return the (H, W) depth of the ball's cap below its contact circle, mm, negative outside, NaN beyond the ball.
+
+    pixels: as in `sphere_gradient`; then (n,).
+    """
+    seen = on_ball(press, ball, image_shape, *_places(image_shape, pixels))
     return ((seen.up - seen.rim) * ball.pixel_size_mm).astype(np.float32)
+
+
+def _places(image_shape: tuple[int, int], pixels: NDArray[np.intp] | None) -> tuple[Array, Array]:
+    """Return columns and rows of some pixels of the flattened picture, or of all of it."""
+    if pixels is None:
+        rows, columns = np.indices(image_shape, dtype=np.float64)
+        return columns, rows
+    return (pixels % image_shape[1]).astype(np.float64), (pixels // image_shape[1]).astype(np.float64)
 
 
 def contact_circle(press: Press, image_shape: tuple[int, int]) -> NDArray[np.bool_]:

@@ -131,7 +131,7 @@ def labelled_rows(
     chosen = np.concatenate([contact, flat])
     places = np.stack([chosen % shape[1], chosen // shape[1]], axis=1)
     slopes = np.zeros((len(chosen), 2))
-    slopes[: len(contact)] = sphere_gradient(press, ball, shape).reshape(-1, 2)[contact]
+    slopes[: len(contact)] = sphere_gradient(press, ball, shape, contact)
     return np.concatenate([change.reshape(-1, change.shape[2])[chosen], places, slopes], axis=1, dtype=np.float32)
 
 

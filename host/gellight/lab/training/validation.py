@@ -166,13 +166,14 @@ def press_error(press: Press, ball: Ball, frame: TactileFrame, layer: Layer | No
     inside = contact_circle(press, shape)
     # Other balls in the same picture are not of this press.
     patch = frame.contact.mask & (distance_px(press, shape) < _OWN * press.contact_radius_px)
-    true_normals = normals(sphere_gradient(press, ball, shape))
+    pixels = np.flatnonzero(inside)
+    true_normals = normals(sphere_gradient(press, ball, shape, pixels)[np.newaxis])[0]
     never_seen = frame.confidence.not_learnt if frame.confidence else np.zeros(shape, np.bool_)
     bound_deg = frame.error_bounds.normal_deg if frame.error_bounds else np.full(shape, np.inf, np.float32)
-    depth_error = frame.depth_mm[inside] - cap_depth_mm(press, ball, shape)[inside]
+    depth_error = frame.depth_mm[inside] - cap_depth_mm(press, ball, shape, pixels)
     return PressError(
         image=press.image.name,
-        angle_deg=angle_deg(frame.normal_map[inside], true_normals[inside]),
+        angle_deg=angle_deg(frame.normal_map[inside], true_normals),
         not_learnt=never_seen[inside],
         bound_deg=bound_deg[inside],
         depth_mae_mm=float(np.abs(depth_error - depth_error.mean()).mean()),

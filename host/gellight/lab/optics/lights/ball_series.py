@@ -49,7 +49,7 @@ class BallSeries:
         for press in self.presses:
             within = np.flatnonzero(distance_px(press, self.shape) < share * press.contact_radius_px)
             pixels.append(within)
-            found.append(normals(sphere_gradient(press, ball, self.shape)).reshape(-1, 3)[within])
+            found.append(normals(sphere_gradient(press, ball, self.shape, within)[np.newaxis])[0])
         return np.concatenate(pixels), np.concatenate(found).T.astype(np.float64)
 
 
