@@ -44,12 +44,16 @@ class Level:
         return self.offset_mm if certain else 0.0
 
 
-def find_level(signals: Signals, references: Floats, points: Points, ring: RingGeometry) -> Level:
-    """Return the offset to the depths of `points` (all pixels) under which the exposures fit one surface best."""
+Places = Callable[[Indices, Floats], Points]
+"""Where the gel is that pixels see, so deep, mm: with the height it moves along their rays"""
+
+
+def find_level(signals: Signals, references: Floats, depth_mm: Floats, places: Places, ring: RingGeometry) -> Level:
+    """Return the offset to the depths (N,) of all pixels under which the exposures fit one surface best."""
     chosen = samples(signals.valid)
     if len(chosen) < LEAST_SAMPLES:
         return Level(0.0, np.inf)
-    misfit = _misfit_at(chosen, signals, references, points, ring)
+    misfit = _misfit_at(chosen, signals, references, depth_mm, places, ring)
     offset, curvature = 0.0, 0.0
     for step in STEPS_MM:
         below, here, above = (misfit(offset + sign * step) for sign in (-1, 0, 1))
@@ -70,16 +74,14 @@ def samples(valid: Bools) -> Indices:
 
 
 def _misfit_at(
-    chosen: Indices, signals: Signals, references: Floats, points: Points, ring: RingGeometry
+    chosen: Indices, signals: Signals, references: Floats, depth_mm: Floats, places: Places, ring: RingGeometry
 ) -> Callable[[float], float]:
     """Return the function from an offset in mm to the sum of squared residuals in units of the noise."""
     grey, valid, light = signals.grey[:, chosen], signals.valid[:, chosen], references[:, chosen]
-    x, y, z = points.x_mm[chosen], points.y_mm[chosen], points.z_mm[chosen]
-    seen = points.seen_mm and (points.seen_mm[0][chosen], points.seen_mm[1][chosen])
     deviation = signals.deviation.astype(np.float32)
 
     def misfit(offset: float) -> float:
-        rows = light_rows(Points(x, y, z + np.float32(offset), seen), light, ring)
+        rows = light_rows(places(chosen, depth_mm[chosen] + np.float32(offset)), light, ring)
         scaled, used = solve_robustly(grey, rows, valid, deviation)
         wrong = (grey - predict(rows, scaled)) / deviation[:, None]
         return float((np.minimum(wrong**2, OUTLIER_SQUARED) * used).sum(dtype=np.float64))

@@ -173,8 +173,7 @@ class PhotometricReconstructor:
 
     def _level_mm(self, depth: Floats, signals: Signals) -> float:
         """Return by how much the light says that the whole surface lies deeper than `depth`."""
-        points = self._places(np.arange(depth.size), depth.reshape(-1))
-        return find_level(signals, self._references, points, self.model.ring).correction_mm
+        return find_level(signals, self._references, depth.reshape(-1), self._places, self.model.ring).correction_mm
 
     def _places(self, pixels: NDArray[np.intp], depth_mm: Floats) -> Points:
         """Return where the gel is that pixels see, `depth_mm` (N,) deep."""

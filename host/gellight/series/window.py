@@ -61,7 +61,7 @@ class WindowReconstructor(PhotometricReconstructor):
         gradient_map, noise = self._slopes(scaled)
         stages.end("slopes")
         self._before = depth = self._depth(gradient_map, scaled, signals)
-        gradient_map = self._smoother.of_surface(depth, self._pixel_size_mm, gradient_map, noise)
+        gradient_map = self._of_surface(depth, gradient_map, noise)
         stages.end("depth")
         return gradient_map, depth, used, predicted
 

@@ -1,6 +1,7 @@
 """The height of a view that is touched all over, from the light alone; and whether the scene rested meanwhile."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from math import inf
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from gellight.lab.simulator.scene import Press
 from gellight.photometric.level import Level, find_level, samples
 from gellight.photometric.light_model import LightGroups, LightModel, Signals, signals_of
-from gellight.photometric.solver import Points, flat_gel
+from gellight.photometric.solver import Points, flat_gel, light_rows
 from gellight.photometric.static_scene import change_of_repetition, misfit, repetition_limit
 from tests.helpers.simulated_gel import GROUPS, PIXEL_MM, RING, SMALL, Gel
 
@@ -34,10 +35,14 @@ def measured(
         signals.valid[:, np.setdiff1d(np.arange(signals.valid.shape[1]), samples(signals.valid)[:most_pixels])] = False
     _, surface = gel.scene.show(press)
     gel.expose(1.0)
-    points = flat_gel(SMALL.image_shape, PIXEL_MM)
-    points = replace(points, z_mm=surface.depth_mm.ravel() + np.float32(wrong_mm))
     references = model.references(LightGroups.TRIPLES).astype(np.float32).reshape(12, -1)
-    return find_level(signals, references, points, RING)
+    return find_level(signals, references, surface.depth_mm.ravel() + np.float32(wrong_mm), seen_from(inf), RING)
+
+
+def seen_from(height_mm: float) -> Callable[[np.ndarray, np.ndarray], Points]:
+    """Where pixels see the gel, from a camera so high."""
+    flat = flat_gel(SMALL.image_shape, PIXEL_MM)
+    return lambda pixels, depth: Points.seen_at(flat.x_mm[pixels], flat.y_mm[pixels], depth, height_mm)
 
 
 @pytest.mark.parametrize("wrong_mm", [-0.6, 0.0, 0.4])
@@ -63,9 +68,23 @@ def test_a_height_is_found_by_two_hundred_pixels(gel: Gel, model: LightModel, pi
 
 
 def test_where_every_height_fits_alike_nothing_is_said() -> None:
-    points = Points(*(np.zeros(4000, np.float32),) * 3)
+    nothing = np.zeros(4000, np.float32)
     dark = Signals(np.zeros((12, 4000), np.float32), np.ones((12, 4000), bool), np.ones(12), np.zeros((3, 4000)))
-    assert find_level(dark, np.ones((12, 4000), np.float32), points, RING) == Level(0.0, np.inf)
+    light = np.ones((12, 4000), np.float32)
+    assert find_level(dark, light, nothing, lambda pixels, depth: Points(depth, depth, 0 * depth), RING) == Level(
+        0.0, np.inf
+    )
+
+
+@pytest.mark.parametrize("wrong_mm", [-0.4, 0.4])
+def test_a_camera_near_the_gel_sees_each_height_at_another_place(wrong_mm: float) -> None:
+    """Level gel 0.5 mm deep under 12 lights of 100 grey levels at rest: no noise, and the height is found."""
+    places, count = seen_from(40.0), SMALL.image_shape[0] * SMALL.image_shape[1]
+    every, references = np.arange(count), np.full((12, count), 100, np.float32)
+    rows = light_rows(places(every, np.full(count, 0.5, np.float32)), references, RING)
+    signals = Signals(rows[:, 2], np.ones((12, count), bool), np.ones(12), np.zeros((3, count)))
+    found = find_level(signals, references, np.full(count, 0.5 + wrong_mm, np.float32), places, RING)
+    assert found.offset_mm == pytest.approx(-wrong_mm, abs=0.005)
 
 
 def test_samples_are_spread_over_rows_and_columns() -> None:
