@@ -1,6 +1,7 @@
 """How deep presses held out are felt over how deep contact mechanics say: `python -m tests.benchmarks.indentations`.
 
-By folds, `fast`; circles that judge are those by hand where there are some. The gel's thickness is what is published of
+By folds, `fast`: a calibration by `fit` judges itself on its own presses, then on those held out; circles that judge
+are those by hand where there are some. The gel's thickness is what is published of
 the GelSight Mini (4.25 mm); of the older sensor and the DIGIT nobody says it, and it is a guess there.
 """
 
@@ -10,10 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from gellight.lab.training.training import TrainingOptions
+from gellight.lab.training.judged_fit import fit_judged
+from gellight.lab.training.training import Learning
 from gellight.lab.training.validation import press_errors
 from gellight.reconstruction.force import Layer
-from tests.benchmarks.real_judging import fitted, folds_of
+from tests.benchmarks.real_judging import folds_of
 from tests.benchmarks.real_sets import SETS
 
 THICKNESS_MM = {"mini": 4.25, "gelslam": 4.25, "gripper": 4.25, "skleff": 4.25, "objectfolder": 3.0, "digit": 3.0}
@@ -33,7 +35,9 @@ def felt_over_expected(name: str) -> list[float]:
     with tempfile.TemporaryDirectory() as folder:
         images = SETS[name](Path(folder))
         for fold in folds_of(images):
-            bundle = fitted(fold.training, images, TrainingOptions())
+            place, given = Path(folder) / "bundle", (fold.training, images.reference, images.ball)
+            bundle = fit_judged(*given, place, sensor="real", how=Learning(), layer=layer, overwrite=True)
+            print(f"{name}: {bundle.manifest.skirt_share:.2f} of the slopes beside contacts count", flush=True)
             errors = press_errors(bundle, fold.held_out, images.ball, layer)
             found += [error.indentation.share for error in errors if error.indentation]
     return found

@@ -216,6 +216,7 @@ class Description(TypedDict, total=False):
     pixel_size_mm: Required[tuple[float, float]]
     follow_light: bool
     level_plane: bool
+    skirt_share: float
     light_by_depth: bool
     gel_thickness_mm: float
     camera_height_mm: float

@@ -90,6 +90,8 @@ class Manifest(BaseModel):
     """take light that differs from the reference's out of every picture, because the light of this sensor drifts"""
     level_plane: bool = False
     """take the plane that the untouched gel lies on off every depth map, because slopes of this sensor tilt it"""
+    skirt_share: Annotated[float, Field(gt=0, le=2)] = 1.0
+    """share of the felt slopes beside contacts that is real, by contact mechanics; see `reconstruction.skirt`"""
     light_by_depth: bool = False
     """the network answers to light as the gel has it at the depth of rest: what the depth that is felt changes of the
     light of the LEDs (`lights.json`) is taken off before it is asked"""

@@ -23,6 +23,8 @@ from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.native.judge import refuse_disagreement
 from gellight.reconstruction.native.library import NativePathError, fitting_library
 from gellight.reconstruction.native.native_path import NativePath
+from gellight.reconstruction.perspective import Perspective
+from gellight.reconstruction.skirt import with_true_skirts
 from gellight.reconstruction.smoothing import NARROWEST_PX
 from gellight.reconstruction.stages import NetworkRows, TactilePath
 
@@ -73,6 +75,7 @@ class Reconstructor:
         self.bundle = bundle
         self.masked = masked
         self._measures = BundleMeasures(bundle)
+        self._perspective = Perspective.of_bundle(bundle)
         self._network = GradientNetwork(
             bundle.network,
             bundle.image_shape,
@@ -109,7 +112,11 @@ class Reconstructor:
         that is touched all over. Raises InputError for an image of another size or type than the calibration's.
         """
         check_image(camera_frame, self.bundle)
-        return replace(self._path.reconstruct(camera_frame), measures=self._measures)
+        frame, manifest = self._path.reconstruct(camera_frame), self.bundle.manifest
+        if manifest.skirt_share != 1:
+            how = manifest.skirt_share, manifest.pixel_size_mm, self._perspective
+            frame = with_true_skirts(frame, *how, bulge=manifest.bulge)
+        return replace(frame, measures=self._measures)
 
     def status(self) -> PathStatus:
         """Return the mode and what computes, ready for JSON."""

@@ -104,9 +104,14 @@ def without_untouched(
     return Contact(
         mask=mask,
         area_mm2=float(np.count_nonzero(mask) * size_x * size_y),
-        indentation_mm=float(_second_largest_of_blocks(np.where(mask, depth_mm, 0.0)).max()),
+        indentation_mm=deepest_mm(mask, depth_mm),
         centroid_mm=(x * size_x, y * size_y),
     )
+
+
+def deepest_mm(mask: NDArray[np.bool_], depth_mm: NDArray[np.floating]) -> float:
+    """Return the largest depth inside a contact; one pixel that sticks out does not count."""
+    return float(_second_largest_of_blocks(np.where(mask, depth_mm, 0.0)).max())
 
 
 def measure_patches(

@@ -185,6 +185,7 @@ def _fit_lines(written: Bundle) -> list[str]:
         if judged
         else "one press is all learnt from: how large the errors are, nobody knows",
         *(indentation_lines(_indentation(judged)) if judged else []),
+        *skirt_line(written),
         *light_line(written),
         *like_words(metrics),
         f"balls {Ball.seen_by(written, metrics['ball_radius_mm']).seen_from()}",
@@ -203,6 +204,17 @@ def indentation_lines(found: IndentationFigures | None) -> list[str]:
     if found is None:
         return ["how deep presses are felt was not judged: tell how thick the gel is, geometry.gel_thickness_mm"]
     return found.lines()
+
+
+def skirt_line(written: Bundle) -> list[str]:
+    """Return how much of the slopes beside contacts counts; nothing where all of it does."""
+    share = written.manifest.skirt_share
+    if share == 1:
+        return []
+    return [
+        f"slopes beside contacts are felt wrongly: {share:.0%} of them count, so that presses are as deep as contact "
+        "mechanics expect"
+    ]
 
 
 def _bad_verdict(written: Bundle, largest_deg: float) -> list[str]:

@@ -25,7 +25,7 @@ from gellight.lab.training.labelling.refinement import LEAST_PRESSES, FirstFits,
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 from gellight.lab.training.table import drift_of_presses, images_of
 from gellight.lab.training.training import Learning, Reference, fit
-from gellight.lab.training.validation import PressError, frame_of, press_errors, summarised
+from gellight.lab.training.validation import ALIKE, IndentationFigures, PressError, frame_of, press_errors, summarised
 from gellight.lab.training.votes import votes_apart_deg
 from gellight.reconstruction.confidence import TRAINED_QUANTILE
 from gellight.reconstruction.error_bounds import (
@@ -45,6 +45,8 @@ MOST_PIXELS = 2000
 """of a press: pixels beside each other are alike"""
 _JUDGES, _CLEARLY = 4, 0.9
 """presses that decide on the plane at rest, and to which part it has to bring the error of the depth"""
+SKIRT_SHARES = 0.05, 1.5
+"""within which the share of felt slopes beside contacts may be corrected: beyond, something else is wrong"""
 _RIDGE = 1e-5
 Array = NDArray[np.float64]
 
@@ -86,11 +88,12 @@ def fit_judged(
             for one in found:
                 one.add(fold.bundle, fold.held_out[REFINED if how.refine else GIVEN], ball)
     best = found[found[1].better_than(found[0])]
-    figures = _figures(best.errors(ball, layer)) if folds else {}
+    share, errors = skirt_share(best, ball, layer) if folds else (1.0, [])
+    figures = _figures(errors) if folds else {}
     verdict = {"held_out": {"folds": folds, "depth_mm": _depth_errors(found), **figures}} if folds else {}
     return fit(
         labels.presses, reference, ball, out, sensor=sensor, how=replace(how, refine=False), view=view,
-        level_plane=best.level_plane, overwrite=overwrite, progress=report, check=check,
+        level_plane=best.level_plane, skirt_share=share, overwrite=overwrite, progress=report, check=check,
         extra_files={**(extra_files or {}), **(errors_file(fit_errors(best.samples)) if best.samples else {})},
         extra_metrics={**(extra_metrics or {}), **labels.record, **verdict},
     )  # fmt: skip
@@ -112,14 +115,17 @@ class Found:
 
     def add(self, bundle: Bundle, presses: Sequence[Press], ball: Ball) -> None:
         """Reconstruct presses that the bundle did not learn from."""
-        manifest = bundle.manifest.model_copy(update={"level_plane": self.level_plane})
-        with_plane = replace(bundle, manifest=manifest)
+        with_plane = _changed(bundle, level_plane=self.level_plane)
         self.judged.append((with_plane, presses))
         self.samples += samples_of(with_plane, presses, ball)
 
-    def errors(self, ball: Ball, layer: Layer | None) -> list[PressError]:
-        """Compare each of these presses with its label."""
-        return [error for judged in self.judged for error in press_errors(*judged, ball, layer)]
+    def errors(self, ball: Ball, layer: Layer | None, share: float = 1.0) -> list[PressError]:
+        """Compare each of these presses with its label; share: of the felt slopes beside contacts that counts."""
+        return [
+            error
+            for bundle, presses in self.judged
+            for error in press_errors(_changed(bundle, skirt_share=share), presses, ball, layer)
+        ]
 
     def depth_mm(self) -> NDArray[np.float64]:
         """(n,) mean error of the depth of each press, without its mean."""
@@ -129,6 +135,27 @@ class Found:
         """Tell whether the depth is better by a tenth, and in most presses."""
         ours, theirs = self.depth_mm(), other.depth_mm()
         return len(ours) >= _JUDGES and bool(ours.mean() < _CLEARLY * theirs.mean() and np.mean(ours < theirs) > 0.5)
+
+
+def _changed(bundle: Bundle, **manifest: object) -> Bundle:
+    return replace(bundle, manifest=bundle.manifest.model_copy(update=manifest))
+
+
+def skirt_share(found: Found, ball: Ball, layer: Layer | None) -> tuple[float, list[PressError]]:
+    """Return the share of the slopes beside contacts with which presses are felt as deep as they are, and their errors.
+
+    The median of felt over expected indentation is nearly linear in it. 1 where they are felt alike within `ALIKE`, by
+    which thickness and circles may be off, where nobody knows the gel, and where few presses judge.
+    """
+    errors = found.errors(ball, layer)
+    as_felt = IndentationFigures.of([one.indentation for one in errors])
+    if as_felt is None or len(errors) < _JUDGES or abs(as_felt.felt_over_expected - 1) <= ALIKE:
+        return 1.0, errors
+    halved = IndentationFigures.of([one.indentation for one in found.errors(ball, layer, 0.5)])
+    assert halved is not None
+    per_share = 2 * (as_felt.felt_over_expected - halved.felt_over_expected)
+    share = float(np.clip(1 - (as_felt.felt_over_expected - 1) / max(per_share, 1e-3), *SKIRT_SHARES).round(2))
+    return share, found.errors(ball, layer, share)
 
 
 def _depth_errors(found: Sequence[Found]) -> dict[str, float]:

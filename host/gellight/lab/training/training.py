@@ -156,7 +156,8 @@ def fit(
     view: View | None = None,
     extra_files: Mapping[str, bytes] | None = None,
     extra_metrics: Mapping[str, object] | None = None,
-    level_plane: bool = False, overwrite: bool = False, progress: Progress = silent, check: Check = go_on,
+    level_plane: bool = False, skirt_share: float = 1.0,
+    overwrite: bool = False, progress: Progress = silent, check: Check = go_on,
 ) -> Bundle:  # fmt: skip
     """Train on the presses and write the calibration bundle `out`; returns it as it will be loaded.
 
@@ -168,7 +169,9 @@ def fit(
     Where the LEDs are known they go into the bundle, and the network learns colours as at the depth of the gel at rest
     (`level_light`).
     view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more, ready
-    for JSON. level_plane: as in the manifest. Raises InputError, TrainingError or BundleError; then `out` is as it was.
+    for JSON. level_plane, skirt_share: as in the manifest.
+
+    Raises InputError, TrainingError or BundleError; then `out` is as it was.
     """
     steps = PictureSteps.of(reference.image_shape, view, reference.dots)
     metrics: dict[str, object] = {"ball_radius_mm": ball.radius_mm, **(extra_metrics or {})}
@@ -187,7 +190,8 @@ def fit(
     return write_bundle(
         out, sensor=sensor, overwrite=overwrite,
         reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
-        rest_grey=rest_grey, follow_light=follow, level_plane=level_plane, light_by_depth=learnt is not table,
+        rest_grey=rest_grey, follow_light=follow, level_plane=level_plane, skirt_share=skirt_share,
+        light_by_depth=learnt is not table,
         camera_height_mm=ball.told_height_mm,
         network=network, pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm), presses=table.arrays(like),
         metrics={**metrics, "training": record},
