@@ -31,7 +31,7 @@ DOORS = {
         "frames/image_files.py", "frames/jpeg.py", "frames/over_gel.py", "frames/pixel_grid.py",
         "frames/video_files.py", "frames/view.py",
         "reconstruction/confidence.py", "reconstruction/force.py",
-        "reconstruction/integration.py", "reconstruction/lens/undistortion.py",
+        "reconstruction/integration.py", "reconstruction/lens/undistortion.py", "reconstruction/skirt.py",
         "reconstruction/cast_shadows.py", "reconstruction/smoothing.py", "tracking/registration.py", "tracking/view.py",
         "series/reconstructor.py", "lab/report/pictures.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py",

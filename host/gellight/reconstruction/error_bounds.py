@@ -104,13 +104,10 @@ def quadratic(found: Array) -> Array:
 def quadratic_form(found: Array, weights: Weights) -> Array:
     """(...) `quadratic(found) @ weights`, without ten arrays of the size of the picture."""
     a, b, c = np.moveaxis(found, -1, 0)
-    w = weights
-    return (
-        w[0]
-        + a * (w[1] + w[4] * a + w[7] * b + w[8] * c)
-        + b * (w[2] + w[5] * b + w[9] * c)
-        + c * (w[3] + w[6] * c)
-    )  # fmt: skip
+    one, *first, aa, bb, cc, ab, ac, bc = weights
+    of_a, of_b, of_c = first
+    form = one + a * (of_a + aa * a + ab * b + ac * c) + b * (of_b + bb * b + bc * c) + c * (of_c + cc * c)
+    return np.asarray(form)
 
 
 def read_errors(bundle: Bundle) -> ErrorRecord | None:

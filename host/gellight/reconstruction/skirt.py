@@ -36,9 +36,9 @@ def with_true_skirts(
     if not mask.any():
         return frame
     radius_px = float(np.sqrt(np.count_nonzero(mask) / np.pi))
-    beside: NDArray[np.float32] = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    beside = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     counted = 1 - np.float32(1 - share) * np.minimum(beside / np.float32(RAMP * radius_px), 1)
-    slopes = felt * counted[..., np.newaxis]
+    slopes = np.asarray(felt * counted[..., np.newaxis], np.float32)
     at_rest = far_from_touch(np.hypot(felt[..., 0], felt[..., 1]) > _SLOPING)
     depth = depth_seen(slopes, pixel_size_mm, seen, at_rest=at_rest, **how)
     contact = replace(frame.contact, indentation_mm=deepest_mm(mask, depth))

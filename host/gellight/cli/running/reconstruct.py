@@ -9,7 +9,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from gellight.base.ahead import ahead
+from gellight.base.one_ahead import one_ahead
 from gellight.base.errors import InputError
 from gellight.base.logs import say
 from gellight.base.settings import load_settings
@@ -65,7 +65,7 @@ def reconstruct(
     thickness_mm = gel_thickness_mm(bundle, load_settings({}).geometry.gel_thickness_mm)
     rows = [
         _written(frame, path, out, scale_um, tuple(_against(frame, thickness_mm, bundle)))
-        for frame, path in ahead(_frames(bundle, paths, white, least_squares))
+        for frame, path in one_ahead(_frames(bundle, paths, white, least_squares))
     ]
     show(rows, as_json, _table(rows))
     for finding in learnt_elsewhere(bundle):
@@ -105,7 +105,7 @@ def _of_colours(bundle: Bundle, paths: Sequence[Path]) -> Iterator[tuple[Tactile
     following = cache(lambda: Reconstructor(replace(bundle, manifest=manifest)))
     as_calibrated = Reconstructor(bundle)
     with prepared(ImageCamera(list(paths)), bundle) as camera:
-        for path, frame in zip(paths, ahead(camera.read() for _ in paths), strict=True):
+        for path, frame in zip(paths, one_ahead(camera.read() for _ in paths), strict=True):
             other = frame.image.shape == bundle.reference.shape and _other_light(frame.image, bundle, path)
             yield (following() if other else as_calibrated).reconstruct(frame), path
 

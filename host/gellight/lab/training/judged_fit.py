@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.ahead import ahead
+from gellight.base.one_ahead import one_ahead
 from gellight.base.errors import TrainingError
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
@@ -84,7 +84,7 @@ def fit_judged(
         stop = Event()
         watched = partial(_go_on_unless, stop, check)
         parts = trained_folds(given, reference, ball, folds, how, first=first, progress=report, check=watched)
-        for fold in ahead(parts, stop.set):  # one fold trains while the one before it is judged
+        for fold in one_ahead(parts, stop.set):  # one fold trains while the one before it is judged
             for one in found:
                 one.add(fold.bundle, fold.held_out[REFINED if how.refine else GIVEN], ball)
     best = found[found[1].better_than(found[0])]

@@ -5,12 +5,12 @@ from collections.abc import Iterator
 
 import pytest
 
-from gellight.base.ahead import ahead
+from gellight.base.one_ahead import one_ahead
 
 
 def test_items_come_in_their_order() -> None:
-    assert list(ahead(range(5))) == [0, 1, 2, 3, 4]
-    assert list(ahead([])) == []
+    assert list(one_ahead(range(5))) == [0, 1, 2, 3, 4]
+    assert list(one_ahead([])) == []
 
 
 def test_the_next_item_is_computed_meanwhile_and_only_that() -> None:
@@ -21,7 +21,7 @@ def test_the_next_item_is_computed_meanwhile_and_only_that() -> None:
             done.set()
             yield number
 
-    coming = ahead(items())
+    coming = one_ahead(items())
     assert next(coming) == 0
     assert computed[1].wait(60)
     assert not computed[2].is_set()
@@ -34,7 +34,7 @@ def test_a_failure_is_raised_after_the_items_before_it() -> None:
 
     seen = []
     with pytest.raises(ValueError, match="second"):
-        seen.extend(ahead(items()))
+        seen.extend(one_ahead(items()))
     assert seen == [0]
 
 
@@ -46,6 +46,6 @@ def test_who_wants_no_more_tells_the_thread() -> None:
         assert given_up.wait(60)
         yield 1
 
-    for _ in ahead(items(), given_up.set):
+    for _ in one_ahead(items(), given_up.set):
         break
     assert given_up.is_set()

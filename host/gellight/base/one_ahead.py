@@ -8,7 +8,7 @@ from typing import TypeVar
 Item = TypeVar("Item")
 
 
-def ahead(items: Iterable[Item], give_up: Callable[[], object] = lambda: None) -> Iterator[Item]:
+def one_ahead(items: Iterable[Item], give_up: Callable[[], object] = lambda: None) -> Iterator[Item]:
     """Yield the items in their order, and raise where computing one did, after those before it.
 
     give_up: called at the end, and when the caller wants no more: the thread is waited for, and may end early then.
