@@ -81,6 +81,8 @@ class SensorCamera(Camera):
                 except BaseException:
                     connection.close()
                     raise
+            if self._options.shape is None:  # whatever it offers when it is back, frames keep their size
+                self._options = replace(self._options, shape=connection.camera.image_shape)
             self._sensor, self._connection = sensor, connection
         self.ring = connection.ring
         self.controls: CameraControls | None = connection.camera.controls

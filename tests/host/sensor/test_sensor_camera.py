@@ -250,6 +250,25 @@ def test_an_unplugged_sensor_is_found_again_on_another_port_and_nothing_old_come
     assert bench.all_dark()
 
 
+def test_a_sensor_without_a_bundle_comes_back_in_the_size_it_had(bench: Bench) -> None:
+    """At another port of the computer a camera may offer more."""
+    sizes = {(32, 24): [30], (64, 48): [30]}
+    bench.plug("1-2", "GL0001", formats={"YUYV": {(32, 24): [30]}})
+    with bench.open("auto") as camera:
+        assert camera.read().image.shape == (24, 32, 3)
+        bench.unplug("1-2")
+        with pytest.raises(ReconnectingError):
+            camera.read()
+        bench.plug("1-3", "GL0001", formats={"YUYV": sizes})
+        assert camera.read().image.shape == (24, 32, 3)
+        bench.unplug("1-3")
+        with pytest.raises(ReconnectingError):
+            camera.read()
+        bench.plug("1-4", "GL0001", formats={"YUYV": {(64, 48): [30]}})
+        with pytest.raises(ReconnectingError, match=r"does not offer .* 32x24"):
+            camera.read()
+
+
 def test_a_sensor_whose_serial_number_is_shared_comes_back_only_at_its_port(bench: Bench) -> None:
     bench.plug("1-2", "SAME")
     bench.plug("1-3", "SAME")
