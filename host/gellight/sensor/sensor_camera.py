@@ -146,10 +146,12 @@ class SensorCamera(Camera):
             self._return()
         if self._closing.is_set() or self._connection is None:
             self._release()  # it may have come back in the moment in which it was closed
-            raise CameraError(f"camera {self.url} is closed: open it again")
+            raise self._closed()
         try:
             return self._numbered(self._connection.newest())
         except (UnpluggedError, StalledError, BoardError) as error:
+            if self._closing.is_set():
+                raise self._closed() from error
             logger.warning("%s", error)
             self._absence = absence = Absence(self._clock(), str(error))
             self._release()
@@ -167,6 +169,9 @@ class SensorCamera(Camera):
         return replace(frame, sequence=self._last)
 
     # ---- away and back ----
+
+    def _closed(self) -> CameraError:
+        return CameraError(f"camera {self.url} is closed: open it again")
 
     def _reconnecting(self, absence: Absence) -> ReconnectingError:
         away_s = self._clock() - absence.since_s

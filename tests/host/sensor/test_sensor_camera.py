@@ -159,6 +159,20 @@ def test_a_sensor_that_comes_back_just_when_it_is_closed_is_dark(bench: Bench, b
     assert not bench.kernel.opened
 
 
+def test_a_camera_that_is_closed_while_another_thread_reads_is_closed_not_away(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
+    bench.plug("1-4", "GL0001", formats={"YUYV": {(32, 24): [30]}})
+    camera = bench.open("auto")
+    camera.read()
+    bench.kernel.at(bench.kernel.now_s + 0.005, camera.close)
+    for _ in range(2):
+        with pytest.raises(CameraError, match="is closed: open it again"):
+            camera.read()
+    assert camera.status()["reconnecting_s"] is None
+    assert not [record for record in caplog.records if "stream" in record.message]
+
+
 def test_a_camera_alone_has_no_ring_unless_one_is_named(bench: Bench) -> None:
     bench.plug("1-2", "GL0001")
     node = next(iter(bench.kernel.cameras))
