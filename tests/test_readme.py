@@ -21,9 +21,17 @@ def test_the_program_in_the_readme_runs(block: str) -> None:
     assert "(480, 640) (480, 640, 3)" in done.stdout
 
 
-def test_importing_the_package_imports_nothing_heavy() -> None:
-    heavy = ("numpy", "cv2", "onnxruntime", "aiohttp", "zenoh", "mcap")
-    code = f"import sys, gellight; print([name for name in {heavy} if name in sys.modules])"
+@pytest.mark.parametrize(
+    ("imported", "heavy"),
+    [
+        ("gellight", ("numpy", "cv2", "onnxruntime", "aiohttp", "zenoh", "mcap")),
+        ("gellight.stream.subscription", ("onnxruntime", "aiohttp", "mcap", "serial", "gellight.daemon.session")),
+    ],
+)
+def test_importing_the_package_or_what_a_subscriber_needs_imports_nothing_heavy(
+    imported: str, heavy: tuple[str, ...]
+) -> None:
+    code = f"import sys, {imported}; print([name for name in {heavy} if name in sys.modules])"
     assert run([sys.executable, "-c", code], check=True).stdout.strip() == "[]"
 
 

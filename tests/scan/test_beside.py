@@ -2,9 +2,11 @@
 
 import queue
 import re
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -98,6 +100,18 @@ def test_the_last_press_can_be_taken_back_until_none_is_left(tmp_path: Path) -> 
         with pytest.raises(InputError, match="no map yet"):
             scan.picture()
     assert not (tmp_path / "part").exists(), "nothing is left of a scan without a press"
+
+
+def test_after_an_unexpected_error_nobody_looks_for_presses_any_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sensor = Frames()
+    with monkeypatch.context() as patch, ScanBeside(sensor, root=tmp_path) as scan:
+        patch.setattr(Scan, "add", Mock(side_effect=ZeroDivisionError))
+        scan.begin("part")
+        sensor.put(*HELD, 0.0)
+        said(scan, "the log says why")
+        eventually(lambda: "presses" not in {thread.name for thread in threading.enumerate()}, 20)
 
 
 def test_what_cannot_be_scanned_is_refused_in_one_sentence(tmp_path: Path) -> None:

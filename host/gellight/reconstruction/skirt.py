@@ -12,7 +12,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gellight.frames.frames import TactileFrame
 from gellight.reconstruction.contact import deepest_mm, patched

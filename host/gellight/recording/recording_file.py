@@ -341,7 +341,7 @@ class Recording:
                 raise InputError(f"{self.path} is no MCAP file: give a recording of `gellight record`") from None
             except (StopIteration, EndOfFile, struct.error):
                 return
-            except (McapError, zstandard.ZstdError, ValueError, KeyError, UnicodeDecodeError) as error:
+            except (McapError, zstandard.ZstdError, ValueError, KeyError, OverflowError) as error:
                 raise self._damaged(error) from None
 
     def _opened(self, record: McapRecord) -> list[McapRecord]:

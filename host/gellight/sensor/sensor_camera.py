@@ -81,6 +81,8 @@ class SensorCamera(Camera):
                 except BaseException:
                     connection.close()
                     raise
+            if self._options.shape is None:  # whatever it offers when it is back, frames keep their size
+                self._options = replace(self._options, shape=connection.camera.image_shape)
             self._sensor, self._connection = sensor, connection
         self.ring = connection.ring
         self.controls: CameraControls | None = connection.camera.controls
@@ -144,10 +146,12 @@ class SensorCamera(Camera):
             self._return()
         if self._closing.is_set() or self._connection is None:
             self._release()  # it may have come back in the moment in which it was closed
-            raise CameraError(f"camera {self.url} is closed: open it again")
+            raise self._closed()
         try:
             return self._numbered(self._connection.newest())
         except (UnpluggedError, StalledError, BoardError) as error:
+            if self._closing.is_set():
+                raise self._closed() from error
             logger.warning("%s", error)
             self._absence = absence = Absence(self._clock(), str(error))
             self._release()
@@ -165,6 +169,9 @@ class SensorCamera(Camera):
         return replace(frame, sequence=self._last)
 
     # ---- away and back ----
+
+    def _closed(self) -> CameraError:
+        return CameraError(f"camera {self.url} is closed: open it again")
 
     def _reconnecting(self, absence: Absence) -> ReconnectingError:
         away_s = self._clock() - absence.since_s

@@ -146,15 +146,18 @@ class ScanBeside:
 
     def _join_presses(self, stack: ExitStack) -> None:
         """Join presses until the scan is ended; say why where it ends by itself."""
+        stop = self._stop
         with stack:
             try:
-                for view in ahead(presses_in(self._frames(), tell=self._note_phase)):
+                for view in ahead(presses_in(self._frames(stop), tell=self._note_phase)):
                     self._add(view)
             except GellightError as error:
                 self._say(str(error), refused=True)
             except Exception:
                 logger.exception("the scan ended")
                 self._say("the scan ended; the log says why", refused=True)
+            finally:
+                stop.set()  # for the thread that looks for presses
 
     def _add(self, view: ContactView) -> None:
         self._joining = True
@@ -169,10 +172,10 @@ class ScanBeside:
         finally:
             self._joining = False
 
-    def _frames(self) -> Iterator[TactileFrame]:
+    def _frames(self, stop: threading.Event) -> Iterator[TactileFrame]:
         """Yield the frames of the sensor since the scan began, until it is ended, but for those of a calibration."""
         sequence = -1
-        while not self._stop.is_set():
+        while not stop.is_set():
             try:
                 frame = self._session.wait_frame(sequence, WAIT_S)
             except EndOfStream:

@@ -197,6 +197,13 @@ def test_a_child_that_fails_says_why(script: str, message: str) -> None:
         child._run_child([sys.executable, "-c", script], child.silent)
 
 
+def test_what_a_library_prints_beside_the_progress_of_a_child_ends_nothing() -> None:
+    told: list[tuple[int, int, float]] = []
+    said = ["MKL WARNING: old processor", "7", '{"epoch": 1}', '{"epoch": 1, "epochs": 2, "loss": 0.5}']
+    child._run_child([sys.executable, "-c", f"print({chr(10).join(said)!r})"], lambda *step: told.append(step))
+    assert told == [(1, 2, 0.5)]
+
+
 def test_noise_of_one_image_is_the_noise_of_many(pressed: Path) -> None:
     many, one = read_reference(pressed / "untouched"), read_reference(pressed / "untouched/0.png")
     assert (many.frames, one.frames) == (8, 1)

@@ -89,15 +89,19 @@ def test_a_refused_image_has_its_reason_and_is_passed_over(folder: Path, tmp_pat
     assert [press.image.name for press in presses] == ["a.png"]
 
 
-def test_without_any_circle_every_reason_is_told_and_nothing_is_written(folder: Path, tmp_path: Path) -> None:
-    images = [folder / "nothing.png", folder / "broken.png"]
+def test_without_any_circle_every_reason_is_told_and_nothing_is_written(
+    folder: Path, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    long = tmp_path_factory.mktemp("long") / "a_name_of_twenty-six.letters.png"
+    long.write_bytes((folder / "nothing.png").read_bytes())
+    images = [long, folder / "broken.png"]
     result = run(folder, *images, "--json", out=tmp_path / "presses.csv")
     assert "no circle in any of 2 images" in refused(result)
     nothing, broken = json.loads(result.stdout)
     assert "no press" in nothing["refused"]
     assert "not an image" in broken["refused"]
     table = run(folder, *images, out=tmp_path / "presses.csv").stdout
-    assert "no press" in table
+    assert "letters.png refused: no press" in table
     assert "not an image" in table
     assert "wrote" not in table
     assert list(tmp_path.iterdir()) == []

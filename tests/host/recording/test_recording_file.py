@@ -1,6 +1,7 @@
 """A recording gives back what went in; what is damaged, cut off or foreign is refused or read as far as it goes."""
 
 import json
+import struct
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
@@ -105,6 +108,19 @@ def test_a_wrong_parameter_is_refused(record: Record, query: str) -> None:
 
 
 # ---- other programs ----
+
+
+def test_a_record_in_a_chunk_that_says_it_is_longer_than_any_memory_is_damaged(tmp_path: Path) -> None:
+    header = struct.pack("<II8s", 0, 8, b"gellight")
+    record = struct.pack("<BQ", 0x7F, 1 << 63)  # of no kind that is known
+    chunk = struct.pack("<QQQI", 0, 0, len(record), 0) + struct.pack("<IQ", 0, len(record)) + record
+    path = tmp_path / "long.mcap"
+    with path.open("wb") as file:
+        file.write(MCAP0_MAGIC)
+        for code, content in ((Opcode.HEADER, header), (Opcode.CHUNK, chunk)):
+            file.write(struct.pack("<BQ", code, len(content)) + content)
+    with pytest.raises(InputError, match=r"long\.mcap is damaged .*: copy or record it again"):
+        Recording(path)
 
 
 def test_messages_are_the_bytes_that_ros_2_reads() -> None:

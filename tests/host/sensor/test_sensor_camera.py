@@ -159,6 +159,20 @@ def test_a_sensor_that_comes_back_just_when_it_is_closed_is_dark(bench: Bench, b
     assert not bench.kernel.opened
 
 
+def test_a_camera_that_is_closed_while_another_thread_reads_is_closed_not_away(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
+    bench.plug("1-4", "GL0001", formats={"YUYV": {(32, 24): [30]}})
+    camera = bench.open("auto")
+    camera.read()
+    bench.kernel.at(bench.kernel.now_s + 0.005, camera.close)
+    for _ in range(2):
+        with pytest.raises(CameraError, match="is closed: open it again"):
+            camera.read()
+    assert camera.status()["reconnecting_s"] is None
+    assert not [record for record in caplog.records if "stream" in record.message]
+
+
 def test_a_camera_alone_has_no_ring_unless_one_is_named(bench: Bench) -> None:
     bench.plug("1-2", "GL0001")
     node = next(iter(bench.kernel.cameras))
@@ -248,6 +262,25 @@ def test_an_unplugged_sensor_is_found_again_on_another_port_and_nothing_old_come
         assert (status["connection"], status["reconnections"], status["why"]) == ("connected", 1, None)
         assert status["delivered"] >= 22, "counted over all connections"
     assert bench.all_dark()
+
+
+def test_a_sensor_without_a_bundle_comes_back_in_the_size_it_had(bench: Bench) -> None:
+    """At another port of the computer a camera may offer more."""
+    sizes = {(32, 24): [30], (64, 48): [30]}
+    bench.plug("1-2", "GL0001", formats={"YUYV": {(32, 24): [30]}})
+    with bench.open("auto") as camera:
+        assert camera.read().image.shape == (24, 32, 3)
+        bench.unplug("1-2")
+        with pytest.raises(ReconnectingError):
+            camera.read()
+        bench.plug("1-3", "GL0001", formats={"YUYV": sizes})
+        assert camera.read().image.shape == (24, 32, 3)
+        bench.unplug("1-3")
+        with pytest.raises(ReconnectingError):
+            camera.read()
+        bench.plug("1-4", "GL0001", formats={"YUYV": {(64, 48): [30]}})
+        with pytest.raises(ReconnectingError, match=r"does not offer .* 32x24"):
+            camera.read()
 
 
 def test_a_sensor_whose_serial_number_is_shared_comes_back_only_at_its_port(bench: Bench) -> None:

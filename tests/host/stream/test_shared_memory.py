@@ -3,6 +3,7 @@
 import errno
 import gc
 import itertools
+import mmap
 import os
 import threading
 import time
@@ -60,6 +61,25 @@ def test_memory_grows_with_its_messages(memory: FrameMemory, reader: MappedMemor
 def test_a_note_beyond_the_memory_is_refused(memory: FrameMemory, reader: MappedMemory, note: bytes) -> None:
     memory.write([b"message"])
     with pytest.raises(StreamError, match="is it of this version"):
+        reader.read(note)
+
+
+def test_memory_is_given_back_when_its_reader_has_the_message_and_then_is_closed(
+    memory: FrameMemory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reader = MappedMemory(memory.path)
+    note, expect, closing = memory.write([b"message"]), reader._expect, threading.Thread(target=reader.close)
+
+    def close_meanwhile(places: mmap.mmap, number: int) -> None:
+        if not closing.ident:
+            closing.start()
+            closing.join(0.2)
+        expect(places, number)
+
+    monkeypatch.setattr(reader, "_expect", close_meanwhile)
+    assert reader.read(note) == b"message"
+    closing.join(20)
+    with pytest.raises(StreamError, match="the subscription was closed"):
         reader.read(note)
 
 

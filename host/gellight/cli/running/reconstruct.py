@@ -9,9 +9,9 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from gellight.base.one_ahead import one_ahead
 from gellight.base.errors import InputError
 from gellight.base.logs import say
+from gellight.base.one_ahead import one_ahead
 from gellight.base.settings import load_settings
 from gellight.base.writing import write_file
 from gellight.bundle.bundle import Bundle, load_bundle

@@ -91,8 +91,8 @@ def _run_child(command: list[str], progress: Progress, *, threads: int = 1, chec
     ):
         try:
             for line in _lines(child, check):
-                step = json.loads(line)
-                progress(step["epoch"], step["epochs"], step["loss"])
+                if (step := _step(line)) is not None:
+                    progress(*step)
         except BaseException:
             child.kill()
             raise
@@ -116,6 +116,15 @@ def _lines(child: subprocess.Popen[bytes], check: Check) -> Iterator[bytes]:
             return
         *lines, begun = (begun + part).split(b"\n")
         yield from lines
+
+
+def _step(line: bytes) -> tuple[int, int, float] | None:
+    """Return epoch, epochs and loss of a line of progress; None for what a library of the child's has printed."""
+    try:
+        step = json.loads(line)
+        return step["epoch"], step["epochs"], step["loss"]
+    except (ValueError, KeyError, TypeError):
+        return None
 
 
 def _reason(text: str, status: int) -> str:

@@ -7,6 +7,7 @@ better than what was judged.
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from math import cos, pi, sin
 from pathlib import Path
 from threading import Event
 from typing import NamedTuple
@@ -14,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.one_ahead import one_ahead
 from gellight.base.errors import TrainingError
+from gellight.base.one_ahead import one_ahead
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.view import View
@@ -48,6 +49,8 @@ _JUDGES, _CLEARLY = 4, 0.9
 SKIRT_SHARES = 0.05, 1.5
 """within which the share of felt slopes beside contacts may be corrected: beyond, something else is wrong"""
 _RIDGE = 1e-5
+_GOLDEN = pi * (3 - 5**0.5)
+"""rad between directions of which any number is spread evenly"""
 Array = NDArray[np.float64]
 
 
@@ -67,8 +70,9 @@ def fit_judged(
     """Do as `training.fit`, and let the bundle say its errors: in `errors.json`, and in `held_out` of its metrics.
 
     Where circles are to be refined, they are used if presses held out are felt better with them (`votes`), else those
-    that were labelled. One press is all learnt from: then nobody knows. layer: the gel, where known: indentations of
-    presses held out are compared with what it makes of their circles. progress counts the epochs of all trainings.
+    that were labelled. Refined ones are judged by circles that lie beside them as far as all of them may. One press is
+    all learnt from: then nobody knows. layer: the gel, where known: indentations of presses held out are compared with
+    what it makes of their circles. progress counts the epochs of all trainings.
     """
     first = FirstFits(reference.image, ball)
     labels = _labels(presses, reference, ball, first) if how.refine else _Labels(presses, refined=False, record={})
@@ -85,8 +89,9 @@ def fit_judged(
         watched = partial(_go_on_unless, stop, check)
         parts = trained_folds(given, reference, ball, folds, how, first=first, progress=report, check=watched)
         for fold in one_ahead(parts, stop.set):  # one fold trains while the one before it is judged
+            judges = beside(fold.held_out[REFINED if how.refine else GIVEN], labels.place_error_px)
             for one in found:
-                one.add(fold.bundle, fold.held_out[REFINED if how.refine else GIVEN], ball)
+                one.add(fold.bundle, judges, ball)
     best = found[found[1].better_than(found[0])]
     share, errors = skirt_share(best, ball, layer) if folds else (1.0, [])
     figures = _figures(errors) if folds else {}
@@ -171,6 +176,7 @@ class _Labels(NamedTuple):
     refined: bool
     record: Mapping[str, object]
     """what the metrics say of them"""
+    place_error_px: float = 0.0
 
 
 def _labels(presses: Sequence[Press], reference: Reference, ball: Ball, first: FirstFits) -> _Labels:
@@ -181,7 +187,21 @@ def _labels(presses: Sequence[Press], reference: Reference, ball: Ball, first: F
     better = bool(apart[1] < apart[0])
     votes = {"labelled_deg": round(float(apart[0]), 3), "refined_deg": round(float(apart[1]), 3), "refined": better}
     record = {"refinement": {**refined.record(), "votes": votes}}
-    return _Labels(refined.presses if better else presses, refined=better, record=record)
+    if not better:
+        return _Labels(presses, refined=False, record=record)
+    return _Labels(refined.presses, refined=True, record=record, place_error_px=refined.place_error_px)
+
+
+def beside(presses: Sequence[Press], distance_px: float) -> list[Press]:
+    """Return circles that lie as far beside these, each into another direction."""
+    return [
+        replace(
+            press,
+            center_x_px=press.center_x_px + distance_px * cos(_GOLDEN * number),
+            center_y_px=press.center_y_px + distance_px * sin(_GOLDEN * number),
+        )
+        for number, press in enumerate(presses)
+    ]
 
 
 def in_parts(progress: Progress, parts: int) -> Progress:

@@ -69,10 +69,16 @@ class Refined:
     coefficients: Array
     """(K, 3) the shared response"""
 
+    @property
+    def place_error_px(self) -> float:
+        """How far all circles together may lie beside: their mean place is that of labels that scatter, and stays."""
+        return float(self.rms_shift_px / np.sqrt(len(self.presses)))
+
     def record(self) -> dict[str, object]:
         """Return what a bundle says of it."""
         return {
             "rms_shift_px": round(self.rms_shift_px, 3),
+            "place_error_px": round(self.place_error_px, 3),
             "offset_px": [round(float(value), 3) for value in self.offset],
             "radius_of_light_over_label": round(self.radius_share, 4),
             "radius_by_light_images": self.sure,
