@@ -4,7 +4,6 @@ from typing import ClassVar
 
 from pydantic import ConfigDict
 
-from gellight.lab.optics.lens.measuring import LensFigures
 from gellight.lab.report.record import Record
 
 
@@ -107,18 +106,6 @@ class MeasuredPixelSize(PixelSize):
     spread_px: float
     x_spread_mm: float
     y_spread_mm: float
-
-
-class PinGrid(StepFigures):
-    """The pictures of the pin grid; none where the user went on without."""
-
-    step = "lens"
-    pictures: int
-    pitch_mm: float | None = None
-
-
-class MeasuredLens(PinGrid, LensFigures):
-    """The pin grid with the lens that was fitted to it."""
 
 
 class Coverage(Record):

@@ -14,9 +14,7 @@ from gellight.lab.calibration.records import (
     BallPresses,
     CheckErrors,
     Fit,
-    MeasuredLens,
     MeasuredPixelSize,
-    PinGrid,
     PixelSize,
     Preparation,
     UntouchedGel,
@@ -47,9 +45,6 @@ class Example:
 
     image: NDArray[np.uint8]
     press: Press
-    """its circle in the picture"""
-    on_gel: Press
-    """its circle over the undistorted gel, where what is felt lies"""
     felt: TactileFrame
     ball: Ball
 
@@ -60,13 +55,13 @@ class Example:
 
     @cached_property
     def inside(self) -> NDArray[np.bool_]:
-        """(H, W) the contact circle over the undistorted gel."""
-        return contact_circle(self.on_gel, self.shape)
+        """(H, W) the contact circle."""
+        return contact_circle(self.press, self.shape)
 
     @cached_property
     def cap_mm(self) -> NDArray[np.float32]:
         """(H, W) depth of the ball below the rim of its contact circle; NaN outside."""
-        return np.where(self.inside, cap_depth_mm(self.on_gel, self.ball, self.shape), np.nan)
+        return np.where(self.inside, cap_depth_mm(self.press, self.ball, self.shape), np.nan)
 
     @cached_property
     def rim_mm(self) -> float:
@@ -84,7 +79,6 @@ def page(run: CalibrationRun, verdict: Verdict, figures: Verification, example: 
         _verification(folder.state.checks, figures, example),
         _preparation(run),
         _pixel_size(folder.figures(PixelSize), run.options.tools.cylinder_diameter_mm),
-        _lens(folder.state.steps.lens),
         _presses(folder.figures(BallPresses), example.ball),
         _training(folder.figures(Fit)),
     )
@@ -135,7 +129,7 @@ def _felt_pictures(example: Example) -> list[tuple[NDArray[np.uint8], str]]:
     felt, inside = example.felt, example.inside
     error = np.where(inside, np.abs(felt.depth_mm - example.cap_mm - example.rim_mm), 0)
     scale = max(1000.0 * float(felt.depth_mm.max()), 100.0)
-    gradient = np.nan_to_num(sphere_gradient(example.on_gel, example.ball, example.shape))
+    gradient = np.nan_to_num(sphere_gradient(example.press, example.ball, example.shape))
     true = np.where(inside[..., None], normals(gradient), [0, 0, 1])
     return [
         (drawn(example.image, example.press), "one fresh press and its contact circle"),
@@ -205,21 +199,6 @@ def _pixel_size(size: PixelSize, diameter_mm: float) -> str:
         f"<p>The cylinder of {diameter_mm:g} mm measures {size.diameter_px:.2f} px, spread {size.spread_px:.2f} "
         f"px over {size.presses} presses (paper: 340.17 px, 0.47 px).</p>",
         table(["", "mm per pixel", "spread"], [[axis, f"{mm:.6f}", f"{spread:.6f}"] for axis, mm, spread in sides]),
-    )
-
-
-def _lens(lens: PinGrid | None) -> str:
-    if not isinstance(lens, MeasuredLens):
-        return "<p>No pin grid was pressed: the lens is taken to be straight.</p>"
-    rows = [
-        ["pins off a straight grid", f"{lens.rms_before_px:.3f}", f"{1000 * lens.rms_before_mm:.1f}"],
-        ["pins off this lens", f"{lens.rms_after_px:.3f}", f"{1000 * lens.rms_after_mm:.1f}"],
-    ]
-    return section(
-        "Lens",
-        f"<p>{lens.pins} pins, {lens.pitch_mm:g} mm apart, in {lens.pictures} picture(s). The lens moves a "
-        f"corner of the picture by {lens.corner_moves_px:.1f} px; depth and normals are freed of that.</p>",
-        table(["root mean square", "px", "µm"], rows),
     )
 
 

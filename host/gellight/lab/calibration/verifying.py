@@ -1,7 +1,7 @@
 """Step 6: fresh presses judge the draft; only what passes is written."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,6 @@ from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.validation import ALIKE, press_error
 from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.force import Layer
-from gellight.reconstruction.lens.undistortion import circle_on_gel, has_lens, lens_of, read_record
 
 Floats = NDArray[np.float32]
 
@@ -42,7 +41,6 @@ Floats = NDArray[np.float32]
 class Judge:
     """What every fresh press is held against."""
 
-    draft: Bundle
     reconstructor: Reconstructor
     ball: Ball
     layer: Layer | None
@@ -51,7 +49,7 @@ class Judge:
     def errors(self, frame: CameraFrame, press: Press) -> tuple[TactileFrame, CheckErrors]:
         """Return what is felt of a press of the ball, and its errors."""
         felt = self.reconstructor.reconstruct(frame)
-        error = press_error(self.on_gel(press), self.ball, felt, self.layer)
+        error = press_error(press, self.ball, felt, self.layer)
         true = surface_errors(felt, frame.truth) if frame.truth else None
         return felt, CheckErrors(
             depth_mm=error.depth_mae_mm,
@@ -62,14 +60,6 @@ class Judge:
             true_normal_deg=true.normal_deg if true else None,
         )
 
-    def on_gel(self, press: Press) -> Press:
-        """Return the circle of a press over the undistorted gel: the same where the bundle knows no lens."""
-        if not has_lens(self.draft):
-            return press
-        seen = press.center_x_px, press.center_y_px, press.contact_radius_px
-        x, y, radius = circle_on_gel(lens_of(read_record(self.draft)), self.draft.pixel_size_mm, seen)
-        return replace(press, center_x_px=x, center_y_px=y, contact_radius_px=radius)
-
 
 MORE_PRESSES = 12
 """asked for after a bad verdict, beside those there are"""
@@ -78,7 +68,8 @@ MORE_PRESSES = 12
 def verify(run: CalibrationRun) -> Bundle | None:
     """Collect fresh presses, judge the draft by them, and write the bundle if it passes."""
     draft = load_bundle(run.folder.draft)
-    judge = Judge(draft, Reconstructor(draft), ball_of(run), run.layer)
+    # A draft that another version began may have a lens; circles are those of the picture.
+    judge = Judge(Reconstructor(draft, undistorted=False), ball_of(run), run.layer)
     reference, detector = run.folder.reference(), detector_of(run)
 
     def press(hand: VirtualHand) -> None:
@@ -186,16 +177,15 @@ def _example(run: CalibrationRun, judge: Judge) -> Example:
     press = checks[len(checks) // 2].press(run.folder.path)
     image = read_image(press.image)
     frame = CameraFrame(image=image, time_s=0.0, sequence=0, source=printable(press.image))
-    return Example(image, press, judge.on_gel(press), judge.reconstructor.reconstruct(frame), judge.ball)
+    return Example(image, press, judge.reconstructor.reconstruct(frame), judge.ball)
 
 
 def _write(run: CalibrationRun, draft: Bundle, figures: Verification, report: str) -> Bundle:
     """Write the draft as the bundle, with all that it holds and all that was measured since."""
-    prepared, lens = run.folder.figures(Preparation), run.folder.state.steps.lens
+    prepared = run.folder.figures(Preparation)
     measured = {
         "verification": figures.as_json(),
         "pixel_size": run.folder.figures(PixelSize).as_json(),
-        "lens": lens.as_json() if lens else {},
         "prepare": prepared.as_json(),
     }
     kept = draft.manifest.model_dump(include=set(Description.__annotations__))
