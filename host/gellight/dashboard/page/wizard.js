@@ -280,7 +280,7 @@ function bundleRow(bundle, running) {
 }
 
 function offerPictures(routine) {
-  const names = ["live", ...(routine?.pictures ?? []).filter((name) => name !== "live" && name !== "coverage")];
+  const names = ["live", ...(routine?.pictures ?? []).filter((name) => name !== "live")];
   const choice = element("which");
   if (choice.childElementCount === names.length + 1) return;
   const option = (name, text) => new Option(text, name, false, name === chosen);

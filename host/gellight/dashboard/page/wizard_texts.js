@@ -2,7 +2,7 @@
 
 export const STEP_NAMES = { prepare: "Prepare", reference: "Reference", pixel_size: "Pixel size", presses: "Ball presses", fit: "Fit", verify: "Verify" };
 export const ACTION_NAMES = { start: "Start", next: "Next", correct: "Correct", drop: "Drop this press", accept: "Accept", abort: "Stop" };
-export const PICTURE_NAMES = { live: "Live", press: "Last press", difference: "Last press, difference", cylinder: "Cylinder", coverage: "Coverage", verify: "Depth of the check", untouched: "Untouched gel" };
+export const PICTURE_NAMES = { live: "Live", press: "Last press", difference: "Last press, difference", cylinder: "Cylinder", verify: "Depth of the check", untouched: "Untouched gel" };
 
 const BY_HAND = "You need a ball and a flat-ended cylinder of known size, and a quarter of an hour. Let the sensor warm up, and clean the gel.";
 const BY_VIRTUAL_HAND = "The sensor is simulated: a virtual hand presses everything. You need nothing but some minutes.";

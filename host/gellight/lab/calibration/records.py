@@ -29,15 +29,6 @@ class Uniformity(StepPart):
     """99th percentile"""
 
 
-class Uniformities(Record):
-    """The distributions of the mean of the colours and of each colour."""
-
-    average: Uniformity
-    red: Uniformity
-    green: Uniformity
-    blue: Uniformity
-
-
 class LedAnswer(Record):
     """What one LED did to the picture."""
 
@@ -66,7 +57,8 @@ class Preparation(StepFigures):
     led: list[list[int]] | None = None
     """(12, 3) levels; None without a ring"""
     lights: LedCheck | None = None
-    uniformity: Uniformities
+    uniformity: dict[str, Uniformity]
+    """of each colour, and of the average of all, by name"""
     advice: str
 
 

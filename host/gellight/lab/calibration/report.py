@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.frames import TactileFrame
-from gellight.lab.calibration.pressing import drawn
 from gellight.lab.calibration.records import (
     BallPresses,
     CheckErrors,
@@ -25,7 +24,7 @@ from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.state import CheckRecord
 from gellight.lab.report import html
 from gellight.lab.report.html import box, picture, section, table
-from gellight.lab.report.pictures import depth_picture, difference_picture, normal_picture
+from gellight.lab.report.pictures import depth_picture, difference_picture, normal_picture, with_circle
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 from gellight.lab.training.training import like_words
 from gellight.lab.training.wrong_labels import contradicted_lines
@@ -126,13 +125,16 @@ def _verification(records: list[CheckRecord], figures: Verification, example: Ex
 
 def _felt_pictures(example: Example) -> list[tuple[NDArray[np.uint8], str]]:
     """One fresh press: seen, felt, and as the ball says it should be."""
-    felt, inside = example.felt, example.inside
+    felt, inside, press = example.felt, example.inside, example.press
     error = np.where(inside, np.abs(felt.depth_mm - example.cap_mm - example.rim_mm), 0)
     scale = max(1000.0 * float(felt.depth_mm.max()), 100.0)
     gradient = np.nan_to_num(sphere_gradient(example.press, example.ball, example.shape))
     true = np.where(inside[..., None], normals(gradient), [0, 0, 1])
     return [
-        (drawn(example.image, example.press), "one fresh press and its contact circle"),
+        (
+            with_circle(example.image, press.center_x_px, press.center_y_px, press.contact_radius_px),
+            "one fresh press and its contact circle",
+        ),
         (difference_picture(felt.difference), "difference from the untouched gel"),
         (depth_picture(felt.depth_mm, scale_um=scale), f"depth felt, bright: {scale:.0f} µm"),
         (normal_picture(true), "normals of the ball inside the circle"),
@@ -165,7 +167,7 @@ def _checks(records: list[CheckRecord]) -> str:
 
 def _preparation(run: CalibrationRun) -> str:
     prepared, reference = run.folder.figures(Preparation), run.folder.figures(UntouchedGel)
-    rows = [[name, f"{one.mean_grey:.1f}", f"{one.sigma_grey:.2f}"] for name, one in prepared.uniformity]
+    rows = [[name, f"{one.mean_grey:.1f}", f"{one.sigma_grey:.2f}"] for name, one in prepared.uniformity.items()]
     untouched = np.rint(run.folder.reference()).astype(np.uint8)
     camera = ", ".join(f"{name} {value:g}" for name, value in prepared.camera.items()) or "nothing to set"
     answers = prepared.lights.leds if prepared.lights else ()

@@ -91,8 +91,8 @@ class Routine:
     def pictures(self) -> dict[str, Picture]:
         """Return (H, W, 3) uint8 RGB by name, as they exist.
 
-        live, untouched, cylinder and press (with their circles), coverage, and verify (the depth
-        felt of the last fresh press).
+        live, untouched, cylinder and press (with their circles), difference (of that press from the untouched gel), and
+        verify (the depth felt of the last fresh press).
         """
         return self._calibration.display.pictures()
 

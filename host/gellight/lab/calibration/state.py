@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -53,10 +54,9 @@ class PressRecord(PictureRecord, Circle):
 
     def press(self, folder: Path) -> Press:
         """Return the press as it is trained on; folder: that of the calibration."""
-        x, y, radius = self.center_x_px, self.center_y_px, self.contact_radius_px
-        return Press(image=folder / self.file, center_x_px=x, center_y_px=y, contact_radius_px=radius, found=self.found)
+        return Press(image=folder / self.file, found=self.found, **self.circle())
 
-    def circle(self) -> dict[str, float]:
+    def circle(self) -> dict[str, Any]:
         """Return the three numbers of the circle by name."""
         return {name: getattr(self, name) for name in Circle.model_fields}
 

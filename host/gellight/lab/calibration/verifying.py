@@ -1,6 +1,5 @@
 """Step 6: fresh presses judge the draft; only what passes is written."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,7 @@ from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.calibration.display import Progress
 from gellight.lab.calibration.preparing import led_settings
-from gellight.lab.calibration.pressing import ball_of, circle_of, drawn
+from gellight.lab.calibration.pressing import ball_of, circle_of
 from gellight.lab.calibration.records import (
     CheckErrors,
     Circle,
@@ -27,7 +26,7 @@ from gellight.lab.calibration.report import Example, page
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.sensing import Capture, check_light, detector_of, next_press, wait_free
 from gellight.lab.calibration.state import CheckRecord
-from gellight.lab.report.pictures import depth_picture, difference_picture
+from gellight.lab.report.pictures import depth_picture, difference_picture, with_circle
 from gellight.lab.simulator.virtual_hand import VirtualHand
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.validation import ALIKE, press_error
@@ -108,7 +107,9 @@ def _take(run: CalibrationRun, capture: Capture, reference: Floats, judge: Judge
     record = run.folder.add_check(image, circle, errors)
     run.display.update(problem="", press=record.shown("checked"))
     difference = difference_picture(image - reference)
-    run.display.show(press=drawn(image, circle), difference=difference, verify=depth_picture(felt.depth_mm))
+    run.display.show(
+        press=with_circle(image, **dict(circle)), difference=difference, verify=depth_picture(felt.depth_mm)
+    )
 
 
 def _check_whole(circle: Circle, shape: tuple[int, ...]) -> None:
@@ -135,13 +136,8 @@ def _conclude(run: CalibrationRun, draft: Bundle, judge: Judge) -> Bundle | None
 
 def summary(checks: list[CheckRecord]) -> Verification:
     """Return the means over the fresh presses of the ball."""
-    means = _means([check.figures for check in checks])
-    return Verification(presses=len(checks), **means)
-
-
-def _means(errors: Sequence[CheckErrors]) -> dict[str, float]:
-    each = [error.as_json() for error in errors]
-    return {name: float(np.mean([one[name] for one in each])) for name in each[0]}
+    each = [check.figures.as_json() for check in checks]
+    return Verification(presses=len(checks), **{name: float(np.mean([one[name] for one in each])) for name in each[0]})
 
 
 def verdict_on(figures: Verification, limits: Limits) -> Verdict:

@@ -65,19 +65,6 @@ class PressCircle:
         names = ("center_x_px", "center_y_px", "contact_radius_px", "center_error_px", "radius_error_px")
         return {**{name: round(getattr(self, name), 2) for name in names}, "quality": round(self.quality, 3)}
 
-    def from_line(self, image_shape: tuple[int, int]) -> Array:
-        """Return the distance of each (H, W) pixel from the circle and from a cross at its centre, px."""
-        rows, columns = np.indices(image_shape, dtype=np.float64)
-        dx, dy = np.asarray(columns - self.center_x_px), np.asarray(rows - self.center_y_px)
-        return np.asarray(np.minimum(np.abs(np.hypot(dx, dy) - self.contact_radius_px), _from_cross(dx, dy)))
-
-
-def _from_cross(dx: Array, dy: Array, arm: float = 4.0) -> Array:
-    """Distance of each pixel from a cross at the centre, px."""
-    across = np.hypot(np.maximum(np.abs(dx) - arm, 0), dy)
-    down = np.hypot(dx, np.maximum(np.abs(dy) - arm, 0))
-    return np.asarray(np.minimum(across, down))
-
 
 def find_circle(
     image: NDArray[np.uint8], reference: NDArray[np.number], *, ball: Ball, least_view: float = WHOLE
