@@ -214,10 +214,6 @@ class Folder:
         """Return the presses to train on."""
         return [record.press(self.path) for record in self.state.presses]
 
-    def checks(self) -> list[Press]:
-        """Return the fresh presses."""
-        return [record.press(self.path) for record in self.state.checks]
-
 
 def _check_empty(path: Path) -> None:
     """Refuse a folder in which something lies that no calibration wrote; hidden files do not count."""
