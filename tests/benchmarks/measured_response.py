@@ -17,7 +17,8 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.report.pictures import write_png
 from gellight.lab.training.label_file import read_presses
-from gellight.lab.training.labelling import PressCircle, detect, write_presses
+from gellight.lab.training.labelling.circle import PressCircle
+from gellight.lab.training.labelling.detection import detect, write_presses
 from gellight.lab.training.labelling.refinement import refine
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.training import Learning, TrainingOptions, fit, read_reference

@@ -15,7 +15,7 @@ from gellight.lab.calibration.sensing import check_light, detector_of, next_pres
 from gellight.lab.calibration.state import PressRecord
 from gellight.lab.report.pictures import difference_picture, with_circle
 from gellight.lab.simulator.virtual_hand import VirtualHand
-from gellight.lab.training.labelling import find_circle
+from gellight.lab.training.labelling.circle import find_circle
 from gellight.lab.training.labelling.pixel_ratio import pixel_ratio
 from gellight.lab.training.presses import Ball
 

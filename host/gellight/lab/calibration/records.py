@@ -1,6 +1,6 @@
 """What a calibration measures: a record for each step, as it stands in `state.json` and is shown."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pydantic import ConfigDict
 
@@ -136,42 +136,14 @@ class BallPresses(StepFigures):
     """see `LiveCoverage`; None in records of before"""
 
 
-class ErrorSpread(Record):
-    """The error of single pixels; more figures may stand beside the mean."""
-
-    model_config = ConfigDict(extra="allow")
-
-    mean: float
-
-
-class TrainingRecord(Record):
-    """What training says of itself; more than is shown is kept for the bundle."""
-
-    model_config = ConfigDict(extra="allow")
-
-    images: int
-    cpu_seconds: float
-    trainer: str = "torch"
-    """the library that trained, and its version; a calibration begun by an older version has none of this: torch"""
-
-
-class HeldOut(Record):
-    """The error on presses that the network did not learn from; more than is shown is kept for the bundle."""
-
-    model_config = ConfigDict(extra="allow")
-
-    presses: int
-    normal_error_deg: ErrorSpread
-
-
 class Fit(StepFigures):
-    """The metrics of the draft, and the loss after each epoch."""
+    """The metrics of the draft, and the loss after each epoch; more than is shown is kept for the bundle."""
 
     model_config = ConfigDict(extra="allow")
 
     step = "fit"
-    training: TrainingRecord
-    held_out: HeldOut | None = None
+    training: dict[str, Any]
+    held_out: dict[str, Any] | None = None
     """None in a calibration that was begun by an older version"""
     losses: tuple[float, ...]
 

@@ -221,16 +221,17 @@ def _presses(found: BallPresses, ball: Ball) -> str:
 def _training(found: Fit) -> str:
     training, judged = found.training, found.held_out
     error = (
-        f" Error on presses that networks did not learn from: {judged.normal_error_deg.mean:.2f} degrees."
+        f" Error on presses that networks did not learn from: {judged['normal_error_deg']['mean']:.2f} degrees."
         if judged
         else ""
     )
+    trainer = escape(training.get("trainer", "torch"))  # before it was told, that was all there was
     metrics = found.model_dump()
     begun = "".join(f" {escape(words.capitalize())}." for words in like_words(metrics))
     left_out = "".join(f"<p>{escape(line)}</p>" for line in contradicted_lines(metrics))
     return section(
         "Network",
-        f"<p>Trained on {training.images} presses by {escape(training.trainer)} in {training.cpu_seconds:.1f} CPU "
+        f"<p>Trained on {training['images']} presses by {trainer} in {training['cpu_seconds']:.1f} CPU "
         f"seconds; its loss fell from {found.losses[0]:.3g} to {found.losses[-1]:.3g}.{error}{begun}</p>{left_out}",
     )
 
