@@ -136,12 +136,6 @@ class Core:
         """Return what it has sent to the host since the last call."""
         return self._output.raw[:count] if (count := self.call("take_output", self._output, OUTPUT_BYTES)) else b""
 
-    def flash(self) -> bytes:
-        """Return what its flash keeps of the configuration."""
-        kept = ctypes.create_string_buffer(FLASH_BYTES)
-        self.call("flash", kept)
-        return kept.raw
-
     @property
     def now_us(self) -> int:
         """The virtual time."""
@@ -151,11 +145,6 @@ class Core:
     def next_us(self) -> int:
         """The virtual time until which nothing happens by itself."""
         return int(self.call("next"))
-
-    @property
-    def noted_saves(self) -> int:
-        """What `saves` of a board that starts anew is to be."""
-        return int(self.call("noted_saves"))
 
     @property
     def flags(self) -> int:
