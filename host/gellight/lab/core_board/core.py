@@ -20,8 +20,6 @@ from gellight.ring.wire import COLOUR_BYTES
 CHECKSUMS = Path(__file__).parent / "libraries.sha256"
 FLASH_BYTES = 8192
 OUTPUT_BYTES = 65536
-KEPT_LIGHTS = 4096
-"""lights that the library remembers"""
 RESTARTED = 2
 """of `flags`"""
 _POINTER, _U32, _U64, _I32, _BOOL = (
@@ -152,7 +150,7 @@ class Core:
         return int(self.call("flags"))
 
     def latched(self, first: int = 0) -> Iterator[ShownLight]:
-        """Yield what the LEDs latched, from a number on; the library remembers the last `KEPT_LIGHTS`."""
+        """Yield what the LEDs latched, from a number on; the library remembers the last 4096."""
         for index in range(first, self.call("light_count")):
             light = ShownLight()
             self.call("light_at", index, ctypes.byref(light))

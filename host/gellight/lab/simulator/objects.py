@@ -47,7 +47,6 @@ def pin_grid(x: Array, y: Array) -> Array:
 
 
 PROBES: dict[str, Callable[[Array, Array], Array]] = {"CYLINDER": cylinder, "PINS": pin_grid}
-PROBE_NAMES = tuple(PROBES)
 
 
 def names_relief(name: str) -> bool:

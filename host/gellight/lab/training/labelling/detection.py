@@ -19,7 +19,6 @@ from gellight.lab.training.label_file import COLUMNS, QUALITY, REFUSED
 from gellight.lab.training.labelling.circle import ARC, PressCircle, find_circle
 from gellight.lab.training.presses import Ball
 
-Array = NDArray[np.float64]
 _SAME = 3
 """circles at one place: by chance two presses fall together, not three of the same size"""
 
