@@ -17,7 +17,9 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.lab.report.pictures import write_png
 from gellight.lab.training.label_file import read_presses
-from gellight.lab.training.labelling import PressCircle, detect, write_presses
+from gellight.lab.training.labelling.circle import PressCircle
+from gellight.lab.training.labelling.detection import detect, write_presses
+from gellight.lab.training.labelling.refinement import refine
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.training import Learning, TrainingOptions, fit, read_reference
 from gellight.reconstruction.integration import angle_deg, normals
@@ -105,7 +107,12 @@ def measure(name: str, *, presses: int = 30, options: TrainingOptions = QUICK) -
         write_presses(place / "presses.csv", found)
         labelled = read_presses(place / "presses.csv", ball=BALL, image_shape=GEOMETRY.image_shape)
         bundle = fit(
-            labelled, reference, BALL, place / "bundle", sensor=name, how=Learning(options=options, refine=True)
+            refine(labelled, reference.image, BALL).presses,
+            reference,
+            BALL,
+            place / "bundle",
+            sensor=name,
+            how=Learning(options=options),
         )
         errors = _errors(response, Reconstructor(bundle), random)
     return {

@@ -12,7 +12,7 @@ from gellight.frames.image_files import read_grey, read_image
 from gellight.frames.view import View
 from gellight.lab.report.pictures import write_png
 from gellight.lab.training.label_file import read_presses
-from gellight.lab.training.labelling import detect, write_presses
+from gellight.lab.training.labelling.detection import detect, write_presses
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.training import Reference, read_reference
 from tests.helpers.places import REAL_CROPS, real

@@ -8,8 +8,8 @@ import sys
 
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.frames.frames import SelfCheckResult
-from gellight.opening import open_camera
+from gellight.lab.simulator.simulated_camera import open_simulated
+from tests.helpers.selfcheck import SelfCheck, SelfCheckResult
 
 COLUMNS = (
     ("depth_error_mm", "depth mm"),
@@ -38,8 +38,8 @@ def main() -> int:
     bundle, passed = load_bundle("synthetic"), True
     reconstructor = Reconstructor(bundle)
     print(" ".join(["press".ljust(26), *(title.rjust(12) for _, title in COLUMNS)]))
-    with open_camera("sim://") as camera:
-        judge = camera.selfcheck(bundle.pixel_size_mm)
+    with open_simulated("sim://") as camera:
+        judge = SelfCheck(camera, bundle.pixel_size_mm)
         for name, depth, x, y in CHECKED_PRESSES:
             camera.stage.press(name, depth, x, y)
             result = judge.compare(reconstructor.reconstruct(camera.read()))

@@ -1,8 +1,7 @@
 """The errors from which the bounds of the self-check are made: `python -m tests.benchmarks.selfcheck_bounds`.
 
 Each object is pressed to each depth of a grid at the places below, one frame each, and measured with the shipped
-bundle. Printed are the worst errors of each object and depth, as `gellight/lab/simulator/selfcheck.py` holds
-them.
+bundle. Printed are the worst errors of each object and depth, as `tests/helpers/selfcheck.py` holds them.
 """
 
 import json
@@ -11,10 +10,10 @@ import sys
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.lab.simulator.simulated_camera import open_simulated
+from tests.helpers.selfcheck import KINDS, SelfCheck
 
 DEPTHS_MM = (0.4, 0.8, 1.2, 1.6, 2.0)
 PLACES_MM = ((0.0, 0.0), (-10.0, 6.0), (10.0, -6.0))
-KINDS = ("depth_error_mm", "normal_error_deg", "integral_error_mm", "picture_error_grey")
 
 
 def main() -> None:
@@ -23,7 +22,7 @@ def main() -> None:
     reconstructor = Reconstructor(bundle)
     table: dict[str, dict[float, list[float]]] = {}
     with open_simulated("sim://?programme=0&fps=1000") as camera:
-        judge = camera.selfcheck(bundle.pixel_size_mm)
+        judge = SelfCheck(camera, bundle.pixel_size_mm)
         for name in camera.stage.objects:
             table[name] = {}
             for depth in DEPTHS_MM:

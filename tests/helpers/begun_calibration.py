@@ -11,7 +11,6 @@ def identity(
     *,
     ball_mm: float = 4.0,
     cylinder_mm: float = 8.0,
-    pins_mm: float | None = None,
 ) -> Identity:
     """What a calibration of pictures of 320 x 240 px is begun with."""
     return Identity(
@@ -19,7 +18,6 @@ def identity(
         image_size_px=(320, 240),
         ball_radius_mm=ball_mm,
         cylinder_diameter_mm=cylinder_mm,
-        pin_pitch_mm=pins_mm,
     )
 
 

@@ -29,11 +29,6 @@ def options(folder: Path, **changes: Any) -> RoutineOptions:
     return RoutineOptions(out=folder / "bundle", sensor="one", **few)
 
 
-def whole(folder: Path, **changes: Any) -> RoutineOptions:
-    """Return what a routine with a pin grid is told."""
-    return options(folder, **{"pin_pitch_mm": 2.0, **changes})
-
-
 def finished(routine: Routine, timeout_s: float = 200.0) -> dict[str, Any]:
     """Start a routine that needs nobody, and wait for its end."""
     routine.act("start")

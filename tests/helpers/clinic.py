@@ -12,7 +12,7 @@ from tests.helpers.sensor_bench import Bench, BenchRing
 WEBCAM = (0x046D, 0x0825)
 
 
-MEASURED = ShutterEstimate(exposure_s=0.008, readout_s=0.012, delay_s=-0.021, scatter_s=2e-4, bands=90)
+MEASURED = ShutterEstimate(exposure_s=0.008, readout_s=0.012, delay_s=-0.021, scatter_s=2e-4)
 
 
 class TalkingRing(BenchRing):

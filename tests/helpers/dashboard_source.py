@@ -152,22 +152,6 @@ class FormulaSource:
             "frame_age_ms": {"median": 11.2, "p95": 17.8},
             "dropped": 3,
             "stage_ms": {"gelnet": 8.1, "integration": 3.2, "contact": 0.6},
-            "selfcheck": {
-                "passed": True,
-                "verdict": "passed",
-                "sequence": 1200,
-                "depth_error_mm": 0.0042,
-                "normal_error_deg": 0.183,
-                "contact_normal_error_deg": 0.61,
-                "integral_error_mm": 0.0011,
-                "picture_error_grey": 1.31,
-                "bounds": {
-                    "depth_error_mm": 0.01,
-                    "normal_error_deg": 0.28,
-                    "integral_error_mm": 0.005,
-                    "picture_error_grey": 2.0,
-                },
-            },
         }
         self._changed = threading.Condition()
         self._frame: TactileFrame | None = None

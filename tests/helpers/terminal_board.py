@@ -1,18 +1,27 @@
 """A simulated board behind a pseudo-terminal, which real pyserial opens."""
 
 import contextlib
+import ctypes
 import os
 import select
 import threading
 import time
 
 from gellight.base.errors import BoardError
+from gellight.lab.core_board.core import FLASH_BYTES
 from gellight.lab.core_board.simulated_board import UNIQUE_ID, SimulatedBoard
 from gellight.ring.wire import LED_COUNT
 
 CLOSED_S = 0.005
 """after which it is looked again whether a program has opened the terminal"""
 STOP_S = 5.0
+
+
+def cut_power(board: SimulatedBoard) -> None:
+    """Let a board lose its power at once, as when somebody pulls the plug."""
+    with board._lock:
+        board._advance()
+        board._end()
 
 
 class TerminalBoard(SimulatedBoard):
@@ -41,7 +50,9 @@ class TerminalBoard(SimulatedBoard):
         """Start anew, with what the flash keeps; the terminal stays, to the board it is opened once more."""
         self._opened = False
         self._past_us = self._now_us
-        self._power_on(self._core.flash(), self._core.noted_saves)
+        kept = ctypes.create_string_buffer(FLASH_BYTES)
+        self._core.call("flash", kept)
+        self._power_on(kept.raw, self._core.call("noted_saves"))
 
     def _serve(self) -> None:
         poll = select.poll()

@@ -107,8 +107,6 @@ class VirtualCamera(Camera):
                 return LightLabel(state=LightState.CLEAN, group=number)
         return LightLabel(state=LightState.MIXED)
 
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> None: ...
-
     def close(self) -> None:
         assert self.ring is not None
         self.ring.close()

@@ -25,7 +25,7 @@ from gellight.ring.wire import LED_COUNT
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.v4l2 import structures as v
 from tests.helpers.simulated_kernel import CameraDevice, SimulatedKernel
-from tests.helpers.terminal_board import TerminalBoard
+from tests.helpers.terminal_board import TerminalBoard, cut_power
 from tests.helpers.usb_tree import UsbTree
 from tests.soak.pressed_gel import SHAPE, PressedGel, marked
 from tests.virtual_usb.encoding import Mark, to_jpeg, to_yuyv
@@ -201,7 +201,7 @@ class SoakSensor(FragileSensor):
         with self._boards:
             board, self.board = self.board, None
         if board is not None:
-            board.cut_power()
+            cut_power(board)
             board.close()
 
     def close(self) -> None:

@@ -27,7 +27,7 @@ PANELS = {
     "Process": "threads workers seed",
     "What is recorded": "depth map",
     "Other tools": "cylinder-diameter-mm balls-to-press",
-    "Grids": "grid spacing-px pitch-mm pin-pitch-mm",
+    "Grids": "grid spacing-px pitch-mm",
     "Pictures": "view dots white overlay depth-scale-um",
     "Training": "recipe trainer width epochs like fit/lights fit/keep",
     "Limits": "largest-depth-error-um largest-normal-error-deg verifications until-um calibrate/presses",

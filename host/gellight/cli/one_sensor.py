@@ -216,8 +216,6 @@ def follow(
         else:
             sequence, count, frame_s = frame.camera_frame.sequence, count + 1, time.monotonic()
             deepest_mm = max(deepest_mm, frame.contact.indentation_mm)
-            if count == frames:
-                daemon.check(frame)  # a short run may end before the first check that runs beside it
         if show and time.monotonic() - shown_s >= STATUS_S:
             shown_s = time.monotonic()
             show(daemon.status())

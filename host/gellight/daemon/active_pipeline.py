@@ -11,7 +11,7 @@ from gellight.frame_path.picture_path import PicturePath
 from gellight.frame_path.pipeline import FramePath, Reconstructor
 from gellight.frame_path.sequence_path import SequencePath
 from gellight.frames.camera import Camera
-from gellight.frames.frames import CameraFrame, FrameJudge, Provenance, TactileFrame
+from gellight.frames.frames import CameraFrame, Provenance, TactileFrame
 from gellight.frames.status import ForceStatus, TouchStatus
 from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.force_file import read_force
@@ -38,7 +38,6 @@ def build_pipeline(config: ModeConfig, camera: Camera) -> "ActivePipeline":
         path=path_for(config, bundle),
         watch=SensorWatch(bundle, rezero=rezero, thickness_mm=thickness_mm) if config.watched else None,
         thickness_mm=thickness_mm,
-        selfcheck=camera.selfcheck(bundle.pixel_size_mm) if config.judged else None,
     )
 
 
@@ -71,7 +70,6 @@ class ActivePipeline:
     watch: SensorWatch | None = None
     thickness_mm: float | None = None
     """of the gel; None where nobody knows"""
-    selfcheck: FrameJudge | None = None
 
     @property
     def bundle(self) -> Bundle:

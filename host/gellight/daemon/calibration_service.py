@@ -35,7 +35,7 @@ from gellight.photometric.ring_geometry import RingGeometry
 from gellight.photometric.window import seen_height_mm
 
 Picture = NDArray[np.uint8]
-LARGEST_MM = {"ball_radius_mm": 50.0, "cylinder_diameter_mm": 50.0, "pin_pitch_mm": 20.0, "pixel_size_mm": 1.0}
+LARGEST_MM = {"ball_radius_mm": 50.0, "cylinder_diameter_mm": 50.0, "pixel_size_mm": 1.0}
 """of a size that the wizard takes: a larger one is in another unit"""
 RETRY_S = 1.0
 """between two attempts to set the sensor as its bundle says"""

@@ -1,6 +1,6 @@
 """What runs, as one value: `mode_config` makes it of a bundle and the settings, and touches no device.
 
-Which camera stands in front, which frame path, whether frames are watched and judged: all of it is decided here and
+Which camera stands in front, which frame path, whether frames are watched: all of it is decided here and
 nowhere else. `SensorSession` puts such a value into effect as a whole, or not at all.
 """
 
@@ -79,11 +79,6 @@ class ModeConfig:
     def watched(self) -> bool:
         """Whether the watch looks at the frames: it knows the one light that GelNet was trained for."""
         return self.settings.watch.enabled and self.path is PathKind.NETWORK
-
-    @property
-    def judged(self) -> bool:
-        """Whether every frame has a depth that a truth can be held against."""
-        return self.path not in (PathKind.PICTURE, PathKind.SEQUENCE)
 
 
 def mode_config(bundle: Bundle, settings: Settings) -> ModeConfig:

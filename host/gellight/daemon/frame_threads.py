@@ -16,7 +16,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from math import inf
 
 from gellight.base.errors import CameraError, InputError
 from gellight.base.locking import FairLock
@@ -123,14 +122,13 @@ class FrameThreads:
             self._asked_after = after_sequence
             self._asked.set()
 
-    def add_periodic(self, look: Callable[[TactileFrame], object], period_s: float, *, share: float = inf) -> None:
+    def add_periodic(self, look: Callable[[TactileFrame], object], period_s: float) -> None:
         """Let a thread of its own look at the newest frame every `period_s`; to be called before `start`.
 
-        share: of one core that it may use; where a look takes longer, the next one comes later. What `look` raises is a
-        problem until a later look succeeds.
+        What `look` raises is a problem until a later look succeeds.
         """
         name, job = look.__name__.strip("_"), self._look_now_and_then
-        self._threads.append(threading.Thread(target=job, args=(look, period_s, share), name=name, daemon=True))
+        self._threads.append(threading.Thread(target=job, args=(look, period_s), name=name, daemon=True))
 
     def flush(self) -> None:
         """Deliver none of the frames that came until now: they show what was.
@@ -238,10 +236,9 @@ class FrameThreads:
         for mailbox in mailboxes:
             mailbox.close(error)
 
-    def _look_now_and_then(self, look: Callable[[TactileFrame], object], period_s: float, share: float) -> None:
-        name, number, used_s = threading.current_thread().name, 0, 0.0
-        while not self._ended.wait(max(period_s, used_s / share)):
-            begun_s = time.thread_time()
+    def _look_now_and_then(self, look: Callable[[TactileFrame], object], period_s: float) -> None:
+        name, number = threading.current_thread().name, 0
+        while not self._ended.wait(period_s):
             try:
                 number, frame = self.delivered.take(number, POLL_S)
             except TimeoutError:
@@ -254,7 +251,6 @@ class FrameThreads:
                 self.note(name, str(error))
             else:
                 self.note(name, None)
-            used_s = time.thread_time() - begun_s
 
 
 class SharedCamera(CameraWrapper):

@@ -26,7 +26,7 @@ from gellight.daemon.configuration import ModeConfig, PathKind, in_mode, mode_co
 from gellight.daemon.frame_threads import FrameThreads, SharedCamera
 from gellight.daemon.switched_camera import SensorState, SwitchedCamera
 from gellight.frames.camera import Camera, PressStage
-from gellight.frames.frames import CameraFrame, SelfCheckResult, TactileFrame
+from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.frames.picture import PictureSteps
 from gellight.frames.status import SensorStatus, TouchStatus
@@ -35,8 +35,6 @@ from gellight.reconstruction.shear.slip import SlipFollower
 from gellight.tracking.following import ObjectFollower
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
-SELFCHECK_PERIOD_S = 1.0
-SELFCHECK_SHARE = 0.03
 """of one core: a check takes as long as ten frames"""
 CALIBRATING_PAUSE_S = 0.3
 """between two reconstructions while a calibration goes on: it needs the processor, and under its light depth means
@@ -70,7 +68,6 @@ class SensorSession:
         """name of the file that a recorder writes now"""
         self._changing = threading.RLock()
         """held while what runs is changed"""
-        self._selfcheck_result: SelfCheckResult | None = None
         config = pipeline.config if pipeline else mode_config(bundle, settings)
         prepared = self._camera.prepared(config)
         self._active = pipeline or build_pipeline(config, prepared)
@@ -84,7 +81,6 @@ class SensorSession:
             every=every,
             realtime=settings.service.realtime,
         )
-        self._threads.add_periodic(self.check, SELFCHECK_PERIOD_S, share=SELFCHECK_SHARE)
         self._threads.add_periodic(self._watch_now_and_then, PERIOD_S)
 
     def __enter__(self) -> Self:
@@ -284,7 +280,7 @@ class SensorSession:
                 prepared = self._camera.prepared(config)
                 with self._threads.halted():
                     set_before = self._camera.switch(prepared, config.light, state)
-                    self._active, self._selfcheck_result = pipeline, None
+                    self._active = pipeline
                 self._threads.note("setting", None)
         return lambda: self._switch(before, set_before if state else None)
 
@@ -323,16 +319,6 @@ class SensorSession:
         """Say that the one reader of a session with `every` has the frames up to this sequence number."""
         self._threads.note_asked(sequence)
 
-    def check(self, frame: TactileFrame) -> SelfCheckResult | None:
-        """Compare `frame` with the reference simulator now; None where the truth cannot be known."""
-        judge = self._active.selfcheck
-        if judge is None or frame.camera_frame.truth is None:
-            return None
-        result = judge.compare(frame)
-        if self._active.selfcheck is judge:  # and not another one of another bundle meanwhile
-            self._selfcheck_result = result
-        return result
-
     def touch(self) -> TouchStatus | None:
         """Return what the newest frame feels, as `contact_summary`; None before the first frame."""
         try:
@@ -343,13 +329,12 @@ class SensorSession:
 
     def status(self) -> SensorStatus:
         """Return what is known of the sensor, ready for JSON."""
-        result, camera, used = self._selfcheck_result, self._camera.status(), self._active
+        camera, used = self._camera.status(), self._active
         ring = self._camera.ring
         return {
             "sensor": self._camera.url,
             **used.path.status(),
             **self._threads.statistics.as_json(time.monotonic()),
-            "selfcheck": result.as_json() if result else None,
             "touch": self.touch(),
             "calibration": {
                 "sensor": used.bundle.manifest.sensor,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import CameraError, InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import CameraFrame, FrameJudge
+from gellight.frames.frames import CameraFrame
 from gellight.frames.status import CameraStatus, PressStatus
 from gellight.ring.light_ring import LightRing
 
@@ -159,10 +159,6 @@ class Camera(Protocol):
     @property
     def timing(self) -> CameraTiming | None:
         """When its rows are exposed, for labels of light; None where it is not known."""
-        return None
-
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
-        """Return what judges the reconstruction of its frames; None where the truth cannot be known."""
         return None
 
     def read(self) -> CameraFrame:

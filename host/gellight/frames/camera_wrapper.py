@@ -10,7 +10,6 @@ from gellight.base.errors import BoardError, CameraError
 from gellight.base.locking import FairLock
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, CameraControls, CameraTiming, PressStage, ReconnectingError
-from gellight.frames.frames import FrameJudge
 from gellight.frames.status import CameraStatus
 from gellight.ring.light_ring import LightRing
 from gellight.ring.transport import SilentError
@@ -53,10 +52,6 @@ class CameraWrapper(Camera):
     def timing(self) -> CameraTiming | None:
         """When the camera inside exposes its rows."""
         return self._camera.timing
-
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
-        """Return the judge of the camera inside."""
-        return self._camera.selfcheck(pixel_size_mm)
 
     def status(self) -> CameraStatus:
         """Return what is known of the camera inside."""

@@ -14,7 +14,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -354,50 +354,3 @@ class TactileFrame:
         taken = self.camera_frame
         when = f"sequence {taken.sequence}, {taken.time_s:.3f} s"
         return f"<TactileFrame {_size(self.depth_mm)}, {when}, {self.contact.in_words()}>"
-
-
-@dataclass(frozen=True, kw_only=True)
-class SelfCheckResult:
-    """How far the host's answer is from the reference's, in one frame."""
-
-    sequence: int
-    depth_error_mm: float
-    """mean absolute error of the depth over the contact (over the whole map where nothing touches)"""
-    shape_error_mm: float
-    """the same after the best constant is taken off: no verdict rests on it"""
-    normal_error_deg: float
-    """mean angle between the normals over the whole map"""
-    contact_normal_error_deg: float
-    """the same over the contact"""
-    integral_error_mm: float
-    """mean absolute difference of the two integrals, constants removed"""
-    picture_error_grey: float
-    """mean absolute difference of the picture and its re-rendering, grey levels"""
-    indentation_mm: float
-    true_indentation_mm: float
-    bounds: Mapping[str, float]
-    """by the names of the errors they bound; none where it is not judged"""
-    not_judged: str = ""
-    """why there are no bounds for what is pressed; empty where there are"""
-
-    @property
-    def passed(self) -> bool:
-        """Whether it is judged, and every error is within its bound."""
-        return not self.not_judged and all(getattr(self, name) <= bound for name, bound in self.bounds.items())
-
-    @property
-    def verdict(self) -> str:
-        """Return passed, failed or not judged."""
-        return "not judged" if self.not_judged else "passed" if self.passed else "failed"
-
-    def as_json(self) -> dict[str, object]:
-        """Return the numbers, rounded for people."""
-        fields = {**vars(self), "bounds": dict(self.bounds), "passed": self.passed, "verdict": self.verdict}
-        return {name: round(value, 5) if isinstance(value, float) else value for name, value in fields.items()}
-
-
-class FrameJudge(Protocol):
-    """Compares what was reconstructed from a camera's frames with the truth."""
-
-    def compare(self, frame: TactileFrame) -> SelfCheckResult:
-        """Compare one frame that carries its truth; raises InputError for one that does not."""

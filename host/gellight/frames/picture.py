@@ -17,7 +17,7 @@ from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.dot_following import DotFollower
 from gellight.frames.dots import Dots, find_dots
-from gellight.frames.frames import CameraFrame, FrameJudge
+from gellight.frames.frames import CameraFrame
 from gellight.frames.view import View
 
 FILE_NAME = "picture.json"
@@ -161,7 +161,3 @@ class PreparedCamera(CameraWrapper):
         dots = self._follower.follow(seen) if self._follower else None
         truth = None if steps.view else frame.truth
         return replace(frame, image=steps.filled(seen), encoded=None, truth=truth, dots=dots)
-
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> FrameJudge | None:
-        """Return the judge of the camera inside; None where a view moves its pixels."""
-        return None if self.picture_steps.view else self._camera.selfcheck(pixel_size_mm)

@@ -167,8 +167,6 @@ class SensorStatus(PathStatus, FrameCounts):
 
     sensor: str
     """URL"""
-    selfcheck: dict[str, object] | None
-    """the figures of `SelfCheckResult` by name, with `passed` and `verdict`, and `bounds` by the same names"""
     touch: TouchStatus | None
     """None before the first frame, and without a calibration"""
     calibration: CalibrationStatus

@@ -1,5 +1,6 @@
 """The C core as a library with a virtual clock (firmware/boards/host), as the tests use it."""
 
+import ctypes
 import functools
 import os
 import shutil
@@ -10,7 +11,7 @@ import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from gellight.lab.core_board.core import OUTPUT_BYTES, Core, CoreLibrary
+from gellight.lab.core_board.core import FLASH_BYTES, OUTPUT_BYTES, Core, CoreLibrary
 from gellight.ring import protocol
 from gellight.ring.enumerations import Edge, SyncMode
 from gellight.ring.wire import LED_COUNT, Packet, Record, decode, encode
@@ -88,6 +89,17 @@ class VirtualBoard(Core):
     def faults(self, *, room: int = OUTPUT_BYTES, stuck: bool = False, cut_after: int = -1) -> None:
         """The host takes `room` bytes more; transfers to the LEDs break off; `cut_after` bytes of flash change."""
         self.call("fault", room, stuck, cut_after)
+
+    def flash(self) -> bytes:
+        """What its flash keeps of the configuration."""
+        kept = ctypes.create_string_buffer(FLASH_BYTES)
+        self.call("flash", kept)
+        return kept.raw
+
+    @property
+    def noted_saves(self) -> int:
+        """What `saves` of a board that starts anew is to be."""
+        return int(self.call("noted_saves"))
 
     def edge_after_reads(self, reads: int) -> None:
         """The trigger comes right after the board has read its clock that many times."""

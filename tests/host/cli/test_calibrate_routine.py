@@ -45,11 +45,11 @@ def test_an_interrupted_calibration_is_not_thrown_away_unasked_and_none_cannot_g
 def test_tools_are_those_a_calibration_was_begun_with_or_those_of_a_preset(tmp_path: Path) -> None:
     assert Tools(cylinder_diameter_mm=6.0).chosen(None) == ToolSizes(cylinder_diameter_mm=6.0)
     assert set(ToolSizes.model_fields) == {field.name for field in fields(Tools)} - {"preset"}
-    begin = identity(ball_mm=2.5, pins_mm=2.0)
+    begin = identity(ball_mm=2.5, cylinder_mm=6.0)
     begun_in(tmp_path, begin)
     assert Target(folder=tmp_path, restart=True).begun() is None
     assert Target(folder=tmp_path, resume=True).begun() == begin
-    given = ToolSizes(ball_radius_mm=3.0, cylinder_diameter_mm=8.0, pin_pitch_mm=2.0)
+    given = ToolSizes(ball_radius_mm=3.0, cylinder_diameter_mm=6.0)
     assert Tools(ball_radius_mm=3.0).chosen(begin) == given
     assert Tools(preset="gelsight-mini").chosen(None) == ToolSizes(ball_radius_mm=2.35)
     assert Tools(preset="gelsight-mini", ball_radius_mm=3.0).chosen(None) == ToolSizes(ball_radius_mm=3.0)
@@ -160,7 +160,6 @@ def test_the_screen_shows_the_step_the_circle_the_map_and_the_advice() -> None:
     from rich.console import Console
 
     shown = Display(
-        steps=("prepare", "presses"),
         instruction="Press the ball.",
         coverage=LiveCoverage.model_construct(places=[[0, 1], [12, 0]]),
     )

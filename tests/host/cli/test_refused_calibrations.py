@@ -73,7 +73,7 @@ BAD = {
 GUIDED = [
     "--sensor none.png", "--presses 3", "--presses 0", "--like none", "--like old", "--view none.json",
     "--view presses.csv", "--dots", "--preset none", "--ball-radius-mm 0", "--ball-radius-mm nan",
-    "--cylinder-diameter-mm 500", "--pin-pitch-mm -1", "--pixel-size-mm 0", "--until-um -1",
+    "--cylinder-diameter-mm 500", "--pixel-size-mm 0", "--until-um -1",
     "--verifications 0", "--largest-depth-error-um -1",
     "--largest-normal-error-deg nan", "--recipe none", "--trainer none", "--seed -1 --presses 3",
 ]  # fmt: skip
@@ -146,7 +146,7 @@ def test_a_refused_guided_calibration_leaves_the_disk_as_it_was(wrong: str, plac
 WISHES = [
     {"presses": 3}, {"presses": 0}, {"like": "0" * 16}, {"like": "x"}, {"dots": True},
     {"view": {"taken_width_px": 9, "taken_height_px": 9, "width_px": 4, "height_px": 4}},
-    {"ball_radius_mm": 0}, {"ball_radius_mm": 400}, {"cylinder_diameter_mm": -1}, {"pin_pitch_mm": 1e9},
+    {"ball_radius_mm": 0}, {"ball_radius_mm": 400}, {"cylinder_diameter_mm": -1}, {"pin_pitch_mm": 2},
     {"more": 1}, {"view": {"name": "view.json", "content": "none"}},
 ]  # fmt: skip
 

@@ -56,11 +56,10 @@ def test_an_interrupted_calibration_is_offered_with_the_tools_it_was_begun_with(
     service: Service, tmp_path: Path
 ) -> None:
     assert not service.state().interrupted
-    folder = begun_in(tmp_path / "state", identity(ball_mm=2.5, cylinder_mm=6.0, pins_mm=2.0))
+    folder = begun_in(tmp_path / "state", identity(ball_mm=2.5, cylinder_mm=6.0))
     assert service.state().interrupted
     defaults = service.state().defaults
-    tools = [getattr(defaults, name) for name in ("ball_radius_mm", "cylinder_diameter_mm", "pin_pitch_mm")]
-    assert tools == [2.5, 6.0, 2.0]
+    assert (defaults.ball_radius_mm, defaults.cylinder_diameter_mm) == (2.5, 6.0)
     folder.close()
     assert not service.state().interrupted
     assert service.state().defaults.ball_radius_mm == 4.0

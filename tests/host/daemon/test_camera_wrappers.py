@@ -57,9 +57,6 @@ class Inside(ScriptedCamera):
     def timing(self) -> CameraTiming | None:
         return CameraTiming(readout_s=0.001 * len(self.mark))
 
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> Any:
-        return f"judge {self.mark} {pixel_size_mm}"
-
     def read(self) -> Any:
         raise AssertionError("nobody reads here")
 
@@ -68,7 +65,7 @@ class Inside(ScriptedCamera):
 
 
 ARGUMENTS: dict[str, tuple[Any, ...]] = {
-    "selfcheck": ((0.1, 0.2),), "status": (), "adopt": ({"gain": 2.0}, None), "close": (), "hurry": (),
+    "status": (), "adopt": ({"gain": 2.0}, None), "close": (), "hurry": (),
 }  # fmt: skip
 
 

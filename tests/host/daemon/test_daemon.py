@@ -308,22 +308,3 @@ def test_camera_and_reconstruction_run_first_if_asked_where_the_system_lets_them
     with pytest.raises(InputError, match=r"- rtprio 10` to /etc/security/limits.conf.*leave service.realtime out"):
         session_of(camera, CountingReconstructor(), realtime=True).__enter__()
     assert camera.closed
-
-
-def test_what_looks_now_and_then_uses_its_share_of_the_processor_at_most() -> None:
-    looks: list[float] = []
-
-    def busy(frame: TactileFrame) -> None:
-        end_s = time.thread_time() + 0.02
-        while time.thread_time() < end_s:
-            pass
-        looks.append(time.monotonic())
-
-    camera = ScriptedCamera(period_s=0.01)
-    threads = FrameThreads(camera, CountingReconstructor().reconstruct, lambda: placeholder((2, 2)))
-    threads.add_periodic(busy, 0.001, share=0.1)
-    threads.start()
-    eventually(lambda: len(looks) >= 3)
-    threads.stop()
-    camera.close()
-    assert min(np.diff(looks)) > 0.2

@@ -152,7 +152,7 @@ def test_what_is_nonsense_is_refused_in_words(server: DashboardServer, calibrati
     for body in (b"{", {"type": "jump"}, {"type": "act", "action": "explode"}, {"type": "restore", "identity": "../x"},
                  {"type": "calibrate", "request": {"ball_radius_mm": -4}},
                  {"type": "calibrate", "request": {"presses": 1}},
-                 {"type": "calibrate", "request": {"pin_pitch_mm": -1}},
+                 {"type": "calibrate", "request": {"pixel_size_mm": -1}},
                  {"type": "calibrate", "request": {"ball_radius_mm": 51}},
                  {"type": "act", "action": "correct", "contact_radius_px": 0}):  # fmt: skip
         status, answer = post(server.base, body)

@@ -214,7 +214,7 @@ def test_everything_is_reached_with_the_keyboard_and_seen_there(
         if reached[-1] == "action-begin":
             break
     assert reached[:2] == ["back", "which"]
-    assert {"ball", "cylinder", "pins", "presses", "hand", "anew", "action-begin"} <= set(reached)
+    assert {"ball", "cylinder", "pixel", "presses", "hand", "anew", "action-begin"} <= set(reached)
     page.keyboard.press("Enter")
     wait_until(page, lambda: bool(calibration.asked))
     assert [what for what, *_ in calibration.asked] == ["begin"]

@@ -40,13 +40,12 @@ def test_a_calibration_begins_with_the_tools_that_were_named(opened: Open, calib
     page.get_by_test_id("action-begin").click()
     (begin, request), *_ = wait_for(calibration, page, 1)
     assert begin == "begin"
-    assert request.pin_pitch_mm is None
-    page.get_by_test_id("pins").fill("2")
+    assert request.pixel_size_mm is None
+    page.get_by_test_id("pixel").fill("0.06")
     page.get_by_test_id("action-begin").click()
-    assert wait_for(calibration, page, 2)[1][1].pin_pitch_mm == 2
+    assert wait_for(calibration, page, 2)[1][1].pixel_size_mm == 0.06
     assert (request.ball_radius_mm, request.cylinder_diameter_mm, request.presses) == (2.5, 8.0, 24)
     assert (request.hand, request.anew) == (False, False)
-    assert request.pixel_size_mm is None
 
 
 def test_the_unit_whose_presses_are_begun_with_is_chosen_by_its_name(opened: Open, calibration: Scripted) -> None:

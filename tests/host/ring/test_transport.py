@@ -16,7 +16,7 @@ from gellight.lab.core_board.simulated_board import SimulatedBoard
 from gellight.ring.enumerations import Edge, SyncMode
 from gellight.ring.light_ring import LightRing, Step, colour_bytes, connect
 from gellight.ring.transport import SilentError, find_port, open_transport
-from tests.helpers.terminal_board import TerminalBoard
+from tests.helpers.terminal_board import TerminalBoard, cut_power
 from tests.helpers.waiting import eventually
 
 RED = np.tile(np.array([200, 0, 0], np.uint8), (12, 1))
@@ -143,7 +143,7 @@ def test_a_board_that_ends_is_an_error() -> None:
     ring = connect("sim://")
     ring.light(RED)
     board = ring.transport
-    board.cut_power()
+    cut_power(board)
     assert not board.timeline[-1].colours.any()
     with pytest.raises(BoardError, match="sim://"):
         ring.status()

@@ -18,7 +18,7 @@ from gellight.cli.ending import Ending
 from gellight.cli.showing import show
 from gellight.daemon.bundle_choice import sensor_name
 from gellight.lab.calibration.choices import RoutineOptions
-from gellight.lab.calibration.records import MeasuredLens, MeasuredPixelSize, PinGrid
+from gellight.lab.calibration.records import MeasuredPixelSize
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.calibration.state import Identity, Steps, kept_like
 from gellight.lab.simulator.virtual_hand import hand_of
@@ -115,19 +115,9 @@ def _figures_text(steps: Steps) -> Iterator[str]:
     if isinstance(size, MeasuredPixelSize):
         origin = f"cylinder {size.diameter_px:.2f} px, spread {size.spread_px:.2f} px"
     yield f"pixel {size.x_mm:.5f} x {size.y_mm:.5f} mm ({origin}); noise {gel.noise_grey:.2f} grey levels"
-    yield _lens_text(steps.lens)
     yield from like_words(fit.model_dump())
     if truth.true_depth_mm is not None:
         yield (
             f"against the simulator's truth: depth {1000 * truth.true_depth_mm:.1f} µm in contact, normals "
             f"{truth.true_normal_deg:.3f} degrees over the whole map"
         )
-
-
-def _lens_text(lens: PinGrid | None) -> str:
-    if not isinstance(lens, MeasuredLens):
-        return "the lens was taken to be straight; a pin grid measures it (--pin-pitch-mm)"
-    return (
-        f"the lens moves a corner of the picture by {lens.corner_moves_px:.1f} px; {lens.pins} pins are "
-        f"{lens.rms_after_px:.2f} px off it, {lens.rms_before_px:.2f} px off a straight one"
-    )

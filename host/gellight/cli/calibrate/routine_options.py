@@ -105,12 +105,6 @@ class Tools:
     cylinder_diameter_mm: Annotated[
         float | None, typer.Option(help="Diameter of the flat-ended cylinder, mm.", show_default="8, or likewise")
     ] = None
-    pin_pitch_mm: Annotated[
-        float | None,
-        typer.Option(
-            help="Distance of two pins of a grid, mm: measures the distortion of the lens.", show_default="no grid"
-        ),
-    ] = None
     pixel_size_mm: Annotated[
         float | None,
         typer.Option(

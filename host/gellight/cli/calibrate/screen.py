@@ -76,7 +76,7 @@ def obey(routine: Routine, line: str) -> str:
 def _show_pictures(routine: Routine, place: Path, shown: dict[str, object]) -> None:
     """Write the pictures that are new into the folder of the state, because a terminal shows none."""
     pictures = routine.pictures()
-    for name in ("press", "cylinder", "pins"):
+    for name in ("press", "cylinder"):
         if pictures.get(name) is not shown.get(name):
             shown[name] = pictures[name]
             with suppress(OSError):  # the routine reports a full disk, because it cannot go on

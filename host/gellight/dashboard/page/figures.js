@@ -51,7 +51,6 @@ export function showStatus(status) {
   write("mode", modeOf(status));
   showHeat(status.ring);
   showStages(status.stage_ms ?? {});
-  showChecks(status.selfcheck);
 }
 
 /** How warm the light ring is; nothing where its board does not know. */
@@ -100,33 +99,4 @@ function showStages(stages) {
     line.append(node("dt", name), node("meter", "", "", { min: 0, max: longest, value: ms }), node("dd", fixed(ms, 1)));
     return line;
   }));
-}
-
-// Of the self-check: what the daemon calls it, what people call it, its unit, and units in one of the daemon's.
-const CHECKS = [
-  ["depth_error_mm", "depth error", "µm", 1000],
-  ["shape_error_mm", "depth error, constant off", "µm", 1000],
-  ["normal_error_deg", "normal error", "°", 1],
-  ["contact_normal_error_deg", "in contact", "°", 1],
-  ["integral_error_mm", "integration", "µm", 1000],
-  ["picture_error_grey", "re-rendered", "grey", 1],
-];
-
-function showChecks(selfcheck) {
-  const verdict = element("verdict");
-  write("verdict", selfcheck?.verdict ?? "");
-  verdict.title = selfcheck?.not_judged ?? "";
-  verdict.className = `verdict ${(selfcheck?.verdict ?? "").replace(" ", "-")}`;
-  write("checked", selfcheck?.sequence === undefined ? "" : `frame ${selfcheck.sequence}`);
-  const known = selfcheck ? CHECKS.filter(([key]) => typeof selfcheck[key] === "number") : [];
-  const nothing = node("td", "no reference to compare with", "dim");
-  fill("checks", selfcheck ?? null, () => (known.length ? known.map((check) => checkRow(selfcheck, check)) : [row(nothing)]));
-}
-
-function checkRow(selfcheck, [key, name, unit, factor]) {
-  const bound = selfcheck.bounds?.[key];
-  const judged = bound === undefined ? "" : selfcheck[key] <= bound ? "passed" : "failed";
-  const value = node("td", `${fixed(selfcheck[key] * factor, 2)} ${unit}`, judged);
-  value.dataset.testid = `check-${key}`;
-  return row(node("td", name, "dim"), value, node("td", bound === undefined ? "" : `≤ ${Number((bound * factor).toPrecision(3))}`, "dim"));
 }

@@ -70,8 +70,7 @@ function takeIn(state) {
 }
 
 function showSteps(routine) {
-  const usual = Object.keys(STEP_NAMES).filter((name) => name !== "lens");
-  const steps = routine?.steps ?? usual.map((name) => ({ name, state: "to do" }));
+  const steps = routine?.steps ?? Object.keys(STEP_NAMES).map((name) => ({ name, state: "to do" }));
   element("steps").replaceChildren(...steps.map(({ name, state }) => {
     const item = node("li", "", state.replace(" ", "-"));
     item.append(node("span", STEP_NAMES[name] ?? name));
@@ -126,7 +125,6 @@ function showRequest(state, running) {
   element("kind").append(...presets.map(({ name, title }) => new Option(title, name)));
   element("ball").value = defaults.ball_radius_mm;
   element("cylinder").value = defaults.cylinder_diameter_mm;
-  element("pins").value = defaults.pin_pitch_mm ?? "";
   element("pixel").value = defaults.pixel_size_mm ?? "";
   element("presses").value = defaults.presses;
   element("hand").checked = defaults.hand;
@@ -166,7 +164,6 @@ async function request() {
     dots: element("dots").checked && !element("dots-row").hidden,
     ball_radius_mm: element("ball").valueAsNumber,
     cylinder_diameter_mm: element("cylinder").valueAsNumber,
-    pin_pitch_mm: element("pins").value ? element("pins").valueAsNumber : null,
     pixel_size_mm: element("pixel").value ? element("pixel").valueAsNumber : null,
     presses: element("presses").valueAsNumber,
     like: element("like").value,
@@ -203,12 +200,10 @@ let offered = "";
 function showActions(routine, running, state) {
   const done = routine?.step === "finished" && routine.verdict?.passed !== false;
   const actions = running ? routine.actions.filter((name) => name !== "correct") : done ? ["live", "begin"] : ["begin"];
-  const optional = ["lens", "verify"].includes(routine?.step); // steps with a tool that may be left out
-  const key = [...actions, state.interrupted, Boolean(routine), optional].join();
+  const key = [...actions, state.interrupted, Boolean(routine)].join();
   if (key === offered) return; // a button that is being pressed stays where it is
   offered = key;
-  const next = optional ? "Go on without" : ACTION_NAMES.next;
-  const label = { ...ACTION_NAMES, next, begin: state.interrupted ? "Go on" : routine ? "Calibrate again" : "Start the calibration" };
+  const label = { ...ACTION_NAMES, begin: state.interrupted ? "Go on" : routine ? "Calibrate again" : "Start the calibration" };
   element("actions").replaceChildren(...actions.map((name, place) => {
     if (name === "live") return liveLink();
     const act = () => (name === "begin" ? begin() : command({ type: "act", action: name }));
@@ -285,7 +280,7 @@ function bundleRow(bundle, running) {
 }
 
 function offerPictures(routine) {
-  const names = ["live", ...(routine?.pictures ?? []).filter((name) => name !== "live" && name !== "coverage")];
+  const names = ["live", ...(routine?.pictures ?? []).filter((name) => name !== "live")];
   const choice = element("which");
   if (choice.childElementCount === names.length + 1) return;
   const option = (name, text) => new Option(text, name, false, name === chosen);

@@ -1,14 +1,13 @@
 // The words of the wizard: names of steps, actions and pictures, and what is said where a virtual hand presses.
 
-export const STEP_NAMES = { prepare: "Prepare", reference: "Reference", pixel_size: "Pixel size", lens: "Lens", presses: "Ball presses", fit: "Fit", verify: "Verify" };
+export const STEP_NAMES = { prepare: "Prepare", reference: "Reference", pixel_size: "Pixel size", presses: "Ball presses", fit: "Fit", verify: "Verify" };
 export const ACTION_NAMES = { start: "Start", next: "Next", correct: "Correct", drop: "Drop this press", accept: "Accept", abort: "Stop" };
-export const PICTURE_NAMES = { live: "Live", press: "Last press", difference: "Last press, difference", cylinder: "Cylinder", pins: "Pin grid", coverage: "Coverage", verify: "Depth of the check", untouched: "Untouched gel" };
+export const PICTURE_NAMES = { live: "Live", press: "Last press", difference: "Last press, difference", cylinder: "Cylinder", verify: "Depth of the check", untouched: "Untouched gel" };
 
 const BY_HAND = "You need a ball and a flat-ended cylinder of known size, and a quarter of an hour. Let the sensor warm up, and clean the gel.";
 const BY_VIRTUAL_HAND = "The sensor is simulated: a virtual hand presses everything. You need nothing but some minutes.";
 const HAND_DOES = {
   pixel_size: "The virtual hand presses the cylinder, each time at another place.",
-  lens: "The virtual hand presses the pin grid.",
   presses: "The virtual hand presses the ball, from a light touch to 2 mm deep, all over the view.",
   verify: "The virtual hand presses the ball at fresh places: these presses judge the calibration and are not learnt from.",
 };

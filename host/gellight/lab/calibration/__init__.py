@@ -5,7 +5,6 @@
 prepare     preparing.py, led_check.py   lock the camera, check and balance the LEDs
 reference   untouched.py                 the untouched gel, its noise and its drift
 pixel_size  probing.py                   the cylinder probe gives mm per pixel
-lens        pin_grid.py                  where there is a pin grid: the distortion of the lens
 presses     pressing.py, coverage.py     ball presses, found and judged while they come in
 fit         fitting.py                   the light of each LED; the network, in a child process
 verify      verifying.py                 fresh presses of the ball, and the verdict

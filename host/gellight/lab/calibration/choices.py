@@ -24,8 +24,6 @@ class ToolSizes(BaseModel):
 
     ball_radius_mm: float = Field(default=4.0, ge=0.1, le=100)
     cylinder_diameter_mm: float = Field(default=8.0, ge=0.1, le=100)
-    pin_pitch_mm: float | None = Field(default=None, ge=0.1, le=100)
-    """distance of neighbouring pins of the grid that measures the lens; None without one"""
     pixel_size_mm: float | None = Field(default=None, ge=0.001, le=1)
     """of a square pixel, where it is known already; None: the cylinder measures it"""
 

@@ -5,7 +5,6 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.lab.calibration.display import Picture
 from gellight.lab.calibration.records import Coverage
 from gellight.lab.training.presses import Ball, Press, contact_circle
 
@@ -94,12 +93,3 @@ def advice(found: Coverage, presses: int, wanted: int, *, settled: bool) -> str:
     if presses >= wanted or (settled and not places):
         return "enough"
     return f"{wanted - presses} more presses anywhere"
-
-
-def coverage_picture(found: Coverage, image_shape: tuple[int, int]) -> Picture:
-    """Draw the counts of places, (H, W, 3): dark where nothing was pressed, green where enough was."""
-    share = np.minimum(np.array(found.places) / 3.0, 1.0)
-    colours = np.stack([40 + 20 * share, 40 + 160 * share, 48 + 60 * share], axis=2).astype(np.uint8)
-    rows = np.arange(image_shape[0]) * ROWS // image_shape[0]
-    columns = np.arange(image_shape[1]) * COLUMNS // image_shape[1]
-    return np.asarray(colours[rows[:, None], columns[None, :]])

@@ -11,8 +11,8 @@ from gellight.lab.calibration.records import LiveCoverage, ShownCircle, Verdict
 from gellight.lab.calibration.state import Steps
 from gellight.lab.report.record import Record
 
-STEPS = ("prepare", "reference", "pixel_size", "lens", "presses", "fit", "verify")
-"""in this order, "lens" only where the user has a pin grid; then "finished", and "aborted" or "failed" at any time"""
+STEPS = ("prepare", "reference", "pixel_size", "presses", "fit", "verify")
+"""in this order; then "finished", and "aborted" or "failed" at any time"""
 Picture = NDArray[np.uint8]
 
 
@@ -46,8 +46,6 @@ class Changes(TypedDict, total=False):
 class Display:
     """Text, figures and pictures for the user; `snapshot` is a consistent copy."""
 
-    steps: tuple[str, ...] = STEPS
-    """those of this routine"""
     step: str = "idle"
     instruction: str = "Start when the sensor is warm and the gel is clean."
     actions: tuple[str, ...] = ("start",)
@@ -63,7 +61,7 @@ class Display:
     figures: Steps = field(default_factory=Steps)
     _pictures: dict[str, Picture] = field(default_factory=dict)
     _reached: str = ""
-    """the last of `steps`"""
+    """the last of `STEPS`"""
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def update(self, **changes: Unpack[Changes]) -> None:
@@ -71,7 +69,7 @@ class Display:
         with self._lock:
             for name, value in changes.items():
                 setattr(self, name, value)
-            self._reached = self.step if self.step in self.steps else self._reached
+            self._reached = self.step if self.step in STEPS else self._reached
             self.version += 1
 
     def begin_step(self, step: str) -> None:
@@ -118,9 +116,9 @@ class Display:
 
     def step_states(self) -> list[dict[str, str]]:
         """Return name and state of each step: "done", "now" or "to do"."""
-        done = self.steps.index(self._reached) if self._reached else 0
-        done = len(self.steps) if self.step == "finished" else done
+        done = STEPS.index(self._reached) if self._reached else 0
+        done = len(STEPS) if self.step == "finished" else done
         return [
             {"name": name, "state": "done" if i < done else "now" if name == self.step else "to do"}
-            for i, name in enumerate(self.steps)
+            for i, name in enumerate(STEPS)
         ]

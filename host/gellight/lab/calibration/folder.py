@@ -4,7 +4,6 @@ state.json        what is done; it marks the folder as one of a calibration
 reference.npy     (H, W, 3) float32, the mean of the untouched gel
 presses/*.png     ball presses to train on
 checks/*.png      fresh presses, never trained on
-grids/*.png       the pin grid
 draft/            the bundle before it is verified
 like/             the bundle of a like unit, whose presses are begun with
 
@@ -34,7 +33,6 @@ from gellight.lab.calibration.state import (
     STATE,
     CheckRecord,
     Identity,
-    PictureRecord,
     PressRecord,
     State,
     discard,
@@ -46,7 +44,7 @@ from gellight.lab.report.pictures import write_png
 from gellight.lab.training.presses import Press
 
 _Figures = TypeVar("_Figures", bound=StepFigures)
-_Kept = TypeVar("_Kept", bound=PictureRecord)
+_Kept = TypeVar("_Kept", bound=PressRecord)
 
 
 class Folder:
@@ -122,19 +120,10 @@ class Folder:
         self.state.extra_presses += presses
         steps = self.state.steps
         steps.presses, steps.fit, steps.refused_checks = None, None, 0
-        self._forget(self.state.checks)
-
-    def forget_grid(self) -> None:
-        """Forget the pictures of the pin grid and what they told."""
-        self.state.steps.lens = None
-        self._forget(self.state.grids)
-
-    def _forget(self, records: list[Any]) -> None:
-        """Forget pictures and remove their files: what lay there unlisted would count as somebody else's."""
-        files = [record.file for record in records]
-        records.clear()
+        files = [check.file for check in self.state.checks]
+        self.state.checks.clear()
         self.save()
-        for file in files:
+        for file in files:  # what lay there unlisted would count as somebody else's
             (self.path / file).unlink(missing_ok=True)
 
     def close(self) -> None:
@@ -188,10 +177,6 @@ class Folder:
         """Keep a fresh press."""
         return self._add("checks", self.state.checks, CheckRecord, picture, **dict(circle), figures=errors)
 
-    def add_grid(self, picture: Picture) -> PictureRecord:
-        """Keep a picture of the pin grid."""
-        return self._add("grids", self.state.grids, PictureRecord, picture)
-
     def _add(self, kind: str, records: list[_Kept], make: type[_Kept], picture: Picture, **more: Any) -> _Kept:
         number = 1 + max((record.number for record in records), default=0)
         while (self.path / (file := f"{kind}/press-{number:03d}.png")).exists():
@@ -229,10 +214,6 @@ class Folder:
         """Return the presses to train on."""
         return [record.press(self.path) for record in self.state.presses]
 
-    def checks(self) -> list[Press]:
-        """Return the fresh presses."""
-        return [record.press(self.path) for record in self.state.checks]
-
 
 def _check_empty(path: Path) -> None:
     """Refuse a folder in which something lies that no calibration wrote; hidden files do not count."""
@@ -261,6 +242,6 @@ def _check_same(path: Path, begun: Identity, wanted: Identity) -> None:
 
 def _drop_lost(path: Path, state: State) -> None:
     """Drop records whose picture is not there: the power failed, or the disk was full, between the two."""
-    lists: Iterable[list[Any]] = (state.presses, state.checks, state.grids)
+    lists: Iterable[list[Any]] = (state.presses, state.checks)
     for records in lists:
         records[:] = [record for record in records if (path / record.file).is_file()]

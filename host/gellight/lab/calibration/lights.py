@@ -27,12 +27,11 @@ quarter too low, shadows that are not there make deep walls twice as wrong as no
 def measure_lights(run: CalibrationRun) -> LightModel | None:
     """Return the light of each LED on the untouched gel; None where it would be of no use.
 
-    That is without a ring; with a pin grid or a view, for shadows are sought in pictures as the camera takes them; and
-    where the light does not fit the ring of [geometry], which the user is told.
+    That is without a ring; with a view, for shadows are sought in pictures as the camera takes them; and where the
+    light does not fit the ring of [geometry], which the user is told.
     """
     steps = steps_in(run.camera.bundle_files)
-    viewed = run.options.tools.pin_pitch_mm is not None or (steps is not None and steps.view is not None)
-    if run.camera.ring is None or viewed:
+    if run.camera.ring is None or (steps is not None and steps.view is not None):
         return None
     run.display.update(instruction="The light of each LED is measured. Touch nothing.")
     wait_free(run, detector_of(run))

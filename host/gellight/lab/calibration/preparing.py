@@ -12,7 +12,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import LedSetting
 from gellight.frames.camera import Camera, CameraControls, controls_of
 from gellight.lab.calibration import led_check
-from gellight.lab.calibration.records import Preparation, Uniformities, Uniformity
+from gellight.lab.calibration.records import Preparation, Uniformity
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.sensing import check_light, mean_image
 
@@ -33,15 +33,15 @@ def prepare(run: CalibrationRun) -> None:
     run.wait_for_next("Clean the gel, put nothing on it, and keep other light away. Then go on.")
     run.display.update(instruction="The camera is being set and the LEDs are checked. Touch nothing.")
     _lock(camera)
-    lights, levels, colours = None, None, options.ring.led_colours
+    lights, levels, ring = None, None, options.ring
     if camera.ring is not None:
-        if camera.ring.led_count != len(colours):
+        if camera.ring.led_count != len(ring.channels):
             raise InputError(
-                f"the board drives {camera.ring.led_count} LEDs, led_colours = {colours!r} has {len(colours)}: give "
-                "led_colours under [geometry] in gellight.toml, or the board its number of LEDs with `gellight ring "
-                "configure --leds`"
+                f"the board drives {camera.ring.led_count} LEDs, led_colours = {ring.led_colours!r} has "
+                f"{len(ring.channels)}: give led_colours under [geometry] in gellight.toml, or the board its number of "
+                "LEDs with `gellight ring configure --leds`"
             )
-        lights = led_check.check_lights(run, full_colours(colours))
+        lights = led_check.check_lights(run, ring.colours)
         levels = _balanced(run)
     elif camera.controls is not None:
         _expose(run, camera.controls)
@@ -68,12 +68,6 @@ def led_settings(levels: list[list[int]] | None) -> tuple[LedSetting, ...]:
     return tuple(LedSetting.model_validate({"colour": "RGB"[rgb.index(max(rgb))], "rgb": rgb}) for rgb in levels or [])
 
 
-def full_colours(ring: str, levels: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> NDArray[np.uint8]:
-    """(n, 3) a ring of LEDs of these colours, such as "RRRRGGGGBBBB", each at its colour's share of brightness."""
-    lit = np.array([[float(colour == channel) for channel in "RGB"] for colour in ring])
-    return np.asarray(np.rint(255 * lit * np.array(levels)).astype(np.uint8))
-
-
 def _lock(camera: Camera) -> None:
     """Fix every control where it is, the gain at its lowest: automatic ones would follow the press."""
     controls = camera.controls
@@ -96,13 +90,13 @@ def _balanced(run: CalibrationRun) -> NDArray[np.uint8]:
 
     Channels overlap, so that it takes some rounds: each multiplies a level by what its channel is off.
     """
-    share, colours = np.ones(3), run.options.ring.led_colours
+    share = np.ones(3)
     for _ in range(_ROUNDS):
-        level = (float(share[0]), float(share[1]), float(share[2]))
-        image = led_check.light(run, full_colours(colours, level))
+        colours = np.rint(run.options.ring.colours * share).astype(np.uint8)
+        image = led_check.light(run, colours)
         if run.camera.controls is not None:
             _expose(run, run.camera.controls)
-            image = led_check.light(run, full_colours(colours, level))
+            image = led_check.light(run, colours)
         means = image.mean(axis=(0, 1))
         if means.min() <= 0.5:
             raise InputError(
@@ -112,7 +106,7 @@ def _balanced(run: CalibrationRun) -> NDArray[np.uint8]:
             break
         share = np.clip(share * means.min() / means, _DIMMEST_SHARE, 1.0)
         share /= share.max()
-    return full_colours(colours, level)
+    return np.asarray(colours)
 
 
 def _expose(run: CalibrationRun, controls: CameraControls) -> None:
@@ -142,8 +136,8 @@ def _amplify(controls: CameraControls, factor: float) -> None:
         controls.set("gain", float(np.clip(controls.read("gain") * factor, low, high)))
 
 
-def _advice(found: Uniformities) -> str:
-    brightest = max(colour.brightest_grey for colour in (found.red, found.green, found.blue))
+def _advice(found: dict[str, Uniformity]) -> str:
+    brightest = max(found[colour].brightest_grey for colour in ("red", "green", "blue"))
     if brightest < LOWEST_GREY:
         return f"the gel is dim: its brightest colour reaches {brightest:.0f}; give more light for less noise"
     if brightest > HIGHEST_GREY:
@@ -163,7 +157,7 @@ def uniformity(intensity: Floats) -> Uniformity:
     )
 
 
-def of_image(image: Floats) -> Uniformities:
+def of_image(image: Floats) -> dict[str, Uniformity]:
     """Return the figures of the average of the colours and of each colour of (H, W, 3) grey levels."""
-    red, green, blue = (uniformity(image[..., channel]) for channel in range(3))
-    return Uniformities(average=uniformity(image.mean(axis=2)), red=red, green=green, blue=blue)
+    seen = {"average": image.mean(axis=2), "red": image[..., 0], "green": image[..., 1], "blue": image[..., 2]}
+    return {name: uniformity(intensity) for name, intensity in seen.items()}

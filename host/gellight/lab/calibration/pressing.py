@@ -6,18 +6,18 @@ from pydantic import ValidationError
 
 from gellight.base.errors import BundleError, InputError
 from gellight.frames.image_files import read_image
-from gellight.lab.calibration.coverage import advice, coverage, coverage_picture
+from gellight.lab.calibration.coverage import advice, coverage
 from gellight.lab.calibration.display import Picture, Progress
 from gellight.lab.calibration.live_error import LiveError
 from gellight.lab.calibration.records import BallPresses, Circle, LiveCoverage, PixelSize
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.sensing import check_light, detector_of, next_press, wait_free
 from gellight.lab.calibration.state import PressRecord
-from gellight.lab.report.pictures import difference_picture
+from gellight.lab.report.pictures import difference_picture, with_circle
 from gellight.lab.simulator.virtual_hand import VirtualHand
-from gellight.lab.training.labelling import find_circle
+from gellight.lab.training.labelling.circle import find_circle
 from gellight.lab.training.labelling.pixel_ratio import pixel_ratio
-from gellight.lab.training.presses import Ball, Press
+from gellight.lab.training.presses import Ball
 
 _SHAPE_PRESSES = 8
 """after which it is first asked whether pixels are square"""
@@ -134,7 +134,7 @@ class _Collector:
     def show_press(self, image: Picture, circle: Circle) -> None:
         """Show a press, and its difference image, which shows the contact best; the page draws the circle on it."""
         difference = difference_picture(image - self.reference)
-        self.run.display.show(press=drawn(image, circle), difference=difference)
+        self.run.display.show(press=with_circle(image, **dict(circle)), difference=difference)
 
     def last(self) -> PressRecord:
         if not self.run.folder.state.presses:
@@ -184,7 +184,6 @@ class _Collector:
             advice=words + (f"; press {doubtful[0]} contradicts the others, drop it" if doubtful else ""),
             coverage=LiveCoverage(held_out=tuple(self.live.history), held_out_um=self.held_out_um, **dict(found)),
         )
-        run.display.show(coverage=coverage_picture(found, run.camera.image_shape))
 
     @property
     def held_out_um(self) -> float | None:
@@ -230,13 +229,3 @@ def corrected_circle(numbers: dict[str, float], ball: Ball, image_shape: tuple[i
     if not (0 <= x <= image_shape[1] - 1 and 0 <= y <= image_shape[0] - 1):
         raise InputError(f"the press at ({x:.0f}, {y:.0f}) px is off the picture: press nearer to the middle")
     return circle
-
-
-def drawn(image: Picture, circle: Circle | Press) -> Picture:
-    """Draw a circle and its centre on a picture."""
-    picture = image.copy()
-    rows, columns = np.indices(image.shape[:2])
-    distance = np.hypot(columns - circle.center_x_px, rows - circle.center_y_px)
-    picture[np.abs(distance - circle.contact_radius_px) < 0.8] = (255, 240, 80)
-    picture[distance < 1.6] = (255, 240, 80)
-    return picture

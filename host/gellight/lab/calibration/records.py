@@ -1,10 +1,9 @@
 """What a calibration measures: a record for each step, as it stands in `state.json` and is shown."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pydantic import ConfigDict
 
-from gellight.lab.optics.lens.measuring import LensFigures
 from gellight.lab.report.record import Record
 
 
@@ -28,15 +27,6 @@ class Uniformity(StepPart):
     sigma_grey: float
     brightest_grey: float
     """99th percentile"""
-
-
-class Uniformities(Record):
-    """The distributions of the mean of the colours and of each colour."""
-
-    average: Uniformity
-    red: Uniformity
-    green: Uniformity
-    blue: Uniformity
 
 
 class LedAnswer(Record):
@@ -67,7 +57,8 @@ class Preparation(StepFigures):
     led: list[list[int]] | None = None
     """(12, 3) levels; None without a ring"""
     lights: LedCheck | None = None
-    uniformity: Uniformities
+    uniformity: dict[str, Uniformity]
+    """of each colour, and of the average of all, by name"""
     advice: str
 
 
@@ -109,18 +100,6 @@ class MeasuredPixelSize(PixelSize):
     y_spread_mm: float
 
 
-class PinGrid(StepFigures):
-    """The pictures of the pin grid; none where the user went on without."""
-
-    step = "lens"
-    pictures: int
-    pitch_mm: float | None = None
-
-
-class MeasuredLens(PinGrid, LensFigures):
-    """The pin grid with the lens that was fitted to it."""
-
-
 class Coverage(Record):
     """Counts of presses by place, and of pixels by slope; see `coverage`."""
 
@@ -157,42 +136,14 @@ class BallPresses(StepFigures):
     """see `LiveCoverage`; None in records of before"""
 
 
-class ErrorSpread(Record):
-    """The error of single pixels; more figures may stand beside the mean."""
-
-    model_config = ConfigDict(extra="allow")
-
-    mean: float
-
-
-class TrainingRecord(Record):
-    """What training says of itself; more than is shown is kept for the bundle."""
-
-    model_config = ConfigDict(extra="allow")
-
-    images: int
-    cpu_seconds: float
-    trainer: str = "torch"
-    """the library that trained, and its version; a calibration begun by an older version has none of this: torch"""
-
-
-class HeldOut(Record):
-    """The error on presses that the network did not learn from; more than is shown is kept for the bundle."""
-
-    model_config = ConfigDict(extra="allow")
-
-    presses: int
-    normal_error_deg: ErrorSpread
-
-
 class Fit(StepFigures):
-    """The metrics of the draft, and the loss after each epoch."""
+    """The metrics of the draft, and the loss after each epoch; more than is shown is kept for the bundle."""
 
     model_config = ConfigDict(extra="allow")
 
     step = "fit"
-    training: TrainingRecord
-    held_out: HeldOut | None = None
+    training: dict[str, Any]
+    held_out: dict[str, Any] | None = None
     """None in a calibration that was begun by an older version"""
     losses: tuple[float, ...]
 

@@ -9,14 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.frames import TactileFrame
-from gellight.lab.calibration.pressing import drawn
 from gellight.lab.calibration.records import (
     BallPresses,
     CheckErrors,
     Fit,
-    MeasuredLens,
     MeasuredPixelSize,
-    PinGrid,
     PixelSize,
     Preparation,
     UntouchedGel,
@@ -27,7 +24,7 @@ from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.state import CheckRecord
 from gellight.lab.report import html
 from gellight.lab.report.html import box, picture, section, table
-from gellight.lab.report.pictures import depth_picture, difference_picture, normal_picture
+from gellight.lab.report.pictures import depth_picture, difference_picture, normal_picture, with_circle
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 from gellight.lab.training.training import like_words
 from gellight.lab.training.wrong_labels import contradicted_lines
@@ -47,9 +44,6 @@ class Example:
 
     image: NDArray[np.uint8]
     press: Press
-    """its circle in the picture"""
-    on_gel: Press
-    """its circle over the undistorted gel, where what is felt lies"""
     felt: TactileFrame
     ball: Ball
 
@@ -60,13 +54,13 @@ class Example:
 
     @cached_property
     def inside(self) -> NDArray[np.bool_]:
-        """(H, W) the contact circle over the undistorted gel."""
-        return contact_circle(self.on_gel, self.shape)
+        """(H, W) the contact circle."""
+        return contact_circle(self.press, self.shape)
 
     @cached_property
     def cap_mm(self) -> NDArray[np.float32]:
         """(H, W) depth of the ball below the rim of its contact circle; NaN outside."""
-        return np.where(self.inside, cap_depth_mm(self.on_gel, self.ball, self.shape), np.nan)
+        return np.where(self.inside, cap_depth_mm(self.press, self.ball, self.shape), np.nan)
 
     @cached_property
     def rim_mm(self) -> float:
@@ -84,7 +78,6 @@ def page(run: CalibrationRun, verdict: Verdict, figures: Verification, example: 
         _verification(folder.state.checks, figures, example),
         _preparation(run),
         _pixel_size(folder.figures(PixelSize), run.options.tools.cylinder_diameter_mm),
-        _lens(folder.state.steps.lens),
         _presses(folder.figures(BallPresses), example.ball),
         _training(folder.figures(Fit)),
     )
@@ -132,13 +125,16 @@ def _verification(records: list[CheckRecord], figures: Verification, example: Ex
 
 def _felt_pictures(example: Example) -> list[tuple[NDArray[np.uint8], str]]:
     """One fresh press: seen, felt, and as the ball says it should be."""
-    felt, inside = example.felt, example.inside
+    felt, inside, press = example.felt, example.inside, example.press
     error = np.where(inside, np.abs(felt.depth_mm - example.cap_mm - example.rim_mm), 0)
     scale = max(1000.0 * float(felt.depth_mm.max()), 100.0)
-    gradient = np.nan_to_num(sphere_gradient(example.on_gel, example.ball, example.shape))
+    gradient = np.nan_to_num(sphere_gradient(example.press, example.ball, example.shape))
     true = np.where(inside[..., None], normals(gradient), [0, 0, 1])
     return [
-        (drawn(example.image, example.press), "one fresh press and its contact circle"),
+        (
+            with_circle(example.image, press.center_x_px, press.center_y_px, press.contact_radius_px),
+            "one fresh press and its contact circle",
+        ),
         (difference_picture(felt.difference), "difference from the untouched gel"),
         (depth_picture(felt.depth_mm, scale_um=scale), f"depth felt, bright: {scale:.0f} µm"),
         (normal_picture(true), "normals of the ball inside the circle"),
@@ -171,7 +167,7 @@ def _checks(records: list[CheckRecord]) -> str:
 
 def _preparation(run: CalibrationRun) -> str:
     prepared, reference = run.folder.figures(Preparation), run.folder.figures(UntouchedGel)
-    rows = [[name, f"{one.mean_grey:.1f}", f"{one.sigma_grey:.2f}"] for name, one in prepared.uniformity]
+    rows = [[name, f"{one.mean_grey:.1f}", f"{one.sigma_grey:.2f}"] for name, one in prepared.uniformity.items()]
     untouched = np.rint(run.folder.reference()).astype(np.uint8)
     camera = ", ".join(f"{name} {value:g}" for name, value in prepared.camera.items()) or "nothing to set"
     answers = prepared.lights.leds if prepared.lights else ()
@@ -208,21 +204,6 @@ def _pixel_size(size: PixelSize, diameter_mm: float) -> str:
     )
 
 
-def _lens(lens: PinGrid | None) -> str:
-    if not isinstance(lens, MeasuredLens):
-        return "<p>No pin grid was pressed: the lens is taken to be straight.</p>"
-    rows = [
-        ["pins off a straight grid", f"{lens.rms_before_px:.3f}", f"{1000 * lens.rms_before_mm:.1f}"],
-        ["pins off this lens", f"{lens.rms_after_px:.3f}", f"{1000 * lens.rms_after_mm:.1f}"],
-    ]
-    return section(
-        "Lens",
-        f"<p>{lens.pins} pins, {lens.pitch_mm:g} mm apart, in {lens.pictures} picture(s). The lens moves a "
-        f"corner of the picture by {lens.corner_moves_px:.1f} px; depth and normals are freed of that.</p>",
-        table(["root mean square", "px", "µm"], rows),
-    )
-
-
 def _presses(found: BallPresses, ball: Ball) -> str:
     seen = found.coverage
     head = ["presses by place", *(f"column {number + 1}" for number in range(len(seen.places[0])))]
@@ -240,16 +221,17 @@ def _presses(found: BallPresses, ball: Ball) -> str:
 def _training(found: Fit) -> str:
     training, judged = found.training, found.held_out
     error = (
-        f" Error on presses that networks did not learn from: {judged.normal_error_deg.mean:.2f} degrees."
+        f" Error on presses that networks did not learn from: {judged['normal_error_deg']['mean']:.2f} degrees."
         if judged
         else ""
     )
+    trainer = escape(training.get("trainer", "torch"))  # before it was told, that was all there was
     metrics = found.model_dump()
     begun = "".join(f" {escape(words.capitalize())}." for words in like_words(metrics))
     left_out = "".join(f"<p>{escape(line)}</p>" for line in contradicted_lines(metrics))
     return section(
         "Network",
-        f"<p>Trained on {training.images} presses by {escape(training.trainer)} in {training.cpu_seconds:.1f} CPU "
+        f"<p>Trained on {training['images']} presses by {trainer} in {training['cpu_seconds']:.1f} CPU "
         f"seconds; its loss fell from {found.losses[0]:.3g} to {found.losses[-1]:.3g}.{error}{begun}</p>{left_out}",
     )
 

@@ -21,7 +21,6 @@ from gellight.frames.camera import Camera
 from gellight.lab.calibration.choices import RoutineOptions
 from gellight.lab.calibration.display import Display, Picture
 from gellight.lab.calibration.fitting import fit
-from gellight.lab.calibration.pin_grid import collect_grid, straighten
 from gellight.lab.calibration.preparing import prepare, prepare_again
 from gellight.lab.calibration.pressing import collect_presses
 from gellight.lab.calibration.probing import measure_pixel_size
@@ -92,8 +91,8 @@ class Routine:
     def pictures(self) -> dict[str, Picture]:
         """Return (H, W, 3) uint8 RGB by name, as they exist.
 
-        live, untouched, cylinder and press (with their circles), coverage, and verify (the depth
-        felt of the last fresh press).
+        live, untouched, cylinder and press (with their circles), difference (of that press from the untouched gel), and
+        verify (the depth felt of the last fresh press).
         """
         return self._calibration.display.pictures()
 
@@ -161,12 +160,9 @@ def _run_steps(run: CalibrationRun) -> Bundle | None:
         ("prepare", prepare, prepare_again),
         ("reference", take_reference, compare_with_reference),
         ("pixel_size", measure_pixel_size, None),
-        ("lens", collect_grid, None),
         ("presses", collect_presses, None),
         ("fit", fit, None),
     ):
-        if step not in run.display.steps:
-            continue
         run.display.begin_step(step)
         if run.folder.done(step) is None:
             first(run)
@@ -174,6 +170,5 @@ def _run_steps(run: CalibrationRun) -> Bundle | None:
             again(run)
         if figures := run.folder.done(step):
             run.display.add_figures(step, figures)
-    straighten(run)
     run.display.begin_step("verify")
     return verify(run)

@@ -12,7 +12,7 @@ from gellight.frames.camera import Camera, EndOfStream
 from gellight.frames.frames import CameraFrame
 from gellight.frames.picture import steps_in
 from gellight.lab.calibration.choices import LEAST_PRESSES, RoutineOptions
-from gellight.lab.calibration.display import STEPS, Display
+from gellight.lab.calibration.display import Display
 from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.readiness import check_target
 from gellight.lab.calibration.state import Identity, discard
@@ -43,7 +43,7 @@ class CalibrationRun:
         check_target(options, folder, camera.image_shape)
         self.camera = camera
         self.hand = hand
-        self.display = Display(steps=tuple(s for s in STEPS if s != "lens" or options.tools.pin_pitch_mm is not None))
+        self.display = Display()
         if anew:
             discard(folder)
         self.folder = Folder.open(folder, _identity(camera, options))
@@ -91,11 +91,6 @@ class CalibrationRun:
         if action == "abort":
             raise Aborted
         return action, arguments
-
-    def skipped(self) -> bool:
-        """Tell whether the user wants to go on without; raises Aborted as `next_action`."""
-        chosen = self.next_action()
-        return chosen is not None and chosen[0] == "next"
 
     def check_stopped(self) -> None:
         """Raise Aborted if the user wants to stop."""

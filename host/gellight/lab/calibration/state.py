@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -18,9 +19,7 @@ from gellight.lab.calibration.records import (
     CheckErrors,
     Circle,
     Fit,
-    MeasuredLens,
     MeasuredPixelSize,
-    PinGrid,
     PixelSize,
     Preparation,
     ShownCircle,
@@ -33,10 +32,10 @@ from gellight.lab.training.presses import Press
 STATE = "state.json"
 REFERENCE = "reference.npy"
 DRAFT, LIKE_UNIT = "draft", "like"
-KINDS = ("presses", "checks", "grids")
+KINDS = ("presses", "checks")
 """folders of pictures"""
 _SHOWN = ("press.png", "cylinder.png", "pins.png")
-"""pictures that the terminal keeps beside the state"""
+"""pictures that the terminal keeps beside the state, or once kept"""
 
 
 class PictureRecord(Record):
@@ -55,10 +54,9 @@ class PressRecord(PictureRecord, Circle):
 
     def press(self, folder: Path) -> Press:
         """Return the press as it is trained on; folder: that of the calibration."""
-        x, y, radius = self.center_x_px, self.center_y_px, self.contact_radius_px
-        return Press(image=folder / self.file, center_x_px=x, center_y_px=y, contact_radius_px=radius, found=self.found)
+        return Press(image=folder / self.file, found=self.found, **self.circle())
 
-    def circle(self) -> dict[str, float]:
+    def circle(self) -> dict[str, Any]:
         """Return the three numbers of the circle by name."""
         return {name: getattr(self, name) for name in Circle.model_fields}
 
@@ -91,7 +89,6 @@ class Steps(BaseModel):
     prepare: Preparation | None = None
     reference: UntouchedGel | None = None
     pixel_size: MeasuredPixelSize | PixelSize | None = None
-    lens: MeasuredLens | PinGrid | None = None
     presses: BallPresses | None = None
     fit: Fit | None = None
     verify: Verification | None = None
@@ -113,7 +110,7 @@ class State(BaseModel):
     checks: list[CheckRecord] = Field(default_factory=list)
     """fresh ones"""
     grids: list[PictureRecord] = Field(default_factory=list)
-    """of the pin grid"""
+    """of a pin grid, which this version no longer asks for: they are only removed with the rest"""
     extra_presses: int = 0
     """wanted beyond what was asked for, because a verdict was bad"""
     name: str = ""
@@ -144,7 +141,7 @@ def discard(path: Path) -> None:
     with writing(path):
         for name in (*pictures, *bundles, *_SHOWN, REFERENCE, STATE):
             (path / name).unlink(missing_ok=True)
-    for name in (*KINDS, DRAFT, LIKE_UNIT, "."):
+    for name in (*KINDS, "grids", DRAFT, LIKE_UNIT, "."):
         with suppress(OSError):  # it is not there, or holds something else
             (path / name).resolve().rmdir()
 

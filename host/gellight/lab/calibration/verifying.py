@@ -1,7 +1,6 @@
 """Step 6: fresh presses judge the draft; only what passes is written."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.calibration.display import Progress
 from gellight.lab.calibration.preparing import led_settings
-from gellight.lab.calibration.pressing import ball_of, circle_of, drawn
+from gellight.lab.calibration.pressing import ball_of, circle_of
 from gellight.lab.calibration.records import (
     CheckErrors,
     Circle,
@@ -27,13 +26,12 @@ from gellight.lab.calibration.report import Example, page
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.sensing import Capture, check_light, detector_of, next_press, wait_free
 from gellight.lab.calibration.state import CheckRecord
-from gellight.lab.report.pictures import depth_picture, difference_picture
+from gellight.lab.report.pictures import depth_picture, difference_picture, with_circle
 from gellight.lab.simulator.virtual_hand import VirtualHand
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.validation import ALIKE, press_error
 from gellight.reconstruction.errors import surface_errors
 from gellight.reconstruction.force import Layer
-from gellight.reconstruction.lens.undistortion import circle_on_gel, has_lens, lens_of, read_record
 
 Floats = NDArray[np.float32]
 
@@ -42,7 +40,6 @@ Floats = NDArray[np.float32]
 class Judge:
     """What every fresh press is held against."""
 
-    draft: Bundle
     reconstructor: Reconstructor
     ball: Ball
     layer: Layer | None
@@ -51,7 +48,7 @@ class Judge:
     def errors(self, frame: CameraFrame, press: Press) -> tuple[TactileFrame, CheckErrors]:
         """Return what is felt of a press of the ball, and its errors."""
         felt = self.reconstructor.reconstruct(frame)
-        error = press_error(self.on_gel(press), self.ball, felt, self.layer)
+        error = press_error(press, self.ball, felt, self.layer)
         true = surface_errors(felt, frame.truth) if frame.truth else None
         return felt, CheckErrors(
             depth_mm=error.depth_mae_mm,
@@ -62,14 +59,6 @@ class Judge:
             true_normal_deg=true.normal_deg if true else None,
         )
 
-    def on_gel(self, press: Press) -> Press:
-        """Return the circle of a press over the undistorted gel: the same where the bundle knows no lens."""
-        if not has_lens(self.draft):
-            return press
-        seen = press.center_x_px, press.center_y_px, press.contact_radius_px
-        x, y, radius = circle_on_gel(lens_of(read_record(self.draft)), self.draft.pixel_size_mm, seen)
-        return replace(press, center_x_px=x, center_y_px=y, contact_radius_px=radius)
-
 
 MORE_PRESSES = 12
 """asked for after a bad verdict, beside those there are"""
@@ -78,7 +67,8 @@ MORE_PRESSES = 12
 def verify(run: CalibrationRun) -> Bundle | None:
     """Collect fresh presses, judge the draft by them, and write the bundle if it passes."""
     draft = load_bundle(run.folder.draft)
-    judge = Judge(draft, Reconstructor(draft), ball_of(run), run.layer)
+    # A draft that another version began may have a lens; circles are those of the picture.
+    judge = Judge(Reconstructor(draft, undistorted=False), ball_of(run), run.layer)
     reference, detector = run.folder.reference(), detector_of(run)
 
     def press(hand: VirtualHand) -> None:
@@ -117,7 +107,9 @@ def _take(run: CalibrationRun, capture: Capture, reference: Floats, judge: Judge
     record = run.folder.add_check(image, circle, errors)
     run.display.update(problem="", press=record.shown("checked"))
     difference = difference_picture(image - reference)
-    run.display.show(press=drawn(image, circle), difference=difference, verify=depth_picture(felt.depth_mm))
+    run.display.show(
+        press=with_circle(image, **dict(circle)), difference=difference, verify=depth_picture(felt.depth_mm)
+    )
 
 
 def _check_whole(circle: Circle, shape: tuple[int, ...]) -> None:
@@ -144,13 +136,8 @@ def _conclude(run: CalibrationRun, draft: Bundle, judge: Judge) -> Bundle | None
 
 def summary(checks: list[CheckRecord]) -> Verification:
     """Return the means over the fresh presses of the ball."""
-    means = _means([check.figures for check in checks])
-    return Verification(presses=len(checks), **means)
-
-
-def _means(errors: Sequence[CheckErrors]) -> dict[str, float]:
-    each = [error.as_json() for error in errors]
-    return {name: float(np.mean([one[name] for one in each])) for name in each[0]}
+    each = [check.figures.as_json() for check in checks]
+    return Verification(presses=len(checks), **{name: float(np.mean([one[name] for one in each])) for name in each[0]})
 
 
 def verdict_on(figures: Verification, limits: Limits) -> Verdict:
@@ -186,16 +173,15 @@ def _example(run: CalibrationRun, judge: Judge) -> Example:
     press = checks[len(checks) // 2].press(run.folder.path)
     image = read_image(press.image)
     frame = CameraFrame(image=image, time_s=0.0, sequence=0, source=printable(press.image))
-    return Example(image, press, judge.on_gel(press), judge.reconstructor.reconstruct(frame), judge.ball)
+    return Example(image, press, judge.reconstructor.reconstruct(frame), judge.ball)
 
 
 def _write(run: CalibrationRun, draft: Bundle, figures: Verification, report: str) -> Bundle:
     """Write the draft as the bundle, with all that it holds and all that was measured since."""
-    prepared, lens = run.folder.figures(Preparation), run.folder.state.steps.lens
+    prepared = run.folder.figures(Preparation)
     measured = {
         "verification": figures.as_json(),
         "pixel_size": run.folder.figures(PixelSize).as_json(),
-        "lens": lens.as_json() if lens else {},
         "prepare": prepared.as_json(),
     }
     kept = draft.manifest.model_dump(include=set(Description.__annotations__))

@@ -20,8 +20,6 @@ from gellight.ring.wire import COLOUR_BYTES
 CHECKSUMS = Path(__file__).parent / "libraries.sha256"
 FLASH_BYTES = 8192
 OUTPUT_BYTES = 65536
-KEPT_LIGHTS = 4096
-"""lights that the library remembers"""
 RESTARTED = 2
 """of `flags`"""
 _POINTER, _U32, _U64, _I32, _BOOL = (
@@ -136,12 +134,6 @@ class Core:
         """Return what it has sent to the host since the last call."""
         return self._output.raw[:count] if (count := self.call("take_output", self._output, OUTPUT_BYTES)) else b""
 
-    def flash(self) -> bytes:
-        """Return what its flash keeps of the configuration."""
-        kept = ctypes.create_string_buffer(FLASH_BYTES)
-        self.call("flash", kept)
-        return kept.raw
-
     @property
     def now_us(self) -> int:
         """The virtual time."""
@@ -153,17 +145,12 @@ class Core:
         return int(self.call("next"))
 
     @property
-    def noted_saves(self) -> int:
-        """What `saves` of a board that starts anew is to be."""
-        return int(self.call("noted_saves"))
-
-    @property
     def flags(self) -> int:
         """1: healthy, 2: it wants to restart, 4: into the boot loader."""
         return int(self.call("flags"))
 
     def latched(self, first: int = 0) -> Iterator[ShownLight]:
-        """Yield what the LEDs latched, from a number on; the library remembers the last `KEPT_LIGHTS`."""
+        """Yield what the LEDs latched, from a number on; the library remembers the last 4096."""
         for index in range(first, self.call("light_count")):
             light = ShownLight()
             self.call("light_at", index, ctypes.byref(light))

@@ -162,12 +162,6 @@ class SimulatedBoard:
                 self._advance_to(self._now_us + DARK_US)
             self._end()
 
-    def cut_power(self) -> None:
-        """Let the board lose its power at once, as when somebody pulls the plug."""
-        with self._lock:
-            self._advance()
-            self._end()
-
     def _end(self) -> None:
         """Be gone, with dark LEDs."""
         if self._there and self._timeline.shining:

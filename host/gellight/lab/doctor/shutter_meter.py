@@ -64,14 +64,6 @@ class ShutterEstimate:
     """from the stamp to the start of the first row"""
     scatter_s: float
     """standard deviation of the bands about the model, as a time"""
-    bands: int
-
-    def timing(self, known: CameraTiming) -> CameraTiming:
-        """Return `known` with what was measured; the stamp may be off by three times the scatter."""
-        return replace(
-            known, exposure_s=self.exposure_s, readout_s=self.readout_s, stamp_delay_s=self.delay_s,
-            stamp_error_s=max(3 * self.scatter_s, 1e-4),
-        )  # fmt: skip
 
 
 class TwoLights:
@@ -157,7 +149,7 @@ class ShutterMeter:
         if exposure_s < 2 * scatter_s or readout_s < -3 * scatter_s:
             raise CameraError("the pictures do not follow the light: are the stamps of this camera times at all?")
         return ShutterEstimate(exposure_s=float(exposure_s), readout_s=max(float(readout_s), 0.0),
-                               delay_s=float(delay_s), scatter_s=scatter_s, bands=int(kept.sum()))  # fmt: skip
+                               delay_s=float(delay_s), scatter_s=scatter_s)  # fmt: skip
 
 
 def measure_shutter(

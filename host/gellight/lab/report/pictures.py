@@ -43,6 +43,17 @@ def depth_picture(depth_mm: NDArray[np.floating], *, scale_um: float = DEPTH_SCA
     return np.ascontiguousarray(cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)[..., ::-1], dtype=np.uint8)
 
 
+def with_circle(image: Picture, center_x_px: float, center_y_px: float, contact_radius_px: float) -> Picture:
+    """Draw a circle and its centre into a copy of a (H, W, 3) picture, white with a black edge."""
+    rows, columns = np.indices(image.shape[:2])
+    distance = np.hypot(columns - center_x_px, rows - center_y_px)
+    from_line = np.minimum(np.abs(distance - contact_radius_px), np.maximum(distance - 1.6, 0))
+    picture = image.copy()
+    picture[from_line < 1.5] = (0, 0, 0)
+    picture[from_line < 0.75] = (255, 255, 255)
+    return picture
+
+
 def depth_bar(height: int, width: int, *, scale_um: float = DEPTH_SCALE_UM) -> Picture:
     """Draw the colour bar of `depth_picture`, deepest at the top, with numbers in micrometres on its right."""
     bar = paper(height, width)

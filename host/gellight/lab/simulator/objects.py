@@ -1,14 +1,12 @@
 """Objects by name: those of the reference, the probes of the calibration, and plates with a relief that is known.
 
-The name of a relief says its measures in mm. SINE-2-0.02 has waves along x of 2 mm and an amplitude of 0.02 mm;
-ROUGH-0.01-1-4 has a relief of 0.01 mm root mean square, of plane waves of 1 to 4 mm in all directions. The plates are
-flat to 12 mm from their middle, then rounded, so that their edge does not cut the gel. All measures are ours, but for
-the probe of 8 mm diameter (section 3.2.3 of the paper).
+The name of a relief says its measures in mm. SINE-2-0.02 has waves along x of 2 mm and an amplitude of 0.02 mm. The
+plates are flat to 12 mm from their middle, then rounded, so that their edge does not cut the gel. All measures are
+ours, but for the probe of 8 mm diameter (section 3.2.3 of the paper).
 """
 
 import re
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +22,10 @@ FLAT_MM, PLATE_MM, ROUNDING_MM = 12.0, 15.0, 6.0
 FINEST_MM = 0.5
 """shortest wave with a name: four points of the grid that objects are pressed on"""
 LARGEST_MM = 0.5
-"""of amplitude and root mean square: the gel is not deep"""
-WAVES = 48
-"""plane waves of a random relief"""
-FORM = "SINE-WAVELENGTH-AMPLITUDE or ROUGH-RMS-SHORTEST-LONGEST, in mm"
+"""of amplitude: the gel is not deep"""
+FORM = "SINE-WAVELENGTH-AMPLITUDE, in mm"
 _NUMBER = r"(\d+(?:\.\d+)?)"
 _SINE = re.compile(rf"SINE-{_NUMBER}-{_NUMBER}")
-_ROUGH = re.compile(rf"ROUGH-{_NUMBER}-{_NUMBER}-{_NUMBER}")
 
 
 CYLINDER_RADIUS_MM = 4.0
@@ -52,12 +47,11 @@ def pin_grid(x: Array, y: Array) -> Array:
 
 
 PROBES: dict[str, Callable[[Array, Array], Array]] = {"CYLINDER": cylinder, "PINS": pin_grid}
-PROBE_NAMES = tuple(PROBES)
 
 
 def names_relief(name: str) -> bool:
     """Whether a name is meant to be that of a relief."""
-    return name.startswith(("SINE-", "ROUGH-"))
+    return name.startswith("SINE-")
 
 
 def object_height(name: str, x_mm: Array, y_mm: Array) -> Array:
@@ -92,23 +86,16 @@ def relief_plate(name: str) -> Callable[[Array, Array], Array]:
 
     Raises ValueError for a name that is no relief, and for measures that cannot be pressed.
     """
-    if found := _SINE.fullmatch(name):
-        wavelength, amplitude = map(float, found.groups())
-        _check(name, wavelength, wavelength, amplitude)
-        return lambda x, y: sine_plate(x, y, wavelength, amplitude)
-    if found := _ROUGH.fullmatch(name):
-        rms, shortest, longest = map(float, found.groups())
-        _check(name, shortest, longest, rms)
-        return lambda x, y: rough_plate(x, y, rms, (shortest, longest))
-    raise ValueError(f"no relief {name!r}: give {FORM}")
-
-
-def _check(name: str, shortest_mm: float, longest_mm: float, height_mm: float) -> None:
-    if not (FINEST_MM <= shortest_mm <= longest_mm <= FLAT_MM and 0 < height_mm <= LARGEST_MM):
+    found = _SINE.fullmatch(name)
+    if not found:
+        raise ValueError(f"no relief {name!r}: give {FORM}")
+    wavelength, amplitude = map(float, found.groups())
+    if not (FINEST_MM <= wavelength <= FLAT_MM and 0 < amplitude <= LARGEST_MM):
         raise ValueError(
-            f"relief {name}: waves can be {FINEST_MM:g} to {FLAT_MM:g} mm long, and amplitude or rms up to "
+            f"relief {name}: waves can be {FINEST_MM:g} to {FLAT_MM:g} mm long, and the amplitude up to "
             f"{LARGEST_MM:g} mm; it is {FORM}"
         )
+    return lambda x, y: sine_plate(x, y, wavelength, amplitude)
 
 
 def sine_plate(x: Array, y: Array, wavelength_mm: float, amplitude_mm: float) -> Array:
@@ -116,38 +103,8 @@ def sine_plate(x: Array, y: Array, wavelength_mm: float, amplitude_mm: float) ->
     return on_plate(x, y, amplitude_mm * (np.cos(2 * np.pi * x / wavelength_mm) - 1 + 0 * y))
 
 
-def rough_plate(x: Array, y: Array, rms_mm: float, waves_mm: tuple[float, float], seed: int = 1) -> Array:
-    """Return a plate with a random relief of plane waves of these lengths; its highest point is 0 within 0.02 rms."""
-    directions, phases = _waves(*waves_mm, seed)
-    return on_plate(x, y, rms_mm * (_sum(x, y, directions, phases) - _highest(*waves_mm, seed)))
-
-
 def on_plate(x: Array, y: Array, relief_mm: Array) -> Array:
     """Return a relief on the plate, whose edge is rounded; NO_OBJECT beside it."""
     radius = np.hypot(x, y)
     rounded = np.maximum(radius - FLAT_MM, 0) ** 2 / (2 * ROUNDING_MM)
     return np.where(radius < PLATE_MM, relief_mm - rounded, NO_OBJECT)
-
-
-def _waves(shortest_mm: float, longest_mm: float, seed: int) -> tuple[Array, Array]:
-    """Return (WAVES, 2) wave vectors, rad/mm, evenly spread over their plane's ring, and (WAVES,) phases."""
-    random = np.random.default_rng(seed)
-    least, most = 2 * np.pi / longest_mm, 2 * np.pi / shortest_mm
-    length = np.sqrt(random.uniform(least**2, most**2, WAVES))
-    towards, phases = random.uniform(0, 2 * np.pi, (2, WAVES))
-    return np.stack([length * np.cos(towards), length * np.sin(towards)], axis=1), phases
-
-
-def _sum(x: Array, y: Array, directions: Array, phases: Array) -> Array:
-    """Return the sum of the waves, of root mean square 1."""
-    total = sum(np.cos(a * x + b * y + phase) for (a, b), phase in zip(directions, phases, strict=True))
-    return np.asarray(np.sqrt(2 / WAVES) * total)
-
-
-@lru_cache(maxsize=8)
-def _highest(shortest_mm: float, longest_mm: float, seed: int) -> float:
-    """Return the highest point of the relief on the plate, on a grid of a tenth of the shortest wave."""
-    at = grid(round(20 * FLAT_MM / shortest_mm) + 1, shortest_mm / 10)
-    x, y = at[None, :], at[:, None]
-    relief = _sum(x, y, *_waves(shortest_mm, longest_mm, seed))
-    return float(relief[np.hypot(x, y) < FLAT_MM].max())

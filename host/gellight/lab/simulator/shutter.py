@@ -111,17 +111,18 @@ class SimulatedControls:
     def __init__(self, apply: Callable[[float, tuple[float, float, float]], None]) -> None:
         """Begin with the defaults; `apply` gets the exposure, us, and the gain of each channel when they change."""
         self._apply = apply
-        self._values = dict(DEFAULTS)
+        self._ranges, self._values = dict(RANGES), dict(DEFAULTS)
 
     def names(self) -> tuple[str, ...]:
         """Names of the controls."""
-        return tuple(RANGES)
+        return tuple(self._ranges)
 
     def range(self, name: str) -> tuple[float, float, float]:
         """Return smallest and largest value and the step; CameraError for a control that is not there."""
-        if name not in RANGES:
-            raise CameraError(f"the simulated camera has no control {name!r}: choose one of {', '.join(RANGES)}")
-        return RANGES[name]
+        if name not in self._ranges:
+            known = ", ".join(self._ranges)
+            raise CameraError(f"the simulated camera has no control {name!r}: choose one of {known}")
+        return self._ranges[name]
 
     def read(self, name: str) -> float:
         """Return the value in force."""

@@ -44,7 +44,6 @@ from gellight.frames.picture import PictureSteps
 from gellight.lab.core_board.simulated_board import SimulatedBoard
 from gellight.lab.simulator.printed_dots import known_force
 from gellight.lab.simulator.scene import Array, Press, Scene
-from gellight.lab.simulator.selfcheck import SelfCheck
 from gellight.lab.simulator.sequence import read_sequence
 from gellight.lab.simulator.shutter import ReadNoise, Shutter, SimulatedControls, row_weights
 from gellight.lab.simulator.simulated_url import SimulatedUrl
@@ -126,10 +125,6 @@ class SimulatedCamera(Camera):
         untouched = np.clip(self._scene.show(None)[0], 0, WHITE)
         steps = PictureSteps.of(self._scene.geometry.image_shape, None, find_dots(untouched))
         return steps.files() if steps else {}
-
-    def selfcheck(self, pixel_size_mm: tuple[float, float]) -> SelfCheck | None:
-        """Return the judge of what is reconstructed from these frames: the simulator that made them; none of a unit."""
-        return SelfCheck(self._scene, pixel_size_mm) if self.bundle is None else None
 
     def _take_controls(self, exposure_us: float, channel_gain: tuple[float, float, float]) -> None:
         """Set the exposure from the next frame on, and amplify each channel; the noise is amplified with it."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.frames.status import PressStatus
-from gellight.lab.simulator.objects import PROBE_NAMES, check_name
+from gellight.lab.simulator.objects import check_name
 from gellight.lab.simulator.scene import Press
 from sim_reference.geometry import SensorGeometry
 from sim_reference.objects import OBJECT_NAMES
@@ -64,8 +64,6 @@ class Stage:
     """Presses objects into the gel, on behalf of a visitor or of the programme."""
 
     objects: tuple[str, ...] = OBJECT_NAMES
-    probes: tuple[str, ...] = PROBE_NAMES
-    """pressed as objects are, to calibrate"""
 
     def __init__(self, geometry: SensorGeometry, *, programme: bool = True) -> None:
         """Start with nothing in the gel; `programme` lets the virtual hand play while no visitor presses."""

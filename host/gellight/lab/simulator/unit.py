@@ -7,6 +7,7 @@ from functools import cached_property
 from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.lab.simulator.measured_light import MeasuredLight
+from gellight.lab.simulator.shutter import SimulatedControls
 from gellight.reconstruction.force_file import read_force
 from sim_reference.camera import CameraResponse
 from sim_reference.fem.gel import FemGel
@@ -67,27 +68,12 @@ class Unit:
         return CameraResponse(exposure=1.0, crosstalk=_ITS_OWN, noise_grey=noise)
 
 
-class CalibratedControls:
+class CalibratedControls(SimulatedControls):
     """Controls that stay as they were while the unit was calibrated: only so is its light known."""
 
     def __init__(self, values: Mapping[str, float]) -> None:
-        """Keep the controls of a bundle, by name."""
-        self._values = dict(values)
-
-    def names(self) -> tuple[str, ...]:
-        """Names of the controls."""
-        return tuple(self._values)
-
-    def range(self, name: str) -> tuple[float, float, float]:
-        """Return the one value there is, twice, and no step; CameraError for a control that is not there."""
-        value = self.read(name)
-        return value, value, 0.0
-
-    def read(self, name: str) -> float:
-        """Return the value in force."""
-        if name not in self._values:
-            raise CameraError(f"the calibration of this unit says nothing of a control {name!r}")
-        return self._values[name]
+        """Keep the controls of a bundle, by name: each has the one value, twice, and no step."""
+        self._values, self._ranges = dict(values), {name: (value, value, 0.0) for name, value in values.items()}
 
     def set(self, name: str, value: float) -> float:
         """Return the value where it is the calibrated one; CameraError for any other."""

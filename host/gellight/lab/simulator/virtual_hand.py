@@ -1,4 +1,4 @@
-"""A virtual hand: presses cylinder, pin grid and ball into the simulated gel, at places all over the view."""
+"""A virtual hand: presses cylinder and ball into the simulated gel, at places all over the view."""
 
 from math import sqrt
 
@@ -10,7 +10,6 @@ from gellight.frames.camera import Camera, PressStage
 
 CYLINDER_PLACES_MM = ((0.0, 0.0), (-4.0, 2.5), (4.5, -2.0), (3.0, 3.0), (-3.5, -3.0))
 CYLINDER_DEPTH_MM = 0.3
-GRID_PLACE_MM, GRID_DEPTH_MM = (0.3, -0.2), 0.2
 BALL_DEPTHS_MM = (0.2, 2.0)
 """From a light touch to a deep press: where the gel is deep it is nearer to the LEDs and brighter, so that deep presses
 alone would teach that brightness means slope."""
@@ -37,10 +36,6 @@ class VirtualHand:
     def cylinder(self, number: int) -> None:
         """Press the cylinder probe, each time elsewhere."""
         self._stage.press("CYLINDER", CYLINDER_DEPTH_MM, *CYLINDER_PLACES_MM[number % len(CYLINDER_PLACES_MM)])
-
-    def grid(self) -> None:
-        """Press the pin grid, off the middle: no row of pins lies along the border."""
-        self._stage.press("PINS", GRID_DEPTH_MM, *GRID_PLACE_MM)
 
     def ball(self, number: int, pixel_size_mm: float, image_shape: tuple[int, int]) -> None:
         """Press the ball at one place of a sequence that fills the view evenly."""

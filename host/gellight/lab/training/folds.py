@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +57,7 @@ def trained_folds(
             training, held_out = _divided(presses, part, reference, ball, refining)
             bundle = fit(
                 training, reference, ball, Path(folder) / f"fold-{fold}", sensor=f"fold {fold}",
-                how=replace(how, refine=False), progress=progress, check=check,
+                how=how, progress=progress, check=check,
             )  # fmt: skip
             yield Fold(bundle=bundle, held_out=held_out)
 

@@ -97,7 +97,7 @@ def fit_judged(
     figures = _figures(errors) if folds else {}
     verdict = {"held_out": {"folds": folds, "depth_mm": _depth_errors(found), **figures}} if folds else {}
     return fit(
-        labels.presses, reference, ball, out, sensor=sensor, how=replace(how, refine=False), view=view,
+        labels.presses, reference, ball, out, sensor=sensor, how=how, view=view,
         level_plane=best.level_plane, skirt_share=share, overwrite=overwrite, progress=report, check=check,
         extra_files={**(extra_files or {}), **(errors_file(fit_errors(best.samples)) if best.samples else {})},
         extra_metrics={**(extra_metrics or {}), **labels.record, **verdict},

@@ -21,7 +21,6 @@ from gellight.frames.picture import PictureSteps, PreparedCamera
 from gellight.frames.view import View
 from gellight.lab.training.child import Check, Progress, TrainerName, checked_trainer, go_on, run_module, silent
 from gellight.lab.training.gel_at_rest import rest_of_presses
-from gellight.lab.training.labelling.refinement import refine as refinement_of
 from gellight.lab.training.level_light import at_rest_depth
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.table import PressTable, TableOptions, build_table, drift_of_presses, under_light_of
@@ -58,9 +57,8 @@ class Learning:
     """How a calibration learns from its presses."""
 
     options: TrainingOptions = TrainingOptions()
-    table_options: TableOptions = HAND_DRAWN
     refine: bool = False
-    """refit the circles together with the light first"""
+    """refit the circles together with the light first, in `judged_fit` and `folds`"""
     like: Bundle | None = None
     """of a unit like this one, whose presses are what few own ones begin with"""
     lights: LightModel | None = None
@@ -163,9 +161,8 @@ def fit(
 
     The drift of the light is taken off each difference image where the light of the presses differs from the
     reference's by more than the noise of a pixel. What the gel at rest does is measured far from the presses
-    (`gel_at_rest`). Where circles are refined (`labelling.refinement`) the metrics say by how much. The rim of circles
-    whose radius no light decided weighs less, unless `table_options` say otherwise. The metrics also say how well the
-    fine pattern of the reference shows (`fine_pattern`).
+    (`gel_at_rest`). The rim of circles whose radius no light decided weighs less. Circles are not refined here, see
+    `judged_fit`. The metrics say how well the fine pattern of the reference shows (`fine_pattern`).
     Where the LEDs are known they go into the bundle, and the network learns colours as at the depth of the gel at rest
     (`level_light`).
     view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more, ready
@@ -175,13 +172,10 @@ def fit(
     """
     steps = PictureSteps.of(reference.image_shape, view, reference.dots)
     metrics: dict[str, object] = {"ball_radius_mm": ball.radius_mm, **(extra_metrics or {})}
-    if how.refine:
-        refined = refinement_of(presses, reference.image, ball)
-        presses, metrics["refinement"] = refined.presses, refined.record()
     metrics["pattern_match"] = _match_of(presses, reference)
     metrics["light_drift_grey"] = drift = drift_of_presses(presses, reference.image)
     follow = drift > reference.noise_grey
-    table = build_table(presses, reference.image, ball, how.table_options, follow_light=follow)
+    table = build_table(presses, reference.image, ball, HAND_DRAWN, follow_light=follow)
     like = under_light_of(how.like, reference.image) if how.like else None
     learnt, begun = _learnt(table, like, how, reference, ball)
     network, record = train(learnt, how.options, untouched=reference.image, like=begun, progress=progress, check=check)

@@ -27,21 +27,8 @@ Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 Image = TypeVar("Image", bound=NDArray[Any])
 
-_RIM_POINTS = 72
 _STEEPEST = 0.995
 """sine: a normal that the lens would lean beyond 84 degrees is left there"""
-
-
-def circle_on_gel(
-    lens: Lens, pixel_size_mm: tuple[float, float], circle: tuple[float, float, float]
-) -> tuple[float, float, float]:
-    """Return centre x, y and radius, px, over the undistorted gel of a circle in the picture: the mean of its rim."""
-    x, y, radius = circle
-    turn = np.linspace(0, 2 * np.pi, _RIM_POINTS, endpoint=False)
-    rim = np.array([x, y]) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    points = lens.to_gel(rim) / np.array(pixel_size_mm) + middle_px(lens.image_shape)
-    centre = points.mean(axis=0)
-    return float(centre[0]), float(centre[1]), float(np.linalg.norm(points - centre, axis=1).mean())
 
 
 class Undistortion:

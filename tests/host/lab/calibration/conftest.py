@@ -14,7 +14,7 @@ from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.simulator.virtual_hand import VirtualHand
-from tests.helpers.calibration_routine import LIT, camera, finished, whole
+from tests.helpers.calibration_routine import LIT, camera, finished, options
 
 
 class Remembering(CameraWrapper):
@@ -31,12 +31,12 @@ class Remembering(CameraWrapper):
 
 
 def calibrate(folder: Path) -> None:
-    """Let the virtual hand calibrate, with the light ring and a pin grid; installed bundles are listed."""
+    """Let the virtual hand calibrate, with the light ring; installed bundles are listed."""
     installed: list[str] = []
     with Remembering(camera(LIT)) as sensor:
         hand = VirtualHand(sensor.stage)
         routine = Routine(
-            sensor, whole(folder), folder / "state", hand=hand, install=lambda bundle: installed.append(bundle.source)
+            sensor, options(folder), folder / "state", hand=hand, install=lambda bundle: installed.append(bundle.source)
         )
         snapshot = finished(routine, timeout_s=280)
     assert snapshot["step"] == "finished", snapshot["problem"]

@@ -21,7 +21,7 @@ from gellight.lab.calibration.led_check import _refuse as refuse_leds
 from gellight.lab.calibration.live_error import LiveError
 from gellight.lab.calibration.pressing import corrected_circle
 from gellight.lab.calibration.probing import pixel_size
-from gellight.lab.calibration.records import LedAnswer
+from gellight.lab.calibration.records import LedAnswer, Uniformity
 from gellight.lab.calibration.sensing import TouchDetector, check_light, is_dark
 from gellight.lab.calibration.untouched import compare_with_reference, foreign_share, wait_steady
 from gellight.lab.training.presses import Ball, Press
@@ -155,9 +155,8 @@ def test_the_exposure_is_set_in_whole_pulses_and_then_the_gain(
     ("brightest_grey", "words"), [(149.9, "the gel is dim"), (150.1, ""), (229.9, ""), (230.1, "the gel is bright")]
 )
 def test_the_brightest_colour_reaches_150_to_230(brightest_grey: float, words: str) -> None:
-    dark = SimpleNamespace(brightest_grey=20.0)
-    found: Any = SimpleNamespace(red=dark, green=SimpleNamespace(brightest_grey=brightest_grey), blue=dark)
-    assert preparing._advice(found)[: len(words) or None] == words
+    dark, lit = (Uniformity(mean_grey=10, sigma_grey=1, brightest_grey=grey) for grey in (20.0, brightest_grey))
+    assert preparing._advice({"red": dark, "green": lit, "blue": dark})[: len(words) or None] == words
 
 
 def imprint(radius_x: float, radius_y: float, scatter: float = 0.1, x: float = 160.0) -> Imprint:

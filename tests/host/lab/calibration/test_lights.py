@@ -63,9 +63,8 @@ def test_a_ring_that_stands_as_the_settings_say_is_taken(tmp_path: Path) -> None
         assert model.ring.height_mm == 25.0
 
 
-@pytest.mark.parametrize(("url", "tools"), [(URL, {}), (LIT, {"pin_pitch_mm": 2.0})], ids=["no ring", "pin grid"])
-def test_where_they_would_be_of_no_use_no_lights_are_taken(tmp_path: Path, url: str, tools: dict[str, Any]) -> None:
-    with begun(tmp_path, url, **tools) as run:
+def test_without_a_ring_no_lights_are_taken(tmp_path: Path) -> None:
+    with begun(tmp_path, URL) as run:
         assert measure_lights(run) is None
         assert not run.display.problem
 

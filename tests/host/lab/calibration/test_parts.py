@@ -13,7 +13,7 @@ from gellight.lab.calibration.choices import RoutineOptions
 from gellight.lab.calibration.coverage import advice, coverage
 from gellight.lab.calibration.display import Display
 from gellight.lab.calibration.live_error import LiveError
-from gellight.lab.calibration.preparing import full_colours, led_settings, of_image, uniformity
+from gellight.lab.calibration.preparing import led_settings, of_image, uniformity
 from gellight.lab.calibration.sensing import TouchDetector, wait_free, wait_press
 from gellight.lab.simulator.scene import Scene
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
@@ -62,8 +62,8 @@ def test_the_light_of_a_normal_distribution_has_its_figures() -> None:
 def test_the_average_of_opposite_colours_is_evener_than_each() -> None:
     ramp = np.linspace(50, 150, 320, dtype=np.float32)[None, :].repeat(240, axis=0)
     figures = of_image(np.stack([ramp, 200 - ramp, ramp * 0 + 100], axis=2))
-    assert figures.average.sigma_grey < 0.01
-    assert figures.red.sigma_grey == pytest.approx(100 / np.sqrt(12), rel=0.01)
+    assert figures["average"].sigma_grey < 0.01
+    assert figures["red"].sigma_grey == pytest.approx(100 / np.sqrt(12), rel=0.01)
 
 
 def test_a_touch_is_seen_and_a_change_of_all_the_light_is_not() -> None:
@@ -178,7 +178,7 @@ def test_a_limit_that_no_calibration_could_reach_is_refused(limit: float) -> Non
 
 @pytest.mark.parametrize("colours", ["RGBRGBRGBRGB", "BBBBGGGGRRRR", "RGB", "RGBBBBGR", "RGB" * 8])
 def test_a_ring_is_lit_in_the_colours_of_its_design(colours: str) -> None:
-    lit = full_colours(colours, (1.0, 0.5, 0.2))
+    lit = np.rint(RingGeometry(led_colours=colours).colours * (1.0, 0.5, 0.2)).astype(np.uint8)
     assert [led.colour for led in led_settings(lit.tolist())] == list(colours)
     assert {tuple(rgb) for rgb in lit.tolist()} == {(255, 0, 0), (0, 128, 0), (0, 0, 51)}
 

@@ -67,7 +67,7 @@ def example(raised_mm: float) -> Example:
     """A press that feels as the ball, its rim so deep."""
     cap = np.nan_to_num(cap_depth_mm(PRESS, BALL, SHAPE))
     depth = np.where(contact_circle(PRESS, SHAPE), cap + raised_mm, 0).astype(np.float32)
-    return Example(np.zeros((*SHAPE, 3), np.uint8), PRESS, PRESS, tactile(depth), BALL)
+    return Example(np.zeros((*SHAPE, 3), np.uint8), PRESS, tactile(depth), BALL)
 
 
 @pytest.mark.parametrize("raised_mm", [0.0, 0.33])

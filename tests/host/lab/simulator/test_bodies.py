@@ -81,7 +81,6 @@ def test_rubbish_is_refused() -> None:
 
 PLATE_AT = grid(601, 0.05)
 PLATE_X, PLATE_Y = PLATE_AT[None, :], PLATE_AT[:, None]
-FLAT = np.hypot(PLATE_X, PLATE_Y) < FLAT_MM
 
 
 @pytest.mark.parametrize(("wavelength", "amplitude"), [(0.5, 0.01), (2.0, 0.04)])
@@ -92,23 +91,6 @@ def test_a_sine_plate_has_waves_of_its_length_and_amplitude(wavelength: float, a
     assert np.ptp(row) == pytest.approx(2 * amplitude, rel=1e-9)
     crests = np.flatnonzero((row[1:-1] > row[:-2]) & (row[1:-1] > row[2:]))
     assert np.diff(crests).mean() * 0.05 == pytest.approx(wavelength, rel=0.01)
-
-
-def test_a_random_relief_has_its_rms_and_no_waves_outside_its_band() -> None:
-    height = plate_height("ROUGH-0.02-1-4", PLATE_X, PLATE_Y)
-    assert height[FLAT].std() == pytest.approx(0.02, rel=0.1)
-    assert abs(height.max()) < 0.0005
-    part = height[150:451, 150:451]
-    windowed = (part - part.mean()) * np.hanning(301)[:, None] * np.hanning(301)
-    power = np.abs(np.fft.rfft2(windowed)) ** 2
-    waves = np.hypot(np.fft.rfftfreq(301, 0.05)[None, :], np.fft.fftfreq(301, 0.05)[:, None])
-    assert power[(waves > 1 / 4.8) & (waves < 1.2)].sum() > 0.97 * power.sum()
-
-
-def test_the_relief_is_the_same_wherever_it_is_asked_for() -> None:
-    whole = plate_height("ROUGH-0.02-1-4", PLATE_X, PLATE_Y)
-    part = plate_height("ROUGH-0.02-1-4", PLATE_X[:, 200:300], PLATE_Y[250:260])
-    np.testing.assert_array_equal(part, whole[250:260, 200:300])
 
 
 def test_the_edge_is_rounded_and_ends() -> None:
@@ -127,9 +109,7 @@ def test_the_edge_is_rounded_and_ends() -> None:
         ("SINE-2-9", "up to 0.5 mm"),
         ("SINE-2", "no relief 'SINE-2': give SINE-WAVELENGTH-AMPLITUDE"),
         ("SINE-nan-0.1", "no relief"),
-        ("ROUGH-0.01-4-1", "0.5 to 12 mm"),
-        ("ROUGH-0.01-1-99", "0.5 to 12 mm"),
-        ("ROUGH-1-2-3-4", "no relief"),
+        ("SINE-1-2-3", "no relief"),
     ],
 )
 def test_what_is_no_relief_is_refused(name: str, message: str) -> None:

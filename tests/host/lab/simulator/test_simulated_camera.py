@@ -18,6 +18,7 @@ from gellight.lab.simulator.stage import PROGRAMME, Stage, programme_of_presses
 from gellight.opening import open_camera
 from sim_reference.geometry import SensorGeometry
 from tests.helpers import children
+from tests.helpers.terminal_board import cut_power
 
 
 def open_quiet(parameters: str = "") -> SimulatedCamera:
@@ -179,7 +180,7 @@ def test_a_change_of_light_in_mid_exposure_is_seen_row_by_row() -> None:
 
 def test_a_board_that_is_gone_is_told_instead_of_a_dark_picture() -> None:
     with open_quiet() as camera:
-        camera.ring.transport.cut_power()
+        cut_power(camera.ring.transport)
         with pytest.raises(CameraError, match="board of the light ring is gone"):
             camera.read()
 

@@ -13,6 +13,7 @@ from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.opening import open_camera
 from gellight.reconstruction.fine_pattern import FinePattern
 from sim_reference.camera import CameraResponse, digitise
+from tests.helpers.selfcheck import SelfCheck
 from tests.helpers.tactile import tactile
 
 GEOMETRY = {"image_width_px": 64, "image_height_px": 48, "pixel_size_mm": 0.588}
@@ -86,10 +87,10 @@ def test_crosstalk_is_the_share_of_the_other_colours() -> None:
 
 def test_the_self_check_follows_controls_and_leds() -> None:
     with camera("&led_spread=0.1&dim=0.2") as sensor:
-        judge = sensor.selfcheck((0.588, 0.588))
+        judge = SelfCheck(sensor, (0.588, 0.588))
         sensor.controls.set("exposure_us", 6000)
         assert judge.compare(felt_of(sensor.read())).picture_error_grey < 1.5
-        stranger = camera().selfcheck((0.588, 0.588))
+        stranger = SelfCheck(camera(), (0.588, 0.588))
         assert stranger.compare(felt_of(sensor.read())).picture_error_grey > 10, "a sensor with other LEDs"
 
 

@@ -11,7 +11,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.training.gel_at_rest import rest_of_presses
 from gellight.lab.training.label_file import read_presses
-from gellight.lab.training.labelling import find_circle
+from gellight.lab.training.labelling.circle import find_circle
 from gellight.lab.training.presses import Ball, Press, distance_px
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.image_noise import noise_of_one

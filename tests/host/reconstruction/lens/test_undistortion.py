@@ -19,7 +19,6 @@ from gellight.reconstruction.lens.model import Lens
 from gellight.reconstruction.lens.undistortion import (
     FILE_NAME,
     Undistortion,
-    circle_on_gel,
     intrinsics,
     read_record,
 )
@@ -59,16 +58,6 @@ def cap_slopes(offset: np.ndarray, ball: float, contact: float) -> np.ndarray:
     """Slopes (..., 2) of a ball's cap in a rigid plane, at offsets from its centre in any unit."""
     r2 = (offset**2).sum(axis=-1, keepdims=True)
     return np.where(r2 < contact**2, -offset / np.sqrt(np.maximum(ball**2 - r2, 1e-9)), 0).astype(np.float32)
-
-
-def test_the_circle_of_a_press_in_the_picture_is_that_of_the_contact_over_the_gel(plain: Bundle) -> None:
-    distance = np.linalg.norm(BARREL.gel_of_pixels() - PLACE, axis=-1)
-    rows, columns = np.nonzero(distance < CONTACT_MM)
-    seen = float(columns.mean()), float(rows.mean()), float(np.sqrt(len(rows) / np.pi))
-    x, y, radius = circle_on_gel(lens_of(bent_by(plain, BARREL)), (PIXEL_MM, PIXEL_MM), seen)
-    assert np.hypot(seen[0] - MIDDLE[0] - 90, seen[1] - MIDDLE[1] + 60) > 3
-    assert (x, y) == pytest.approx((MIDDLE[0] + 90, MIDDLE[1] - 60), abs=0.3)
-    assert radius * PIXEL_MM == pytest.approx(CONTACT_MM, rel=0.01)
 
 
 def felt(bundle: Bundle, slopes: np.ndarray) -> TactileFrame:

@@ -53,9 +53,8 @@ def with_sides(record: ForceRecord, readings: ForceReadings, bundle: Bundle) -> 
     """
     if readings.side_n is None:
         return record
-    plain = bundle.with_files(force_file(record))
-    felt = np.array([_felt(frame_felt, str(readings.path)) for frame_felt in _frames(readings, plain)])
-    fit = fit_side(readings.side_n, felt, str(readings.path))
+    felt_n = _felt_n(readings, bundle.with_files(force_file(record)))
+    fit = fit_side(readings.side_n, felt_n, str(readings.path))
     return record.model_copy(update={"side_scale": fit.side_scale, "side_error_share": fit.side_error_share})
 
 
@@ -77,19 +76,14 @@ def fit_side(side_n: Array, felt_n: Array, source: str) -> SideFit:
     return SideFit(side_scale=scale, side_error_share=float(np.hypot(share, LEAST_SHARE)))
 
 
-def _frames(readings: ForceReadings, bundle: Bundle) -> "list[tuple[str, tuple[float, float] | None, str]]":
-    """Return name, force along the gel and why it is unknown, of each picture."""
-    reconstructor, told = Reconstructor(bundle), []
+def _felt_n(readings: ForceReadings, bundle: Bundle) -> Array:
+    """(n, 2) the force along the gel that is felt in each picture."""
+    reconstructor, felt = Reconstructor(bundle), []
     with prepared(ImageCamera(readings.images), bundle) as camera:
         for image in readings.images:
             shear = reconstructor.reconstruct(camera.read()).shear
             assert shear, "the bundle has dots and a constant"
-            told.append((str(image), shear.force_n, shear.unknown))
-    return told
-
-
-def _felt(told: tuple[str, tuple[float, float] | None, str], source: str) -> tuple[float, float]:
-    image, force_n, why = told
-    if force_n is None:
-        raise InputError(f"{source}: no force along the gel is felt in {image}: {why}")
-    return force_n
+            if shear.force_n is None:
+                raise InputError(f"{readings.path}: no force along the gel is felt in {image}: {shear.unknown}")
+            felt.append(shear.force_n)
+    return np.array(felt)

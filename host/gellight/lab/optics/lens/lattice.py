@@ -4,6 +4,7 @@ Such a grid also tells the view of a gel that is seen from the side.
 """
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from gellight.base.errors import InputError
 from gellight.frames.view import View
-from gellight.lab.optics.lens.pins import find_pins, spots
+from gellight.lab.optics.lens.pins import Floats, find_pins, spots
 
 Array = NDArray[np.float64]
 
@@ -63,6 +64,18 @@ def find_lattice(points: Array) -> Lattice:
     return Lattice(points=points[chosen], places=places, spacing_px=_spacing(best, points, spacing), strays=strays)
 
 
+def best_lattice(contrasts: Sequence[Floats], spacing_px: float) -> tuple[Lattice | None, int]:
+    """Return the grid of most points in any of some (H, W) pictures, and how many spots there are at most.
+
+    None for fewer than `LEAST_POINTS` in a grid. spacing_px: about, of two neighbours.
+    """
+    spots = [find_pins(contrast, spacing_px) for contrast in contrasts]
+    found = [find_lattice(points) for points in spots if len(points) >= LEAST_POINTS]
+    best = max(found, key=lambda lattice: len(lattice.points), default=None)
+    enough = best is not None and len(best.points) >= LEAST_POINTS
+    return best if enough else None, max(len(points) for points in spots)
+
+
 def _spacing(found: dict[tuple[int, int], int], points: Array, otherwise: float) -> float:
     """Median distance between neighbours in the grid; `otherwise` where there are none."""
     pairs = [
@@ -111,13 +124,8 @@ def view_of_grid(image: NDArray[np.uint8], spacing_px: float, pitch_mm: float, p
 
     spacing_px: of two neighbours in the picture, roughly. Raises InputError where no grid is found.
     """
-    lattices = [
-        find_lattice(points)
-        for contrast in spots(image.astype(np.float32), spacing_px)
-        if len(points := find_pins(contrast, spacing_px)) >= LEAST_POINTS
-    ]
-    lattice = max(lattices, key=lambda found: len(found.points), default=None)
-    if lattice is None or len(lattice.points) < LEAST_POINTS or np.ptp(lattice.places, axis=0).min() < 2:
+    lattice, _ = best_lattice(spots(image.astype(np.float32), spacing_px), spacing_px)
+    if lattice is None or np.ptp(lattice.places, axis=0).min() < 2:
         raise InputError(
             f"no grid of at least 3 x 3 points, about {spacing_px:g} px apart, was found: give their distance in px, "
             "or the four corners of the view"

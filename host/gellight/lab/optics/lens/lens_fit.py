@@ -10,8 +10,7 @@ from scipy.linalg import polar
 from scipy.optimize import least_squares
 
 from gellight.base.errors import InputError
-from gellight.lab.optics.lens.lattice import Lattice, find_lattice
-from gellight.lab.optics.lens.pins import find_pins
+from gellight.lab.optics.lens.lattice import Lattice, best_lattice
 from gellight.reconstruction.lens.model import Lens, distorted, half_diagonal_px, middle_px, undistorted
 
 Array = NDArray[np.float64]
@@ -19,7 +18,6 @@ Floats = NDArray[np.float32]
 
 LEAST_PINS = 24
 """in all pictures: they give 48 numbers for the 10 unknowns of a lens and one picture; the rest checks the fit"""
-LEAST_IN_PICTURE = 9
 MOST_STRAYS = 0.2
 CELLS = 4
 """to a side: the view is divided into 4 x 4 cells, each of which must hold a pin"""
@@ -102,11 +100,8 @@ def read_pins(
     Raises InputError, naming `source`, where there is no regular grid of about this pitch.
     """
     expected = spacing_px(pixel_size_mm, pitch_mm)
-    found = [find_pins(contrast, expected) for contrast in contrasts]
-    seen = [find_lattice(points) for points in found if len(points) >= LEAST_IN_PICTURE]
-    best = max(seen, key=lambda lattice: len(lattice.points), default=None)
-    if best is None or len(best.points) < LEAST_IN_PICTURE:
-        most = max(len(points) for points in found)
+    best, most = best_lattice(contrasts, expected)
+    if best is None:
         raise InputError(
             f"{source}: {most} spots some {expected:.0f} px apart, no grid of pins: press the grid over the whole "
             "view, and check its pitch"

@@ -49,44 +49,33 @@ def measure_lens(bundle: Bundle, images: Sequence[Path], pitch_mm: float, refere
         raise InputError(f"pitch {pitch_mm} mm: give the distance of two neighbouring pins, above 0")
     if not images:
         raise InputError("there is no picture: give at least one of the pin grid")
-    if reference is None:
-        return _fitted(bundle, images, pitch_mm, lambda picture, spacing: spots(picture.astype(np.float32), spacing))
-    untouched = read_reference(reference)
-    bundle.check_fits(reference, untouched.image_shape)
-    return felt_lens(bundle.with_reference(untouched.image, frames=untouched.frames), images, pitch_mm)
-
-
-def felt_lens(bundle: Bundle, images: Sequence[Path], pitch_mm: float, source: str | None = None) -> LensFit:
-    """Fit the lens to pins in the depth that the bundle's network feels; errors name `source`, or else the picture."""
-    reconstructor = Reconstructor(bundle, undistorted=False)
-
-    def contrasts(picture: Picture, spacing: float) -> list[Floats]:
-        depth = felt_depth_mm(reconstructor, picture)
-        return dimples(over_gel(depth, reconstructor.bundle.manifest.camera_height_mm), spacing)
-
-    return _fitted(bundle, images, pitch_mm, contrasts, source)
-
-
-def felt_depth_mm(reconstructor: Reconstructor, picture: Picture) -> Floats:
-    """Return the (H, W) depth of a picture, mm."""
-    return reconstructor.reconstruct(CameraFrame(image=picture, time_s=0.0, sequence=0, source="the pin grid")).depth_mm
-
-
-def _fitted(
-    bundle: Bundle,
-    images: Sequence[Path],
-    pitch_mm: float,
-    contrasts: Callable[[Picture, float], list[Floats]],
-    source: str | None = None,
-) -> LensFit:
-    """Fit the lens to pins in what `contrasts` makes of each picture and the spacing of the pins, px."""
+    contrasts = _spots if reference is None else _felt(bundle, reference)
     size, lattices = bundle.pixel_size_mm, []
     for path in images:
         picture: Picture = read_image(path)
         bundle.check_fits(str(path), (picture.shape[0], picture.shape[1]))
         seen = contrasts(picture, spacing_px(size, pitch_mm))
-        lattices.append(read_pins(seen, pixel_size_mm=size, pitch_mm=pitch_mm, source=source or path))
+        lattices.append(read_pins(seen, pixel_size_mm=size, pitch_mm=pitch_mm, source=path))
     return fit_lens(lattices, bundle.image_shape, pitch_mm)
+
+
+def _spots(picture: Picture, spacing: float) -> list[Floats]:
+    return spots(picture.astype(np.float32), spacing)
+
+
+def _felt(bundle: Bundle, reference: str) -> Callable[[Picture, float], list[Floats]]:
+    """Return what shows the pins in the depth that the bundle's network feels of a picture."""
+    untouched = read_reference(reference)
+    bundle.check_fits(reference, untouched.image_shape)
+    seen = bundle.with_reference(untouched.image, frames=untouched.frames)
+    reconstructor = Reconstructor(seen, undistorted=False)
+
+    def contrasts(picture: Picture, spacing: float) -> list[Floats]:
+        frame = CameraFrame(image=picture, time_s=0.0, sequence=0, source="the pin grid")
+        depth = reconstructor.reconstruct(frame).depth_mm
+        return dimples(over_gel(depth, bundle.manifest.camera_height_mm), spacing)
+
+    return contrasts
 
 
 def add_lens(bundle: Bundle, fit: LensFit, images: Sequence[Path], out: Path, *, overwrite: bool = False) -> Bundle:

@@ -36,13 +36,6 @@ def dimples(depth_mm: Floats, spacing_px: float) -> list[Floats]:
     return [depth_mm.astype(np.float32) - _blurred(depth_mm, 1.5 * spacing_px)]
 
 
-def imprints(difference: Floats, spacing_px: float) -> list[Floats]:
-    """Return the same from a (H, W, 3) difference image, for a sensor that cannot feel yet; see `dimples`."""
-    blur = max(_BLUR * spacing_px, 0.6)
-    smooth = cv2.GaussianBlur(difference, (0, 0), blur / 2)
-    return [_blurred(np.linalg.norm(smooth, axis=2), blur)]
-
-
 def find_pins(contrast: Floats, spacing_px: float) -> Array:
     """Return the centres (N, 2), px, of the bright spots in a (H, W) picture that are about `spacing_px` apart."""
     low, high = np.quantile(contrast, [0.3, 0.99])

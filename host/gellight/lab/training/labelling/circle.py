@@ -15,7 +15,6 @@ from gellight.lab.training.labelling.pattern import (
     PressShape,
     Residual,
     background,
-    check_clipped,
     cost,
     difference_image,
     fitted,
@@ -39,6 +38,8 @@ _BEYOND = 0.7
 _LARGEST = 3.0
 """radius of the ball in longer sides of the picture"""
 _RIVAL = 0.3
+_MOST_CLIPPED = 0.2
+"""of the values in the contact: one channel of three may lose half of its slopes, and the contact is still known"""
 _MOST_ERROR_OF_ARC, _MOST_ERROR = 0.07, 0.4
 """of the ball's radius, of the centre: 4 degrees of slope for an arc; whole circles of real gels are told to 0.33 at
 worst, and one beside its contact to 0.67: folds do not decide it (docs/figures.md)"""
@@ -64,19 +65,6 @@ class PressCircle:
         """Return what the csv and JSON hold, rounded."""
         names = ("center_x_px", "center_y_px", "contact_radius_px", "center_error_px", "radius_error_px")
         return {**{name: round(getattr(self, name), 2) for name in names}, "quality": round(self.quality, 3)}
-
-    def from_line(self, image_shape: tuple[int, int]) -> Array:
-        """Return the distance of each (H, W) pixel from the circle and from a cross at its centre, px."""
-        rows, columns = np.indices(image_shape, dtype=np.float64)
-        dx, dy = np.asarray(columns - self.center_x_px), np.asarray(rows - self.center_y_px)
-        return np.asarray(np.minimum(np.abs(np.hypot(dx, dy) - self.contact_radius_px), _from_cross(dx, dy)))
-
-
-def _from_cross(dx: Array, dy: Array, arm: float = 4.0) -> Array:
-    """Distance of each pixel from a cross at the centre, px."""
-    across = np.hypot(np.maximum(np.abs(dx) - arm, 0), dy)
-    down = np.hypot(dx, np.maximum(np.abs(dy) - arm, 0))
-    return np.asarray(np.minimum(across, down))
 
 
 def find_circle(
@@ -106,18 +94,12 @@ def _found(image: NDArray[np.uint8], reference: NDArray[np.number], ball: Ball, 
     shape, circle = fit_circle(
         difference, (candidate.center_x, candidate.center_y), candidate.contact_radius, ball.radius_px
     )
-    _check(circle, ball, image, reference, least_view)
-    _check_error(circle, _MOST_ERROR * ball.radius_px)
-    _check_rivals(difference, candidate, shape, ball.radius_px)
-    return circle
-
-
-def _check(
-    circle: PressCircle, ball: Ball, image: NDArray[np.uint8], reference: NDArray[np.number], least_view: float
-) -> None:
     _check_press(circle, ball)
     _check_view(circle, ball, image.shape[:2], least_view)
     _check_clipped(circle, image, reference)
+    _check_error(circle, _MOST_ERROR * ball.radius_px)
+    _check_rivals(difference, candidate, shape, ball.radius_px)
+    return circle
 
 
 def _check_size(ball: Ball, image: NDArray[np.uint8]) -> None:
@@ -221,8 +203,13 @@ def _check_error(circle: PressCircle, most_px: float, why: str = "") -> None:
 
 def _check_clipped(circle: PressCircle, image: NDArray[np.uint8], reference: NDArray[np.number]) -> None:
     rows, columns = np.indices(image.shape[:2])
-    distance = np.hypot(columns - circle.center_x_px, rows - circle.center_y_px)
-    check_clipped(image, reference, distance < circle.contact_radius_px, "in the circle")
+    inside = np.hypot(columns - circle.center_x_px, rows - circle.center_y_px) < circle.contact_radius_px
+    clipped = ((image[inside] == 255) | ((image[inside] == 0) & (reference[inside] > 0))).mean()
+    if clipped > _MOST_CLIPPED:
+        raise InputError(
+            f"the image is clipped: {100 * clipped:.0f} % of the values in the circle are at 0 or 255 grey levels, "
+            f"at most {100 * _MOST_CLIPPED:.0f} % may be: change the exposure or the brightness of the light"
+        )
 
 
 def _check_rivals(difference: Array, first: Candidate, shape: PressShape, ball_radius: float) -> None:

@@ -3,9 +3,8 @@
 import csv
 import io
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +14,11 @@ from gellight.base.errors import InputError
 from gellight.base.writing import write_file
 from gellight.frames.dots import Dots
 from gellight.frames.image_files import read_image
-from gellight.lab.report.pictures import write_png
+from gellight.lab.report.pictures import with_circle, write_png
 from gellight.lab.training.label_file import COLUMNS, QUALITY, REFUSED
 from gellight.lab.training.labelling.circle import ARC, PressCircle, find_circle
 from gellight.lab.training.presses import Ball
 
-Array = NDArray[np.float64]
-_INK = (255, 255, 255)
-_SHADOW = (0, 0, 0)
 _SAME = 3
 """circles at one place: by chance two presses fall together, not three of the same size"""
 
@@ -52,9 +48,16 @@ def detect(
 
     dots: the marker dots of the gel, which are filled in each image; the reference has none any more.
     """
-    return _refused_touch_of_reference(
-        _detected(images, lambda image: find_circle(image, reference, ball=ball, least_view=ARC), dots)
-    )
+    found = []
+    for path in images:
+        try:
+            image = read_image(path)
+            seen = dots.filled(image) if dots else image
+            contact = find_circle(seen, reference, ball=ball, least_view=ARC)
+            found.append(Detection(image=path, contact=contact))
+        except InputError as error:
+            found.append(Detection(image=path, contact=None, refused=str(error)))
+    return _refused_touch_of_reference(found)
 
 
 def _refused_touch_of_reference(found: list[Detection]) -> list[Detection]:
@@ -78,22 +81,6 @@ def _refused_touch_of_reference(found: list[Detection]) -> list[Detection]:
         "reference holds a touch there; give one of the untouched gel, and press at different places"
     )
     return [replace(one, contact=None, refused=why) if id(one.contact) in same else one for one in found]
-
-
-def _detected(
-    images: Sequence[Path],
-    find: Callable[[NDArray[np.uint8]], PressCircle],
-    dots: Dots | None,
-) -> list[Detection]:
-    found = []
-    for path in images:
-        try:
-            image = read_image(path)
-            detection = Detection(image=path, contact=find(dots.filled(image) if dots else image))
-        except InputError as error:
-            detection = Detection(image=path, contact=None, refused=str(error))
-        found.append(detection)
-    return found
 
 
 def write_presses(path: Path, detections: Sequence[Detection]) -> None:
@@ -129,17 +116,11 @@ def write_overlays(folder: Path, detections: Sequence[Detection]) -> None:
             target = folder / f"{name}.png"
             if target.resolve() == image.resolve():
                 raise InputError(f"the overlay of {image} would replace it: give another folder to --overlay")
-            write_png(target, reduce(drawn, seen, read_image(image)))
+            picture = read_image(image)
+            for one in seen:
+                picture = with_circle(picture, one.center_x_px, one.center_y_px, one.contact_radius_px)
+            write_png(target, picture)
     except OSError as error:
         raise InputError(
             f"overlays cannot be written to {folder} ({error.strerror or error}): choose another"
         ) from error
-
-
-def drawn(image: NDArray[np.uint8], contact: PressCircle) -> NDArray[np.uint8]:
-    """Draw the lines of a contact into a copy of the (H, W, 3) image, white with a black edge."""
-    from_line = contact.from_line((image.shape[0], image.shape[1]))
-    picture = image.copy()
-    picture[from_line < 1.5] = _SHADOW
-    picture[from_line < 0.75] = _INK
-    return picture

@@ -43,8 +43,6 @@ DARK_GREY = 8.0
 LEAST_GREY = 3.0
 LEAST_QUALITY = 0.8
 """share of what changed that the pattern of an object must explain to be believed"""
-_MOST_CLIPPED = 0.2
-"""of the values in the contact: one channel of three may lose half of its slopes, and the contact is still known"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,18 +136,6 @@ def difference_image(image: NDArray[np.uint8], reference: NDArray[np.number]) ->
     difference = difference_of(image, untouched, follow_light=True)
     blurred: Array = ndimage.gaussian_filter(difference.astype(np.float64), (_BLUR_PX, _BLUR_PX, 0))
     return blurred
-
-
-def check_clipped(
-    image: NDArray[np.uint8], reference: NDArray[np.number], inside: NDArray[np.bool_], where: str
-) -> None:
-    """Refuse (H, W, 3) images with too many values at their ends inside a (H, W) mask; InputError."""
-    clipped = ((image[inside] == 255) | ((image[inside] == 0) & (reference[inside] > 0))).mean()
-    if clipped > _MOST_CLIPPED:
-        raise InputError(
-            f"the image is clipped: {100 * clipped:.0f} % of the values {where} are at 0 or 255 grey levels, "
-            f"at most {100 * _MOST_CLIPPED:.0f} % may be: change the exposure or the brightness of the light"
-        )
 
 
 def sampled_around(

@@ -28,7 +28,6 @@ from gellight.lab.training.labelling.pattern import (
 )
 from gellight.lab.training.presses import Ball, Press
 
-Array = NDArray[np.float64]
 LEAST_PRESSES, _MOST_PRESSES = 4, 9
 _SQUARE, _SURE = 0.03, 4.0
 """how far from 1 square pixels may look, and in standard errors: two samples of one real gel differ by 0.013"""

@@ -1,7 +1,6 @@
 """The first guess: a matched filter for the pattern of a pressed ball, over all places and a few radii."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,42 +39,19 @@ def best_candidate(difference: Array, ball_radius: float, beyond: float = 0.0) -
     direction need be known (generalised likelihood ratio). ball_radius in px; beyond: of it, how far off the picture
     the centre may lie.
     """
-    return _Shrunken.of(difference, ball_radius, beyond).best()
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Shrunken:
-    """The difference image as it is searched, and how much the pattern explains at each place."""
-
-    image: Array
-    """(h, w, 3), 0 beyond the border"""
-    side: int
-    """px of the picture in one of it"""
-    beyond: int
-    """pixels beyond each border"""
-    ball_radius: float
-    """its pixels"""
-    gains: Array
-    """(8, h, w)"""
-
-    @classmethod
-    def of(cls, difference: Array, ball_radius: float, beyond: float) -> Self:
-        side = max(1, round(min(ball_radius / _COARSE_BALL_PX, max(difference.shape[:2]) / _LONGEST_PX)))
-        radius, margin = ball_radius / side, round(beyond * ball_radius / side)
-        image: Array = block_means(difference, side)
-        seen = np.pad(np.ones(image.shape[:2]), margin)
-        image = np.pad(image, ((margin, margin), (margin, margin), (0, 0)))
-        gains = np.stack([_gain(image, seen, share * radius, radius) for share in _SHARES])
-        return cls(image=image, side=side, beyond=margin, ball_radius=radius, gains=gains)
-
-    def best(self) -> Candidate:
-        number, row, column = (int(n) for n in np.unravel_index(int(self.gains.argmax()), self.gains.shape))
-        return Candidate(
-            center_x=(column - self.beyond + 0.5) * self.side - 0.5,
-            center_y=(row - self.beyond + 0.5) * self.side - 0.5,
-            contact_radius=float(_SHARES[number]) * self.ball_radius * self.side,
-            gain=float(self.gains[number, row, column]) * self.side**2,
-        )
+    side = max(1, round(min(ball_radius / _COARSE_BALL_PX, max(difference.shape[:2]) / _LONGEST_PX)))
+    radius, margin = ball_radius / side, round(beyond * ball_radius / side)
+    image: Array = block_means(difference, side)
+    seen = np.pad(np.ones(image.shape[:2]), margin)
+    image = np.pad(image, ((margin, margin), (margin, margin), (0, 0)))  # 0 beyond the border
+    gains = np.stack([_gain(image, seen, share * radius, radius) for share in _SHARES])
+    number, row, column = (int(n) for n in np.unravel_index(int(gains.argmax()), gains.shape))
+    return Candidate(
+        center_x=(column - margin + 0.5) * side - 0.5,
+        center_y=(row - margin + 0.5) * side - 0.5,
+        contact_radius=float(_SHARES[number]) * radius * side,
+        gain=float(gains[number, row, column]) * side**2,
+    )
 
 
 def _gain(image: Array, seen: Array, contact_radius: float, ball_radius: float) -> Array:

@@ -13,7 +13,6 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.daemon.assembly import open_session
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.image_files import read_grey
-from gellight.lab.calibration.preparing import full_colours
 from gellight.lab.optics.lights.ball_series import BallSeries, LitBalls, read_series, take_series
 from gellight.lab.optics.lights.channel_fit import channel_table, fit_channels
 from gellight.lab.training.presses import Ball, Press, contact_circle
@@ -21,6 +20,7 @@ from gellight.lab.training.table import TableOptions
 from gellight.lab.training.training import TrainingOptions
 from gellight.opening import open_camera
 from gellight.photometric.directions import levels_of, lights_of
+from gellight.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.sensor.series_cameras import EXPOSURE
@@ -34,7 +34,7 @@ BALL = Ball(radius_mm=0.2465, pixel_size_mm=0.0136138)
 CENTRES = [(74.27 + 146.89 * i - 2.65 * j, 62.29 + 2.54 * i + 147.16 * j) for j in range(3) for i in range(4)]
 """of the balls, from the maker's file, in pixels half as large"""
 SMALL = {"image_width_px": 160, "image_height_px": 120, "pixel_size_mm": 0.2352}
-RING = full_colours("RRRRGGGGBBBB")
+RING = RingGeometry().colours
 
 
 def run(*arguments: object) -> Any:

@@ -11,8 +11,8 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.frames.image_files import read_image
 from gellight.lab.report.pictures import write_png
-from gellight.lab.training.labelling import circle, find_circle
-from gellight.lab.training.labelling.circle import ARC, PressCircle
+from gellight.lab.training.labelling import circle
+from gellight.lab.training.labelling.circle import ARC, PressCircle, find_circle
 from gellight.lab.training.labelling.detection import Detection, _refused_touch_of_reference
 from gellight.lab.training.labelling.pattern import (
     Array,

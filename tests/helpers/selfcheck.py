@@ -1,4 +1,4 @@
-"""The host judged by the reference simulator, while it streams.
+"""The host judged by the reference simulator.
 
 Three comparisons, each against something the host did not compute:
 
@@ -11,7 +11,8 @@ Three comparisons, each against something the host did not compute:
 The pictures are compared at a quarter of the resolution, so that a check costs a fraction of a frame's time a second.
 """
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from math import isfinite
 from types import MappingProxyType
 
@@ -19,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
-from gellight.frames.frames import GroundTruth, SelfCheckResult, TactileFrame
+from gellight.frames.frames import GroundTruth, TactileFrame
 from gellight.frames.pixel_grid import block_means
-from gellight.lab.simulator.scene import Scene
+from gellight.lab.simulator.simulated_camera import SimulatedCamera
 from sim_reference.camera import linear_grey
 from sim_reference.geometry import AS_BUILT, SensorGeometry, pixel_grid
 from sim_reference.imaging import normals, ring_irradiance, ring_light
@@ -83,6 +84,41 @@ def _unknown(truth: GroundTruth, geometry: SensorGeometry) -> str:
     return ""
 
 
+@dataclass(frozen=True, kw_only=True)
+class SelfCheckResult:
+    """How far the host's answer is from the reference's, in one frame."""
+
+    sequence: int
+    depth_error_mm: float
+    """mean absolute error of the depth over the contact (over the whole map where nothing touches)"""
+    shape_error_mm: float
+    """the same after the best constant is taken off: no verdict rests on it"""
+    normal_error_deg: float
+    """mean angle between the normals over the whole map"""
+    contact_normal_error_deg: float
+    """the same over the contact"""
+    integral_error_mm: float
+    """mean absolute difference of the two integrals, constants removed"""
+    picture_error_grey: float
+    """mean absolute difference of the picture and its re-rendering, grey levels"""
+    indentation_mm: float
+    true_indentation_mm: float
+    bounds: Mapping[str, float]
+    """by the names of the errors they bound; none where it is not judged"""
+    not_judged: str = ""
+    """why there are no bounds for what is pressed; empty where there are"""
+
+    @property
+    def passed(self) -> bool:
+        """Whether it is judged, and every error is within its bound."""
+        return not self.not_judged and all(getattr(self, name) <= bound for name, bound in self.bounds.items())
+
+    @property
+    def verdict(self) -> str:
+        """Return passed, failed or not judged."""
+        return "not judged" if self.not_judged else "passed" if self.passed else "failed"
+
+
 SHRINK = 4
 """pictures and integrals are compared on blocks of 4 x 4 pixels"""
 
@@ -90,11 +126,11 @@ SHRINK = 4
 class SelfCheck:
     """Compares tactile frames of a simulated sensor with the reference simulator."""
 
-    def __init__(self, scene: Scene, pixel_size_mm: tuple[float, float]) -> None:
-        """Judge the sensor of `scene`, also after its camera is set anew; the host takes pixels as `pixel_size_mm`."""
-        self._scene = scene
+    def __init__(self, camera: SimulatedCamera, pixel_size_mm: tuple[float, float]) -> None:
+        """Judge the sensor of a camera, also after it is set anew; the host takes pixels as `pixel_size_mm`."""
+        self._scene = camera._scene
         self._pixel_size_mm = pixel_size_mm
-        geometry = scene.geometry
+        geometry = self._scene.geometry
         self._small = replace(
             geometry,
             image_width_px=geometry.image_width_px // SHRINK,
