@@ -11,9 +11,8 @@ from typing import Any
 
 import pytest
 
-from gellight.base.errors import CameraError, StreamError
+from gellight.base.errors import StreamError
 from gellight.frames.frames import TactileFrame
-from gellight.opening import open_camera
 from gellight.stream import publisher as publisher_module
 from gellight.stream.frame_thread import sending, sent_to
 from gellight.stream.publisher import Publisher
@@ -141,8 +140,6 @@ def test_the_document_shows_the_example() -> None:
     assert [line for line in shown if line not in code] == []
 
 
-def test_what_nobody_has_is_refused_with_what_there_is() -> None:
-    with pytest.raises(CameraError, match="no camera speaks grey://"):
-        open_camera("grey://1")
+def test_a_sink_that_nobody_has_is_refused_with_those_there_are() -> None:
     with pytest.raises(StreamError, match=r"has a sink 'forces' \(none is installed\)"), sent_to("forces", None, "x"):  # type: ignore[arg-type]
         pass
