@@ -34,7 +34,7 @@ def whole(folder: Path, **changes: Any) -> RoutineOptions:
     return options(folder, **{"pin_pitch_mm": 2.0, **changes})
 
 
-def finished(routine: Routine, timeout_s: float = 200.0) -> dict[str, Any]:
+def finished(routine: Routine, timeout_s: float = 280.0) -> dict[str, Any]:
     """Start a routine that needs nobody, and wait for its end."""
     routine.act("start")
     routine.join(timeout_s)
@@ -42,7 +42,7 @@ def finished(routine: Routine, timeout_s: float = 200.0) -> dict[str, Any]:
     return routine.snapshot()
 
 
-def wait_for(routine: Routine, what: Callable[[dict[str, Any]], bool], timeout_s: float = 60.0) -> dict[str, Any]:
+def wait_for(routine: Routine, what: Callable[[dict[str, Any]], bool], timeout_s: float = 200.0) -> dict[str, Any]:
     """Return the first snapshot of which `what` is true; AssertionError if none comes."""
     deadline = time.monotonic() + timeout_s
     while time.monotonic() < deadline:

@@ -123,7 +123,7 @@ class CountingReconstructor:
         return {"mode": "scripted"}
 
     def reconstruct(self, frame: CameraFrame) -> TactileFrame:
-        assert self.gate.wait(10)
+        assert self.gate.wait(60)
         if self.failure:
             raise self.failure
         return replace(tactile(np.zeros((2, 2))), camera_frame=frame)

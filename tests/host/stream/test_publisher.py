@@ -44,7 +44,7 @@ def test_a_reader_that_comes_while_the_last_one_leaves_is_noted() -> None:
     publisher._note_readers("note", SimpleNamespace(matching=True))
     leaving = threading.Thread(target=publisher._note_readers, args=("note", SimpleNamespace(matching=False)))
     leaving.start()
-    assert event.clearing.wait(20)
+    assert event.clearing.wait(60)
     coming = threading.Thread(target=publisher._note_readers, args=("frame", SimpleNamespace(matching=True)))
     coming.start()
     coming.join(0.1)  # with a lock it waits here
@@ -66,7 +66,7 @@ def test_a_frame_that_cannot_be_sent_ends_nothing(
 
     monkeypatch.setattr(publisher_module, "encoded", encoded)
     daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon), subscribe(patience_s=20) as frames:
+    with daemon, Publisher(daemon), subscribe(patience_s=60) as frames:
         frames.next_frame()
     assert [record.message for record in caplog.records] == ["publish: a frame cannot be sent"], "said once"
 
@@ -83,7 +83,7 @@ def test_a_question_that_fails_ends_nothing() -> None:
 
     daemon, _ = bump_daemon()
     with daemon, sending(daemon, "asking", lambda frame: sent.set(), wanted):
-        assert sent.wait(20)
+        assert sent.wait(60)
 
 
 # ---- sinks and cameras of other distributions ----

@@ -206,7 +206,7 @@ def test_a_guided_user_corrects_drops_aborts_and_resumes(tmp_path: Path) -> None
         routine.act("next")
         assert "press at least 7 more times" in wait_for(routine, lambda s: "too few" in s["problem"])["problem"]
         routine.act("abort")
-        routine.join(20)
+        routine.join(200)
         assert routine.snapshot()["step"] == "aborted"
         with pytest.raises(InputError, match=r"begun with pin_pitch_mm 2.0, not None: give the same again"):
             Routine(sensor, options(tmp_path), tmp_path / "state")
@@ -216,7 +216,7 @@ def test_a_guided_user_corrects_drops_aborts_and_resumes(tmp_path: Path) -> None
         assert resumed["figures"]["pixel_size"]["presses"] == 2
         assert resumed["figures"]["lens"] == {"pictures": 1, "pitch_mm": 2.0}
         again.stop()
-        again.join(20)
+        again.join(200)
         goes_on_without_a_grid(Routine(sensor, tools, forgetful(tmp_path / "state")), sensor)
 
 
@@ -225,7 +225,7 @@ def goes_on_without_a_grid(routine: Routine, sensor: Camera) -> None:
     Person(routine, sensor).go_on("lens")
     assert wait_for(routine, lambda s: s["step"] == "presses")["figures"]["lens"] == {"pictures": 0}
     routine.stop()
-    routine.join(20)
+    routine.join(200)
 
 
 def forgetful(state: Path) -> Path:
