@@ -50,16 +50,6 @@ LONGEST = (
 AGAIN = {
     "vm": "a kernel on an emulated processor, whose time limits are those of a real one",
     "soak": "a sensor through faults, each with a time in which it has to be back",
-    "test_first_hour.py": "programs from a fresh clone, each with a time limit",
-    "host/daemon": "sensors that run in the computer's own time",
-    "host/dashboard": "a browser, which paints when it is given the time",
-    "host/stream": "programs that speak to each other within time limits",
-    "host/sensor/lighting": "light and frames on the computer's own clock",
-    "host/watch/test_monitor.py": "a watch that looks every second",
-    "host/cli": "programs that have to answer, and to end, within seconds",
-    "host/lab/calibration": "a routine that waits for a running sensor",
-    "host/lab/simulator/test_simulated_camera.py": "frames in the computer's own time",
-    "test_privacy.py": "programs that wait 10 s for a frame",
 }
 """what may be run once more, alone, after it failed beside others on shared processors, and why; nothing else may"""
 

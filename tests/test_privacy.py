@@ -18,8 +18,10 @@ from tests.helpers.places import CHECKOUT
 
 PYTHON = (sys.executable, "-c")
 IMPORTS = "import cv2, foxglove, gymnasium, h5py, mcap, mcubes, mujoco, pyarrow, serial, usb.core, x3pio, zenoh"
+PATIENT = "import gellight\ngellight.connect.__kwdefaults__['patience_s'] = 180\n"
+"""processors are shared"""
 PROGRAMS = {
-    "readme": (*PYTHON, examples("README.md")[0]),
+    "readme": (*PYTHON, PATIENT + examples("README.md")[0]),
     "run": (*GELLIGHT, *["run", "--sensor", "sim://", "--frames", "3", "--name", "quiet", "--port", "0"]),
     "packages": (*PYTHON, IMPORTS),
     "training": (*PYTHON, "import gelnet.export"),

@@ -88,10 +88,10 @@ class MeasuredResponse:
         return np.clip(np.round(grey), 0, 255).astype(np.uint8)
 
 
-QUICK = TrainingOptions()
+PRESSES = 12
 
 
-def measure(name: str, *, presses: int = 30, options: TrainingOptions = QUICK) -> dict[str, float]:
+def measure(name: str) -> dict[str, float]:
     """Calibrate on one response and return what it is worth on objects that were not trained on."""
     random = np.random.default_rng(0)
     response = MeasuredResponse.read(name)
@@ -100,38 +100,31 @@ def measure(name: str, *, presses: int = 30, options: TrainingOptions = QUICK) -
         for number in range(8):
             write_png(place / f"untouched-{number}.png", response.photograph(None, random))
         reference = read_reference(f"{folder}/untouched-*.png")
-        truth = _press_balls(response, place, presses, random)
+        truth = _press_balls(response, place, random)
         found = detect(sorted(truth), reference.image, BALL)
         circles = [(one.image, one.contact) for one in found if isinstance(one.contact, PressCircle)]
         apart = [np.hypot(c.center_x_px - truth[path][0], c.center_y_px - truth[path][1]) for path, c in circles]
         write_presses(place / "presses.csv", found)
         labelled = read_presses(place / "presses.csv", ball=BALL, image_shape=GEOMETRY.image_shape)
-        bundle = fit(
-            refine(labelled, reference.image, BALL).presses,
-            reference,
-            BALL,
-            place / "bundle",
-            sensor=name,
-            how=Learning(options=options),
-        )
-        errors = _errors(response, Reconstructor(bundle), random)
+        refined = refine(labelled, reference.image, BALL).presses
+        how = Learning(options=TrainingOptions(recipe="fast"))
+        bundle = fit(refined, reference, BALL, place / "bundle", sensor=name, how=how)
+        whole_map_deg, contact_deg = _errors_deg(response, Reconstructor(bundle), random)
     return {
-        "presses": float(presses),
         "circles_found": float(len(circles)),
         "center_error_px": float(np.median(apart)),
-        "whole_map_deg": errors[0],
-        "contact_deg": errors[1],
-        "contact_depth_mm": errors[2],
+        "whole_map_deg": whole_map_deg,
+        "contact_deg": contact_deg,
     }
 
 
 def _press_balls(
-    response: MeasuredResponse, folder: Path, count: int, random: np.random.Generator
+    response: MeasuredResponse, folder: Path, random: np.random.Generator
 ) -> dict[Path, tuple[float, float]]:
     """Write pictures of pressed balls; returns the centre of each, px."""
     deformations = [press_object("BALL", depth, GEOMETRY) for depth in (0.5, 1.0, 1.6)]
     truth = {}
-    for number in range(count):
+    for number in range(PRESSES):
         x, y = random.uniform(-1, 1, 2) * REACH_MM
         surface = sample(deformations[number % 3], GEOMETRY, x, y)
         path = folder / f"press-{number:02}.png"
@@ -140,8 +133,8 @@ def _press_balls(
     return truth
 
 
-def _errors(response: MeasuredResponse, reconstructor: Reconstructor, random: np.random.Generator) -> list[float]:
-    """Normal error over the map and in contact, deg, and depth error in contact, mm: means over the objects."""
+def _errors_deg(response: MeasuredResponse, reconstructor: Reconstructor, random: np.random.Generator) -> list[float]:
+    """Normal error over the map and in contact, deg: means over the objects."""
     figures = []
     for number, (name, parameters) in enumerate(OBJECTS):
         x, y = random.uniform(-0.3, 0.3, 2) * REACH_MM
@@ -149,6 +142,5 @@ def _errors(response: MeasuredResponse, reconstructor: Reconstructor, random: np
         image = response.photograph(surface, random)
         felt = reconstructor.reconstruct(CameraFrame(image=image, time_s=0.0, sequence=number, source=name))
         angle = angle_deg(felt.normal_map, normals(surface.gradient_map))
-        depth = np.abs(felt.depth_mm - surface.depth_mm)[surface.contact].mean()
-        figures.append((angle.mean(), angle[surface.contact].mean(), depth))
+        figures.append((angle.mean(), angle[surface.contact].mean()))
     return [float(value) for value in np.mean(figures, axis=0)]

@@ -16,7 +16,6 @@ from gellight.opening import open_camera
 from gellight.reconstruction.error_bounds import FILE_NAME
 from gellight.reconstruction.integration import angle_deg, normals
 from sim_reference.geometry import AS_BUILT
-from tests.helpers.pixel_bound import bound_on_balls_deg
 from tests.helpers.simulated_bundle import TEST_SEED, ball_presses, evaluate_simulated
 
 DEPTHS_MM = (0.5, 1.0, 1.5, 2.0)
@@ -35,8 +34,7 @@ def of_bundle(bundle: Bundle, presses: int, depth_mm: float) -> dict[str, float]
     """Return the figures of one depth."""
     if FILE_NAME in bundle.files:
         return with_bounds(bundle, presses, depth_mm)
-    bound_deg = bound_on_balls_deg(presses, depth_mm)
-    return asdict(evaluate_simulated(bundle, presses=presses, depth_mm=depth_mm)) | {"pixel_bound_deg": bound_deg}
+    return asdict(evaluate_simulated(bundle, presses=presses, depth_mm=depth_mm))
 
 
 def with_bounds(bundle: Bundle, presses: int, depth_mm: float) -> dict[str, float]:

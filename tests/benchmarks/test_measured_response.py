@@ -2,14 +2,13 @@
 
 import pytest
 
-from gellight.lab.training.training import TrainingOptions
-from tests.benchmarks.measured_response import measure
+from tests.benchmarks.measured_response import PRESSES, measure
 
 
 @pytest.mark.nightly
 def test_a_calibration_without_a_click_feels_objects_it_never_saw() -> None:
-    figures = measure("polycalib", presses=12, options=TrainingOptions(recipe="fast"))
-    assert figures["circles_found"] == 12
+    figures = measure("polycalib")
+    assert figures["circles_found"] == PRESSES
     assert figures["center_error_px"] < 0.5
     # A flat answer errs by 25 degrees in contact.
     assert 0 < figures["contact_deg"] < 3.0

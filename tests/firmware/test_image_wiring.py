@@ -15,7 +15,6 @@ from gellight.ring.light_ring import LightRing, Step
 from gellight.ring.protocol import DIMMING_US, HOTTEST_C, RING_HOTTEST_C, DimmedEvent
 from gellight.ring.wire import Packet, encode
 from tests.firmware.emulator import registers
-from tests.firmware.emulator.busy_bus import B2
 from tests.firmware.emulator.chip import VTOR
 from tests.firmware.emulator.waveform import Strip
 from tests.helpers.bench_board import RED, BenchBoard, VirtualTransport
@@ -25,13 +24,13 @@ def opened(board: BenchBoard) -> LightRing:
     return LightRing(VirtualTransport(board), keep_alive_s=None)
 
 
-def wired(image: bytes, strip: Strip | None = None, *, revision: int = B2, **fields: int) -> BenchBoard:
+def wired(image: bytes, strip: Strip | None = None, **fields: int) -> BenchBoard:
     """A board that was configured so and has started anew; its LEDs may be others than before."""
     before = BenchBoard(image)
     ring = opened(before)
     ring.configure(replace(ring.configuration(), **fields), save=True)
     before.power_off()
-    board = BenchBoard(bytes(before.flash), strip=strip, revision=revision)
+    board = BenchBoard(bytes(before.flash), strip=strip)
     assert before.faults == []
     return board
 

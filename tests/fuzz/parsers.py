@@ -40,6 +40,7 @@ from tests.fuzz.of_users import of_networks, of_other_files, of_tables, of_urls
 from tests.fuzz.parser import Parser, by_file
 from tests.helpers.linear_sensor import linear_bundle, reference_image
 from tests.helpers.streamed import full_frame
+from tests.helpers.v4l2_pictures import coded_jpeg
 
 SHAPE = (24, 32)
 _MEMORY = Path("/dev/shm")
@@ -141,7 +142,8 @@ def _of_pictures(folder: Path) -> Iterator[Parser]:
     for suffix, sound in coded.items():
         yield Parser(f"image{suffix}", by_file(folder, suffix, read_image), (sound,), (GellightError,))
     mode = Mode(letters="MJPG", width=SHAPE[1], height=SHAPE[0], fps=30.0, line_bytes=0)
-    yield Parser("mjpg", lambda content: decode_picture(content, mode), (coded[".jpg"],), (CorruptPictureError,))
+    sound = coded[".jpg"], coded_jpeg(image, restart=2)
+    yield Parser("mjpg", lambda content: decode_picture(content, mode), sound, (CorruptPictureError,))
 
 
 def _lens() -> bytes:

@@ -21,7 +21,7 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
-PATIENCE_MS = 20_000
+PATIENCE_MS = 60_000
 """for a loaded machine; nothing is judged by its speed"""
 expect.set_options(timeout=PATIENCE_MS)  # Playwright's own are 5 s, which a busy machine needs to open the page
 SIZES = ({"width": 1280, "height": 800}, {"width": 1920, "height": 1080})

@@ -14,6 +14,8 @@ from gellight.opening import open_camera
 GEOMETRY = {"image_width_px": 320, "image_height_px": 240, "pixel_size_mm": 0.1176}
 URL = "sim://?fps=500&board=0&led_spread=0.05"
 LIT = "sim://?fps=500&led_spread=0.05"
+PATIENCE_S = 280.0
+"""for a machine that does other things, too; nothing is judged by it"""
 
 
 def camera(url: str = URL) -> Camera:
@@ -29,17 +31,17 @@ def options(folder: Path, **changes: Any) -> RoutineOptions:
     return RoutineOptions(out=folder / "bundle", sensor="one", **few)
 
 
-def finished(routine: Routine, timeout_s: float = 200.0) -> dict[str, Any]:
+def finished(routine: Routine) -> dict[str, Any]:
     """Start a routine that needs nobody, and wait for its end."""
     routine.act("start")
-    routine.join(timeout_s)
+    routine.join(PATIENCE_S)
     assert routine.ended
     return routine.snapshot()
 
 
-def wait_for(routine: Routine, what: Callable[[dict[str, Any]], bool], timeout_s: float = 60.0) -> dict[str, Any]:
+def wait_for(routine: Routine, what: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
     """Return the first snapshot of which `what` is true; AssertionError if none comes."""
-    deadline = time.monotonic() + timeout_s
+    deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         snapshot = routine.snapshot()
         if what(snapshot):

@@ -118,7 +118,7 @@ class RecordingStage:
 
     def prepare(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
         self.prepared.append((object_name, depth_mm, x_mm, y_mm))
-        self.may_prepare.wait(10)
+        self.may_prepare.wait(60)
 
     def press(self, object_name: str, depth_mm: float, x_mm: float, y_mm: float) -> None:
         self.calls.append((object_name, depth_mm, x_mm, y_mm))

@@ -51,9 +51,9 @@ def linear_network() -> bytes:
     return gemm_network(weights, np.array([0.02, -0.03]))
 
 
-def tanh_network(width: int = 64, seed: int = 0) -> bytes:
+def tanh_network(width: int = 64) -> bytes:
     """Random weights in the shape of GelNet: what it costs is real, what it answers means nothing."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     sizes = [5, width, width, width, width, 2]
     nodes, tensors, name = [], [], "pixels"
     for i, (fan_in, fan_out) in enumerate(itertools.pairwise(sizes)):
@@ -83,13 +83,13 @@ def reference_image(shape: tuple[int, int]) -> np.ndarray:
 
 
 def photograph(
-    gradient_map: np.ndarray, *, noise_grey: float = 0.0, rng: np.random.Generator | None = None, source: str = ""
+    gradient_map: np.ndarray, *, noise_grey: float = 0.0, rng: np.random.Generator | None = None
 ) -> CameraFrame:
     """A camera frame of the gel with these slopes."""
     image = reference_image(gradient_map.shape[:2]) + gradient_map @ GREY_PER_SLOPE.T
     if noise_grey:
         image = image + noise_grey * (rng or np.random.default_rng(0)).normal(size=image.shape)
-    return CameraFrame(image=np.clip(np.round(image), 0, 255).astype(np.uint8), time_s=0.0, sequence=0, source=source)
+    return CameraFrame(image=np.clip(np.round(image), 0, 255).astype(np.uint8), time_s=0.0, sequence=0, source="")
 
 
 def bundle_of(folder: Path, reference: np.ndarray, **more: Any) -> Bundle:
@@ -103,14 +103,13 @@ def linear_bundle(
     folder: Path,
     shape: tuple[int, int] = (240, 320),
     *,
-    noise_grey: float = 1.0,
     pixel_size_mm: tuple[float, float] = (0.05, 0.05),
     network: bytes | None = None,
     overwrite: bool = False,
 ) -> Bundle:
     """Write and load the bundle of the linear sensor."""
     return bundle_of(
-        folder, reference_image(shape), reference_frames=64, noise_grey=noise_grey, pixel_size_mm=pixel_size_mm,
+        folder, reference_image(shape), reference_frames=64, pixel_size_mm=pixel_size_mm,
         network=network if network is not None else linear_network(), metrics={"angular_error_deg": {"mean": 0.5}},
         overwrite=overwrite,
     )  # fmt: skip

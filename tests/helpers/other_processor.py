@@ -1,9 +1,8 @@
-"""A library of the frame path for another processor, run in QEMU's emulator of programs."""
+"""A library of the frame path for aarch64, run in QEMU's emulator of programs."""
 
 import struct
 import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -13,11 +12,10 @@ from numpy.typing import NDArray
 from gellight.reconstruction.native.library import Library
 
 SERVER = Path(__file__).with_name("call_server.c")
-EMULATORS = {"aarch64": ["qemu-aarch64"], "x86_64": ["qemu-x86_64", "-cpu", "max"]}
 _INTEGER, _REAL, _ARRAY = range(3)
 
 
-def build_server(folder: Path, processor: str = "aarch64") -> Path:
+def build_server(folder: Path) -> Path:
     """Compile the program that calls the library's functions there."""
     import ziglang
 
@@ -28,7 +26,7 @@ def build_server(folder: Path, processor: str = "aarch64") -> Path:
         "ziglang",
         "cc",
         "-target",
-        f"{processor}-linux-musl",
+        "aarch64-linux-musl",
         "-static",
         "-nostdlib",
         "-O1",
@@ -43,12 +41,10 @@ def build_server(folder: Path, processor: str = "aarch64") -> Path:
 class OtherProcessor(Library):
     """Calls go to a child process, with all that the arrays hold, and come back the same way."""
 
-    def __init__(self, path: Path, server: Path, processor: str = "aarch64", options: Sequence[str] = ()) -> None:
-        """Load a library; options: of the emulator."""
+    def __init__(self, path: Path, server: Path) -> None:
+        """Load a library."""
         self.called: set[str] = set()
-        self._child = subprocess.Popen(
-            [*EMULATORS[processor], *options, server], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-        )
+        self._child = subprocess.Popen(["qemu-aarch64", server], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         content = path.read_bytes()
         self._send(struct.pack("<q", len(content)), content)
 

@@ -14,7 +14,7 @@ from aiohttp import WSMsgType
 from gellight.base.runtime_folder import own_token
 from tests.helpers.view_messages import View, decode
 
-FRAME_S = 5.0
+FRAME_S = 60.0
 """more than any frame needs, even on a loaded machine"""
 SILENCE_S = 0.6
 """without a frame for this time, none comes"""

@@ -125,9 +125,9 @@ def untouched() -> np.ndarray:
     return digitise(_scene().show(None)[0], 1.0, np.random.default_rng(0))
 
 
-def record(path: Path, pictures: Iterable[np.ndarray], *, bundle: str = "synthetic") -> None:
+def record(path: Path, pictures: Iterable[np.ndarray]) -> None:
     """Write a recording of presses: each picture is held for four frames, then the gel is let go."""
-    used = load_bundle(bundle)
+    used = load_bundle("synthetic")
     numbers = itertools.count()
     with RecordingWriter(path, "sim") as writer:
         for image in pictures:
@@ -137,9 +137,9 @@ def record(path: Path, pictures: Iterable[np.ndarray], *, bundle: str = "synthet
                 writer.add(frame, CaptureStamp(zeroed=used, unix_s=1e9 + frame.time_s))
 
 
-def record_rolled(path: Path, sequence: Path, *, bundle: str = "synthetic") -> None:
+def record_rolled(path: Path, sequence: Path) -> None:
     """Write a recording of the pictures in the folder of a sequence, the untouched gel before them."""
-    used = load_bundle(bundle)
+    used = load_bundle("synthetic")
     with RecordingWriter(path, "sim") as writer:
         for number, image in enumerate([untouched(), *map(read_image, sorted(sequence.glob("*.png")))]):
             frame = CameraFrame(image=image, time_s=number / 10, sequence=number)

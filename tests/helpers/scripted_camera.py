@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from math import inf
 from types import SimpleNamespace
 from typing import Any
@@ -12,10 +13,11 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import CameraError
 from gellight.frames.camera import Camera, EndOfStream
-from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.lab.simulator.shutter import SimulatedControls
 from tests.helpers.linear_sensor import reference_image
 from tests.helpers.scripted_ring import Failures, ScriptedRing
+from tests.helpers.tactile import tactile
 
 Picture = NDArray[np.uint8] | CameraFrame
 
@@ -121,14 +123,7 @@ class CountingReconstructor:
         return {"mode": "scripted"}
 
     def reconstruct(self, frame: CameraFrame) -> TactileFrame:
-        assert self.gate.wait(10)
+        assert self.gate.wait(60)
         if self.failure:
             raise self.failure
-        flat = np.zeros((2, 2), np.float32)
-        return TactileFrame(
-            camera_frame=frame,
-            difference=np.zeros((2, 2, 3), np.float32),
-            gradient_map=np.zeros((2, 2, 2), np.float32),
-            depth_mm=flat,
-            contact=Contact(mask=flat > 0, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
-        )
+        return replace(tactile(np.zeros((2, 2))), camera_frame=frame)

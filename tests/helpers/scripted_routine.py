@@ -42,7 +42,7 @@ class ScriptedRoutine:
         self.act("abort")
 
     def join(self, timeout_s: float | None = None) -> None:
-        assert self.over.wait(10)
+        assert self.over.wait(60)
 
 
 @contextmanager

@@ -70,7 +70,7 @@ def at_blocks(patterns: np.ndarray, block: int) -> np.ndarray:
     down, across = (
         back @ chebyshev.chebvander(nodes * (1 - (block - 1) / (size - 1)), len(nodes) - 1) for size in WHOLE_SHAPE
     )
-    return np.einsum("ai,kij,bj->kab", down, patterns, across)
+    return np.asarray(np.einsum("ai,kij,bj->kab", down, patterns, across))
 
 
 def sized(bundle: Bundle, reference: np.ndarray, pixel_mm: float) -> Bundle:
@@ -182,4 +182,4 @@ def ball_rows(scene: Scene, lights: LightDirections, random: np.random.Generator
     kept = [np.flatnonzero(tilted), random.choice(np.flatnonzero(~tilted), tilted.sum() // 3)]
     y, x = np.indices(SHAPE).reshape(2, -1)
     rows = np.column_stack([change_percent(noisy, lights.untouched), x, y, slope])
-    return rows[np.concatenate(kept)].astype(np.float32)
+    return np.asarray(rows[np.concatenate(kept)], np.float32)

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 
-def eventually(condition: Callable[[], object], timeout_s: float = 30.0) -> None:
+def eventually(condition: Callable[[], object], timeout_s: float = 60.0) -> None:
     """Return when `condition` is true; only a hang makes this fail."""
     end_s = time.monotonic() + timeout_s
     while not condition():

@@ -1,17 +1,18 @@
 """A simulated sensor whose faults are made where they arise: at the light, at the gel, at the camera's place."""
 
 import functools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.watch.monitor import PERIOD_S, SensorWatch
+from tests.helpers.tactile import tactile
 
 NOISE_GREY = 1.0
 _FIELDS = 8
@@ -69,14 +70,8 @@ class WatchedSensor:
         fields = _noise_fields(grey.shape[:2])
         noise = np.roll(fields[self._random.integers(_FIELDS)], self._random.integers(0, 640, 2), axis=(0, 1))
         image = np.clip(np.rint(grey + noise), 0, 255).astype(np.uint8)
-        flat = np.zeros((2, 2), np.float32)
-        return TactileFrame(
-            camera_frame=CameraFrame(image=image, time_s=self.time_s, sequence=round(self.time_s / PERIOD_S)),
-            difference=np.zeros((2, 2, 3), np.float32),
-            gradient_map=np.zeros((2, 2, 2), np.float32),
-            depth_mm=flat,
-            contact=Contact(mask=flat > 0, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None),
-        )
+        seen = CameraFrame(image=image, time_s=self.time_s, sequence=round(self.time_s / PERIOD_S))
+        return replace(tactile(np.zeros((2, 2))), camera_frame=seen)
 
     def run(self, seconds: float, press: Press | None = None) -> None:
         """Let time pass with `press` in the gel."""

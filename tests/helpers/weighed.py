@@ -74,13 +74,12 @@ class HeavyFrames:
         return Confidence(value=np.where(flags, 0.25, 1).astype(np.float32), quality_flags=flags)
 
 
-def write_weighings(folder: Path, presses: Sequence[Weighed], forces_n: Sequence[float] | None = None) -> Path:
-    """Write a picture of each press and the CSV file beside them; forces_n: instead of the true ones."""
-    forces_n = [one.force_n for one in presses] if forces_n is None else forces_n
+def write_weighings(folder: Path, presses: Sequence[Weighed]) -> Path:
+    """Write a picture of each press and the CSV file beside them."""
     lines = ["image,force_n"]
-    for number, (press, force_n) in enumerate(zip(presses, forces_n, strict=True)):
+    for number, press in enumerate(presses):
         cv2.imwrite(str(folder / f"weight{number}.png"), press.picture(0.5, number)[..., ::-1])
-        lines.append(f"weight{number}.png,{force_n}")
+        lines.append(f"weight{number}.png,{press.force_n}")
     (folder / "forces.csv").write_text("\n".join(lines) + "\n")
     return folder / "forces.csv"
 

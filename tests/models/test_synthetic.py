@@ -19,7 +19,6 @@ from sim_reference import gel
 from sim_reference.camera import CameraResponse
 from sim_reference.deformation import Deformation
 from sim_reference.geometry import AS_BUILT, SensorGeometry
-from tests.helpers.pixel_bound import bound_on_balls_deg
 from tests.helpers.simulated_bundle import evaluate_simulated
 from tests.helpers.trainers import TRAINERS
 
@@ -155,4 +154,4 @@ def test_the_shipped_network_keeps_what_the_model_card_promises() -> None:
     error = evaluate_simulated(load_bundle("synthetic"), presses=3)
     assert error.whole_map_normal_mae_deg <= 0.28
     assert error.contact_depth_mae_mm <= 0.010
-    assert error.contact_normal_mae_deg < bound_on_balls_deg(3, error.press_depth_mm)
+    assert error.contact_normal_mae_deg <= 0.5

@@ -228,10 +228,8 @@ def test_the_map_is_written_and_nothing_replaced_unasked(plate: Path) -> None:
     ("words", "message"),
     [
         (("--cutoff-mm", "-1"), "a cutoff of -1.0 mm is none"),
-        (("--cutoff-mm", "50"), "a cutoff of 50 mm is too long"),
         (("--blur-mm", "-1"), "a blur of -1.0 mm is none"),
         (("--blur-mm", "0.5"), "takes 71% of them"),
-        (("--line", "0", "0", "99", "0"), "none on this map"),
         (("--frame", "3"), "--frame is of a recording"),
         (("--out", "map.xyz"), "end its name with one of .png"),
     ],

@@ -12,7 +12,6 @@ judging.py     what has to hold; memory and handles
 import argparse
 import json
 import logging
-import math
 import sys
 from dataclasses import asdict
 from functools import partial
@@ -30,7 +29,6 @@ def main() -> int:
     parser = argparse.ArgumentParser("python -m tests.soak", description="Quiet time between faults is cut short.")
     parser.add_argument("--hours", type=float, default=8.0, help="simulated hours, about a fault a minute")
     parser.add_argument("--faults", type=int, default=1, metavar="SEED", help="seed that the faults are drawn from")
-    parser.add_argument("--minutes", type=float, default=math.inf, help="end after so many, but for labels")
     parser.add_argument("--labels", action="store_true", help="judge labels of light alone, on virtual time")
     parser.add_argument("--json", action="store_true", help="print all that was found")
     options = parser.parse_args()
@@ -40,7 +38,7 @@ def main() -> int:
     if options.labels:
         return labels_alone(labels(options.faults, plan(options.faults, options.hours), note))
     try:
-        report = soak(options.faults, options.hours, note, minutes=options.minutes)
+        report = soak(options.faults, options.hours, note)
     except InputError as error:
         parser.error(str(error))
     print(json.dumps(asdict(report), indent=2) if options.json else table(report))

@@ -5,7 +5,6 @@ all that the product waits for take the time that they take.
 """
 
 import logging
-import math
 import random
 import re
 import resource
@@ -19,7 +18,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -146,7 +144,6 @@ class Soak:
         self._samples: list[Holdings] = []
         self._rests: list[Holdings] = []
         self._begun_s = time.monotonic()
-        self._end_s = math.inf
         self._done = threading.Event()
         self._make: Mapping[FaultKind, Callable[[PlannedFault, Shift], None]] = {
             FaultKind.SILENCE: self._silence, FaultKind.WALL_CLOCK: self._wall_clock,
@@ -155,10 +152,9 @@ class Soak:
             FaultKind.HOST_KILLED: self._kill_host,
         }  # fmt: skip
 
-    def run(self, faults: Iterator[PlannedFault], minutes: float = math.inf) -> Report:
-        """Make every fault of the plan, as far as they come within so many minutes; return what was found."""
-        planned, sequenced = list(faults), False
-        self._end_s = self._begun_s + 60 * minutes
+    def run(self, faults: Iterator[PlannedFault]) -> Report:
+        """Make every fault of the plan; return what was found."""
+        left, sequenced = deque(faults), False
         with ExitStack() as stack:
             stack.enter_context(self.clock.in_force())
             stack.callback(self.patience.close)
@@ -166,11 +162,10 @@ class Soak:
             stack.callback(self._done.set)
             self.sensor.plug()
             threading.Thread(target=self._sample, name="holdings", daemon=True).start()
-            left = deque(planned)
-            while left and time.monotonic() < self._end_s:
+            while left:
                 self._shift(left, sequenced=sequenced)
                 sequenced = not sequenced
-        return self._conclude(planned)
+        return self._conclude()
 
     def _shift(self, left: deque[PlannedFault], *, sequenced: bool) -> None:
         """Run a daemon through some of the faults that are left, and end it, earlier where it does not recover."""
@@ -180,7 +175,7 @@ class Soak:
                 self._recover(None, shift)
                 for number in range(min(FAULTS_A_SHIFT, len(left))):
                     self._quiet(shift, number)
-                    if self._one(left.popleft(), shift) > GIVE_UP_S / 2 or time.monotonic() > self._end_s:
+                    if self._one(left.popleft(), shift) > GIVE_UP_S / 2:
                         break
         except GellightError as error:
             if left:
@@ -327,7 +322,7 @@ class Soak:
         while not self._done.wait(1.0):
             self._samples.append(Holdings.now(time.monotonic() - self._begun_s))
 
-    def _conclude(self, planned: list[PlannedFault]) -> Report:
+    def _conclude(self) -> Report:
         report, judge = self.report, self.judge
         growth, allowed = memory_growth_mb(self._samples)
         if len(self._samples) >= FEWEST:
@@ -345,8 +340,8 @@ class Soak:
         return report
 
 
-def soak(seed: int, hours: float, note: Callable[[str], object] = logger.info, *, minutes: float = math.inf) -> Report:
-    """Soak a simulated sensor for that many simulated hours, or minutes; `note` is told of every fault.
+def soak(seed: int, hours: float, note: Callable[[str], object] = logger.info) -> Report:
+    """Soak a simulated sensor for that many simulated hours; `note` is told of every fault.
 
     Then the faults that were made are made once more on virtual time, for labels.
     Raises InputError where no fault of the plan falls into that time: such a run would say nothing.
@@ -354,8 +349,8 @@ def soak(seed: int, hours: float, note: Callable[[str], object] = logger.info, *
     if not any(True for _ in plan(seed, hours)):
         raise InputError(f"no fault of seed {seed} falls into {hours:g} h: give more hours")
     with tempfile.TemporaryDirectory(prefix="gellight-soak-") as folder:
-        report = Soak(seed, Path(folder), note).run(plan(seed, hours), minutes)
-    report.add_labels(labels(seed, takewhile(lambda fault: fault.at_s <= report.simulated_s, plan(seed, hours)), note))
+        report = Soak(seed, Path(folder), note).run(plan(seed, hours))
+    report.add_labels(labels(seed, plan(seed, hours), note))
     return report
 
 

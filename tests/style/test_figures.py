@@ -66,7 +66,7 @@ TABLES = {
     ),
     ("Scanning", "scan --kept-apart"): ("0.06", "0.15"),
     ("Force", "force"): ("layer", "N per mm³ of all that is pressed in", "N per mm³ of the contact patch"),
-    ("Photometric stereo", "photometric"): ("GelNet, 1 picture", "4 exposures", "12 exposures"),
+    ("Photometric stereo", "photometric"): ("GelNet, 1 picture", "4 exposures"),
 }
 FIGURES = [figure for figure in quoted() if figure[1] in PRINTED]
 

@@ -5,7 +5,6 @@ import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,12 +20,11 @@ from gellight.lab.training import folds
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.training import Learning, TrainingOptions, read_reference
+from gellight.lab.training.validation import PressError, press_errors, summarised
 from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.errors import surface_errors
 from sim_reference.camera import CameraResponse, digitise
-from tests.helpers import cross_validation
 from tests.helpers.command_line import refused, succeeded
-from tests.helpers.cross_validation import cross_validate
 from tests.helpers.places import real
 from tests.helpers.pressed_pictures import GEOMETRY, photograph, run, sources
 from tests.helpers.small_bundles import ordinary, with_files
@@ -88,29 +86,24 @@ def test_wrong_circles_make_a_larger_error(bundle: Path, pressed: Path, tmp_path
     assert errors[0] > errors[1] + 5
 
 
-def test_each_fold_is_measured_by_a_network_that_never_saw_it(pressed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[tuple[set[str], set[str]]] = []
-    fit, errors_of = folds.fit, cross_validation.press_errors
+def test_no_fold_is_judged_by_what_its_network_saw(pressed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[set[str]] = []
+    fit = folds.fit
 
     def spying_fit(presses, *rest, **options):  # type: ignore[no-untyped-def]
-        seen.append(({press.image.name for press in presses}, set()))
+        seen.append({press.image.name for press in presses})
         return fit(presses, *rest, **options)
 
-    def spying_errors(bundle, presses, ball):  # type: ignore[no-untyped-def]
-        seen[-1][1].update(press.image.name for press in presses)
-        return errors_of(bundle, presses, ball)
-
     monkeypatch.setattr(folds, "fit", spying_fit)
-    monkeypatch.setattr(cross_validation, "press_errors", spying_errors)
     ball, reference = Ball(radius_mm=4, pixel_size_mm=0.2352), read_reference(pressed / "untouched")
     presses = read_presses(pressed / "presses.csv", ball=ball, image_shape=reference.image_shape)
     short = Learning(options=TrainingOptions(epochs=1, width=4))
-    cross_validate(presses, reference, ball, folds=2, how=short)
+    for number, fold in enumerate(folds.trained_folds(presses, reference, ball, 2, short)):
+        judged = {press.image.name for press in fold.held_out[folds.GIVEN]}
+        assert judged
+        assert not seen[number] & judged
+        assert len(seen[number] | judged) == 10
     assert len(seen) == 2
-    for trained, measured in seen:
-        assert measured
-        assert not trained & measured
-        assert len(trained | measured) == 10
 
 
 REAL = real("gelsight_mini_ball")
@@ -124,12 +117,15 @@ def test_on_real_presses_the_error_is_what_it_is_worth() -> None:
     ball, reference = Ball(radius_mm=2.35, pixel_size_mm=0.05107), read_reference(str(REAL / "background.png"))
     presses = read_presses(REAL / "presses.csv", ball=ball, image_shape=reference.image_shape)
     how = Learning(options=TrainingOptions(recipe="thorough", width=32), refine=True)
-    figures: Any = cross_validate(presses, reference, ball, folds=3, how=how).as_json()
-    assert len(figures["images"]) == 33
-    assert max(figures["training_cpu_seconds"]) < 60
-    assert figures["normal_error_deg"]["mean"] < 6.8
-    assert figures["refined"]["normal_error_deg"]["mean"] < 5.4
-    assert figures["contact_iou"] > 0.75
+    errors: dict[str, list[PressError]] = {folds.GIVEN: [], folds.REFINED: []}
+    for fold in folds.trained_folds(presses, reference, ball, 3, how):
+        for labels, judged in fold.held_out.items():
+            errors[labels] += press_errors(fold.bundle, judged, ball)
+    given, refined = map(summarised, errors.values())
+    assert len(given.images) == 33
+    assert given.normal_error_deg.mean < 6.8
+    assert refined.normal_error_deg.mean < 5.4
+    assert given.contact_iou > 0.75
 
 
 # ---- fit --lights: the light of the depth is taken off, by the lights of an earlier bundle ----

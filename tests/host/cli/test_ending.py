@@ -83,7 +83,7 @@ def command():
 def test_no_signal_is_lost(code: str) -> None:
     imports = "import ctypes, operator, signal, time\nfrom functools import partial\n"
     ended = run(
-        [sys.executable, "-c", f"{imports}{code}\nfrom gellight.cli.ending import end\nend(command)"], timeout_s=20
+        [sys.executable, "-c", f"{imports}{code}\nfrom gellight.cli.ending import end\nend(command)"], timeout_s=60
     )
     assert (ended.returncode, ended.stderr) == (Ending.TERMINATED, "")
 

@@ -70,7 +70,7 @@ def test_an_interrupted_calibration_is_offered_with_the_tools_it_was_begun_with(
 def test_what_a_calibration_needs_is_listed_before_and_not_while_it_goes_on(
     service: Service, daemon: SensorSession, routines: list[ScriptedRoutine], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    daemon.wait_frame(1, 10)
+    daemon.wait_frame(1, 60)
     listed = {need.name: need for need in service.state().needs}
     assert {name: need.state for name, need in listed.items()} == {
         "ball": "yours", "cylinder": "yours", "gel": "yours", "light": "yours", "camera": "ready", "disk": "ready",
@@ -94,12 +94,12 @@ def test_a_bundle_that_passes_is_taken_over_by_the_stream_and_can_be_taken_back(
     service.begin(Request(presses=12))
     assert routines[0].request.presses == 12
     assert routines[0].acts == [("start", {})]
-    before = daemon.wait_frame(0, 10).camera_frame.sequence
+    before = daemon.wait_frame(0, 60).camera_frame.sequence
     first, second = (verified_bundle(tmp_path / name, sensor=service.sensor) for name in ("first", "second"))
     for one in (first, second):
         routines[0].install(one)
         assert daemon.bundle.identity == service.state().in_service == one.identity
-    assert daemon.wait_frame(before + 1, 10).camera_frame.sequence > before
+    assert daemon.wait_frame(before + 1, 60).camera_frame.sequence > before
     assert daemon.watch.paused, "the new bundle's watch rests too as long as the calibration goes on"
     routines[0].over.set()
     service.restore(first.identity)
@@ -116,7 +116,7 @@ def test_the_watch_rests_while_a_calibration_goes_on(
         with pytest.raises(InputError, match="a calibration is going on: stop it"):
             refused()
     service.act("abort")
-    service._end.join(10)
+    service._end.join(60)
     assert not daemon.watch.paused
     assert service.state().routine == {"step": "finished"}
 
@@ -179,13 +179,13 @@ def test_the_routine_itself_runs_beside_the_stream_and_is_stopped(tmp_path: Path
         session_of(camera, Reconstructor(running), watch=SensorWatch(running)) as daemon,
         Service(daemon, store=BundleStore(tmp_path / "store"), folder=tmp_path / "state") as service,
     ):
-        sequence = daemon.wait_frame(0, 20).camera_frame.sequence
+        sequence = daemon.wait_frame(0, 60).camera_frame.sequence
         service.begin(Request(hand=True, presses=8))
         eventually(lambda: "prepare" in service.state().routine["figures"], 120)
         routine = service.state().routine
         assert routine["step"] in ("prepare", "reference"), routine["problem"]
         assert set(snapshot("presses")) <= set(routine), "the page's tests know what the routine says"
-        assert daemon.wait_frame(sequence, 20).camera_frame.sequence > sequence
+        assert daemon.wait_frame(sequence, 60).camera_frame.sequence > sequence
         service.act("abort")
         eventually(lambda: service.state().routine["step"] == "aborted", 120)
         assert service.state().interrupted
@@ -241,7 +241,7 @@ def lighting(daemon: SensorSession, folder: Path) -> Service:
 
 def finish(service: Service) -> None:
     service.act("abort")
-    service._end.join(10)
+    service._end.join(60)
 
 
 def test_a_routine_that_cannot_start_leaves_nothing_changed(
@@ -288,7 +288,7 @@ def test_lighting_that_fails_is_shown_and_tried_again(
         with pytest.raises(InputError, match="its status says why"):
             service.begin(Request())
         camera.failures.reset()
-        service._end.join(10)
+        service._end.join(60)
         assert camera.setting() == before
         assert lit.status()["error"] is None
 

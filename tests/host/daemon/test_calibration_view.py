@@ -63,7 +63,7 @@ def service(daemon: SensorSession, tmp_path: Path, routines: list[SeeingRoutine]
 
 def comes(daemon: SensorSession, shape: tuple[int, int]) -> None:
     """Wait until the frames have a shape (H, W)."""
-    eventually(lambda: daemon.wait_frame(-1, 10).depth_mm.shape == shape, 10)
+    eventually(lambda: daemon.wait_frame(-1, 60).depth_mm.shape == shape)
 
 
 def test_the_calibration_and_the_page_see_the_view_without_its_dots(
@@ -92,7 +92,7 @@ def test_a_bundle_that_passed_keeps_its_view_in_service(
     routines[0].over.set()
     comes(daemon, VIEW.image_shape)
     assert daemon.bundle.calibrated
-    assert np.isfinite(daemon.wait_frame(-1, 10).depth_mm).all()
+    assert np.isfinite(daemon.wait_frame(-1, 60).depth_mm).all()
     assert service.state().picture == "a view of 128 x 96 px is taken"
     again = View.of_box((0, 0, 64, 64), VIEW.image_shape)
     with pytest.raises(InputError, match="takes a view or fills marker dots already"):
@@ -119,7 +119,7 @@ def test_a_wrong_choice_is_told_and_changes_nothing(
         service.begin(wrong)
     assert routines == []
     assert not service.calibrating
-    assert daemon.wait_frame(-1, 10).depth_mm.shape == SHAPE
+    assert daemon.wait_frame(-1, 60).depth_mm.shape == SHAPE
     service.begin(Request())
     assert routines[0].seen.shape == (*SHAPE, 3)
 

@@ -34,7 +34,7 @@ def daemon_of(camera: ScriptedCamera, reconstructor: CountingReconstructor | Non
 def follow(daemon: SensorSession, seen: list[int]) -> None:
     """Note the sequence number of every frame, until the end is raised."""
     while True:
-        seen.append(daemon.wait_frame(seen[-1] if seen else 0, 10).camera_frame.sequence)
+        seen.append(daemon.wait_frame(seen[-1] if seen else 0, 60).camera_frame.sequence)
 
 
 def read_on(camera: Camera) -> None:
@@ -58,18 +58,18 @@ def test_a_frame_that_is_being_read_when_the_light_changes_is_not_delivered() ->
 
     def exposed(number: int) -> np.ndarray:
         reading.set()
-        assert gate.wait(10)
+        assert gate.wait(60)
         return np.zeros((2, 2, 3), np.uint8)
 
     camera, network = ScriptedCamera(exposed, period_s=0.01, ring=ScriptedRing()), CountingReconstructor()
     network.status = lambda: {"mode": "network"}  # type: ignore[method-assign]
     with daemon_of(camera, network) as daemon:
-        assert reading.wait(10)
+        assert reading.wait(60)
         changing = threading.Thread(target=daemon.light, args=(np.zeros((12, 3), np.uint8),))
         changing.start()
         gate.set()
-        changing.join(10)
-        assert daemon.wait_frame(0, 10).camera_frame.sequence > 1
+        changing.join(60)
+        assert daemon.wait_frame(0, 60).camera_frame.sequence > 1
 
 
 def test_a_frame_that_is_being_reconstructed_when_all_before_is_flushed_is_not_delivered() -> None:
@@ -78,7 +78,7 @@ def test_a_frame_that_is_being_reconstructed_when_all_before_is_flushed_is_not_d
     slow.gate.clear()
 
     def picture(number: int) -> np.ndarray:
-        assert number == 1 or second.wait(20)
+        assert number == 1 or second.wait(60)
         return np.zeros((2, 2, 3), np.uint8)
 
     def reconstruct(frame: CameraFrame) -> TactileFrame:
@@ -87,13 +87,13 @@ def test_a_frame_that_is_being_reconstructed_when_all_before_is_flushed_is_not_d
 
     threads = FrameThreads(ScriptedCamera(picture), reconstruct, lambda: placeholder((2, 2)))
     threads.start()
-    assert begun.wait(20)
+    assert begun.wait(60)
     threads.flush()  # the frame in hand is the newest of all
     slow.gate.set()
     with pytest.raises(TimeoutError):
         threads.delivered.take(0, 0.3)
     second.set()
-    assert threads.delivered.take(0, 20)[1].camera_frame.sequence > 1
+    assert threads.delivered.take(0, 60)[1].camera_frame.sequence > 1
     threads.stop()
 
 
@@ -103,11 +103,11 @@ def test_the_pictures_of_files_wait_for_their_reader() -> None:
     seen: list[int] = []
     with session_of(camera, CountingReconstructor(), every=True) as daemon:
         for _ in range(30):
-            daemon.wait_frame(-1, 10)  # somebody else, such as the page, looks at the newest
-            seen.append(daemon.next_frame(seen[-1] if seen else 0, 10).camera_frame.sequence)
+            daemon.wait_frame(-1, 60)  # somebody else, such as the page, looks at the newest
+            seen.append(daemon.next_frame(seen[-1] if seen else 0, 60).camera_frame.sequence)
             time.sleep(0.002)
         with pytest.raises(EndOfStream, match="used up"):
-            daemon.next_frame(30, 10)
+            daemon.next_frame(30, 60)
     assert seen == list(range(1, 31))
 
 
@@ -118,7 +118,7 @@ def test_a_slow_reconstruction_drops_the_old_and_takes_the_newest() -> None:
     with daemon_of(camera, reconstructor) as daemon:
         eventually(lambda: camera.sequence >= 50)
         reconstructor.gate.set()
-        newest = daemon.wait_frame(1, 10)
+        newest = daemon.wait_frame(1, 60)
         assert newest.camera_frame.sequence == 50
         status = daemon.status()
     assert status["dropped"] == 50 - status["frames"]
@@ -134,7 +134,7 @@ def test_what_fails_ends_the_run_with_its_own_words_for_every_reader_at_once(fai
         network.failure = CameraError("the cable is out: plug it in")
     with daemon_of(camera, network) as daemon:
         with pytest.raises(CameraError, match="cable is out"):
-            daemon.wait_frame(1, 10)
+            daemon.wait_frame(1, 60)
         with pytest.raises(CameraError, match="cable is out"):
             read_on(daemon.camera)
         assert daemon.status()["error"] == "the cable is out: plug it in"
@@ -147,9 +147,9 @@ def test_after_the_end_nobody_waits_and_no_thread_is_left() -> None:
     with daemon:
         shared = daemon.camera
         shared.read()
-        sequence = daemon.wait_frame(0, 10).camera_frame.sequence
+        sequence = daemon.wait_frame(0, 60).camera_frame.sequence
     assert threading.active_count() == before
-    for ask in (lambda: daemon.wait_frame(sequence + 10**6, 10), lambda: read_on(shared)):
+    for ask in (lambda: daemon.wait_frame(sequence + 10**6, 60), lambda: read_on(shared)):
         with pytest.raises(CameraError, match="stopped"):
             ask()
     assert daemon.pixel_size_mm == (0.1, 0.2)
@@ -190,7 +190,7 @@ class ScriptedWatch:
             return "the zero is right"
         if not asked:
             self.asking.set()
-            self.answer.wait(10)
+            self.answer.wait(60)
         return ""
 
     def propose_zero(self, *, asked: bool) -> Zero:
@@ -225,7 +225,7 @@ def test_a_zero_that_is_set_between_two_questions_of_the_watch_is_no_error(
 ) -> None:
     daemon, watch = watched
     watch.worth.set()
-    assert watch.asking.wait(10)
+    assert watch.asking.wait(60)
     refusals: list[InputError] = []
 
     def set_zero() -> None:
@@ -238,7 +238,7 @@ def test_a_zero_that_is_set_between_two_questions_of_the_watch_is_no_error(
     person.start()
     person.join(0.2)
     watch.answer.set()
-    person.join(10)
+    person.join(60)
     watch.wait_looks(3)
     assert daemon.status()["error"] is None
     assert (watch.zeros, len(refusals)) == (1, 1), "one of the two set the zero"
@@ -249,13 +249,13 @@ def test_a_bundle_that_is_replaced_between_two_questions_of_the_watch_is_no_erro
 ) -> None:
     daemon, watch = watched
     watch.worth.set()
-    assert watch.asking.wait(10)
+    assert watch.asking.wait(60)
     second = linear_bundle(tmp_path / "second", (24, 32), pixel_size_mm=(0.07, 0.08))
     replacing = threading.Thread(target=daemon.replace_bundle, args=(second,))
     replacing.start()
     replacing.join(0.5)
     watch.answer.set()
-    replacing.join(10)
+    replacing.join(60)
     eventually(lambda: daemon.status()["watch"].get("looks", 0) >= 3)  # type: ignore[attr-defined]
     assert daemon.bundle.identity == second.identity
     assert daemon.status()["error"] is None
@@ -286,7 +286,7 @@ def test_a_camera_is_closed_whatever_keeps_its_threads_from_ending_or_starting(
 
     monkeypatch.setattr(threading.Thread, fails, second)
     with pytest.raises(KeyboardInterrupt), daemon_of(camera) as daemon:
-        daemon.wait_frame(0, 10)
+        daemon.wait_frame(0, 60)
     assert camera.closed
     assert not {"capture", "reconstruct"} & {thread.name for thread in threading.enumerate()}
 
@@ -299,7 +299,7 @@ def test_camera_and_reconstruction_run_first_if_asked_where_the_system_lets_them
         os, "sched_setscheduler", lambda thread, policy, param: given.append((thread, policy, param.sched_priority))
     )
     with session_of(ScriptedCamera(period_s=0.01), CountingReconstructor(), realtime=True) as daemon:
-        daemon.wait_frame(0, 10)
+        daemon.wait_frame(0, 60)
         running = {thread.name: thread.native_id for thread in threading.enumerate()}
         assert daemon.status()["priority"] == "real time"
     assert given == [(running[name], os.SCHED_FIFO, 10) for name in ("capture", "reconstruct")]

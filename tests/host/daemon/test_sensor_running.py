@@ -43,7 +43,7 @@ def test_while_the_sensor_is_away_the_daemon_says_so_delivers_nothing_from_befor
     gated = Gated()
     with session_of(Paced(bench.open("auto", bundle)), gated) as daemon:
         shown = lambda: str(daemon.status()["error"])  # noqa: E731
-        daemon.wait_frame(10, 10)
+        daemon.wait_frame(10, 60)
         gated.gate.clear()
         eventually(lambda: gated.holds)  # a frame from before is being reconstructed ...
         at_close: list[str] = []
@@ -59,7 +59,7 @@ def test_while_the_sensor_is_away_the_daemon_says_so_delivers_nothing_from_befor
             daemon.wait_frame(-1, 0.3)
         replugged_s = bench.kernel.now_s
         bench.plug("1-5", "GL0001")
-        after = daemon.wait_frame(-1, 10).camera_frame
+        after = daemon.wait_frame(-1, 60).camera_frame
         assert after.time_s > replugged_s
         eventually(lambda: shown() == "None")
         status = daemon.status()
@@ -112,7 +112,7 @@ def test_a_v4l2_camera_with_lights_of_its_own_is_not_taken_for_the_simulated_sen
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     settings = loaded({"sensor.url": f"v4l2://{node}?width=32&height=24&format=YUYV"})
     with caplog.at_level(logging.WARNING), assembly.open_session(settings) as daemon:
-        frame = daemon.wait_frame(-1, 30)
+        frame = daemon.wait_frame(-1, 60)
     assert frame.camera_frame.image.shape == (24, 32, 3)
     assert np.isnan(frame.depth_mm).all()
     assert len(opened) == 1

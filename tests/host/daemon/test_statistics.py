@@ -1,10 +1,13 @@
 """Frames per second count distinct sequence numbers; lost, repeated and dropped frames are told apart."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gellight.daemon.statistics import Statistics
-from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.frames.frames import CameraFrame, TactileFrame
+from tests.helpers.tactile import tactile
 
 PIXEL = np.zeros((1, 1, 3), np.uint8)
 
@@ -14,16 +17,8 @@ def camera_frame(sequence: int, time_s: float = 0.0) -> CameraFrame:
 
 
 def tactile_frame(sequence: int, time_s: float = 0.0) -> TactileFrame:
-    flat = np.zeros((1, 1), np.float32)
-    contact = Contact(mask=flat > 0, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None)
-    return TactileFrame(
-        camera_frame=camera_frame(sequence, time_s),
-        difference=np.zeros((1, 1, 3), np.float32),
-        gradient_map=np.zeros((1, 1, 2), np.float32),
-        depth_mm=flat,
-        contact=contact,
-        stage_seconds={"gelnet": 0.004},
-    )
+    flat = tactile(np.zeros((1, 1)))
+    return replace(flat, camera_frame=camera_frame(sequence, time_s), stage_seconds={"gelnet": 0.004})
 
 
 def test_the_rate_counts_distinct_numbers_and_falls_to_zero_when_frames_stop() -> None:

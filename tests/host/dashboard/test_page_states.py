@@ -91,7 +91,7 @@ def count_movements(page: Any) -> None:
 def test_an_object_that_is_being_prepared_can_be_given_up(opened: Open, source: FormulaSource) -> None:
     """Release does not wait for the answer to the press, whatever the status says of it."""
     stage, done = source.stage, threading.Event()
-    stage.press = lambda *_: done.wait(20)  # type: ignore[method-assign, assignment]
+    stage.press = lambda *_: done.wait(60)  # type: ignore[method-assign, assignment]
     try:
         page = opened()
         draw(page, source, 0.5)

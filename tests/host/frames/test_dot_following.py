@@ -227,6 +227,58 @@ def test_another_gel_is_named_in_one_sentence(other: np.ndarray, reason: str) ->
     assert ". " not in found.problem
 
 
-def test_a_gel_without_dots_cannot_be_followed() -> None:
-    with pytest.raises(InputError, match="marker dots are seen"):
-        dots_at_rest(picture(square()[:5]), DIAMETER)
+def problem(shown: np.ndarray, *, known: bool) -> str:
+    """What is said of a picture; known: the dots were seen at rest before."""
+    follower = DotFollower(*dots_at_rest(picture(square()), DIAMETER)[:1], DIAMETER, 0.6)
+    if known:
+        follower.follow(picture(square()))
+    return follower.follow(shown).problem
+
+
+def aside(share: float) -> Lattice:
+    """The dots of `square`, moved by that share of their distance."""
+    return square() + np.array([share * PITCH, 0.0])
+
+
+def with_more(count: int) -> Lattice:
+    """The dots of `square`, and more beside them."""
+    rows = square()[::9, 1]
+    more = [(x, y) for x in (40.0, 281.0) for y in rows]
+    return np.vstack([square(), more[:count]])
+
+
+@pytest.mark.parametrize(
+    ("within", "beyond", "known", "reason"),
+    [
+        (picture(square()[:38]), picture(square()[:37]), True, "37 of 63 marker dots are seen"),
+        (picture(with_more(3)), picture(with_more(4)), False, "67 marker dots are seen, of which 63"),
+        (picture(with_more(9)), picture(with_more(10)), True, "73 marker dots are seen, of which 63"),
+        (picture(aside(0.14)), picture(aside(0.16)), False, "in the median by 0.16"),
+    ],
+    ids=["three in five", "one in twenty more", "three in twenty more", "0.15 of their distance"],
+)
+def test_where_dots_cease_to_be_those_of_the_calibration(
+    within: np.ndarray, beyond: np.ndarray, known: bool, reason: str
+) -> None:
+    assert problem(within, known=known) == ""
+    assert reason in problem(beyond, known=known)
+
+
+@pytest.mark.parametrize(("bright", "dark"), [(11, True), (12, False)])
+def test_a_gel_darker_than_12_grey_levels_is_too_dark(bright: int, dark: bool) -> None:
+    assert ("too dark" in problem(np.full((HEIGHT, WIDTH, 3), bright, np.uint8), known=True)) == dark
+
+
+def test_nine_dots_are_enough_to_be_followed() -> None:
+    assert len(dots_at_rest(picture(square()[:9]), DIAMETER)[0]) == 9
+    with pytest.raises(InputError, match="8 marker dots are seen"):
+        dots_at_rest(picture(square()[:8]), DIAMETER)
+
+
+@pytest.mark.parametrize(("count", "darker", "found"), [(8, 60, 0), (9, 60, 9), (12, 10, 0), (12, 11, 12)])
+def test_dots_are_nine_at_least_and_more_than_ten_grey_levels_darker(count: int, darker: int, found: int) -> None:
+    flat = np.full((HEIGHT, WIDTH, 3), 150, np.uint8)
+    for number in range(count):
+        cv2.circle(flat, (40 + 60 * (number % 4), 40 + 60 * (number // 4)), 5, (150 - darker,) * 3, -1)
+    dots = find_dots(flat)
+    assert (dots.count if dots else 0) == found

@@ -58,7 +58,6 @@ def test_a_bundle_is_not_overwritten_unless_told(bundle: Bundle, model: LightMod
         ({"ring": {"radius_mm": 21.5}}, "ring.radius_mm"),
         ({"ring": {"ring_radius_mm": float("nan")}}, "ring.ring_radius_mm"),
         ({"ring": {"ring_radius_mm": -1.0}}, "on a radius of -1 mm"),
-        ({"ring": {"led_colours": "RRRRGGGGBBBX"}}, "R, G or B, each at least once"),
     ],
 )
 def test_a_damaged_file_is_refused(

@@ -12,7 +12,6 @@ from gellight.base.errors import BundleError
 from gellight.bundle.bundle import load_bundle
 from gellight.reconstruction.network_file import MOST_BYTES, OPERATIONS, WIDEST, check_network, weights_of
 from gellight.reconstruction.network_session import NetworkSession
-from tests.helpers.linear_sensor import linear_network
 
 PIXELS = helper.make_tensor_value_info("pixels", TensorProto.FLOAT, ["N", 5])
 GRADIENT = helper.make_tensor_value_info("gradient", TensorProto.FLOAT, ["N", 2])
@@ -98,13 +97,6 @@ def test_graphs_that_lie_in_each_other_end_somewhere() -> None:
         graph = helper.make_graph([helper.make_node("If", ["yes"], ["gradient"], then_branch=graph)], "g", [], [])
     with pytest.raises(BundleError, match="graphs inside of graphs"):
         check_network(network(list(graph.node)), "a stranger's")
-
-
-def test_every_cut_of_a_network_is_refused_or_loads() -> None:
-    content = linear_network()
-    for end in range(len(content)):
-        with pytest.raises(BundleError, match="cannot be loaded"):
-            NetworkSession(content[:end], source="cut")
 
 
 def test_the_networks_of_gellight_pass_and_their_weights_are_read() -> None:

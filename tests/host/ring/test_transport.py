@@ -157,7 +157,7 @@ def test_other_urls_are_refused(url: str) -> None:
 
 
 def test_a_port_that_is_not_there_is_a_remedy() -> None:
-    with pytest.raises(BoardError, match="plug the light ring in"):
+    with pytest.raises(BoardError, match="there is no /dev/ttyNONE: plug the light ring in"):
         open_transport("/dev/ttyNONE")
     with pytest.raises(BoardError, match="sim://"):
         find_port("0000")

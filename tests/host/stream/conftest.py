@@ -7,12 +7,20 @@ import pytest
 import gellight
 from gellight.recording.kinds import DepthKind
 from gellight.stream.recorder import Recorder
+from gellight.stream.sensor import Sensor
 from tests.helpers.waiting import eventually
 
 
 @pytest.fixture(autouse=True)
 def own_runtime_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who says nothing else waits two minutes for a frame: processors are shared."""
+    for waits in (gellight.connect, gellight.subscribe, Sensor.__init__):
+        monkeypatch.setitem(waits.__kwdefaults__, "patience_s", 120.0)
 
 
 @pytest.fixture(scope="session")

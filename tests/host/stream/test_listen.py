@@ -54,7 +54,7 @@ def in_another(daemon: SensorSession) -> Iterator[FrameSource]:
 
 
 def next_of(queue: "SimpleQueue[Any]") -> Any:
-    return queue.get(timeout=20)
+    return queue.get(timeout=60)
 
 
 def newest_of(queue: "SimpleQueue[Any]") -> Any:
@@ -74,9 +74,10 @@ def test_a_callback_outlives_an_absence_of_the_sensor_and_is_told_of_it(opened: 
         next_of(seen)
         for _ in range(2):
             camera.plugged.clear()
-            first, second = next_of(told), next_of(told)
+            while "unplugged" not in str(first := next_of(told)):  # a busy machine has absences of its own
+                continue
             assert isinstance(first, NoFrameError)
-            assert str(first) == str(second) == "no frame for 0.2 s: it was unplugged"
+            assert str(first) == str(next_of(told)) == "no frame for 0.2 s: it was unplugged"
             camera.plugged.set()
             newest_of(seen)
             while not told.empty():
@@ -90,7 +91,8 @@ def test_an_absence_is_logged_once_where_nobody_asks_to_be_told(
     seen: SimpleQueue[TactileFrame] = SimpleQueue()
 
     def said() -> list[str]:
-        return [record.message for record in caplog.records if record.name == "gellight.stream.source"]
+        messages = [record.message for record in caplog.records if record.name == "gellight.stream.source"]
+        return [message for message in messages if "unplugged" in message]  # a busy machine has absences of its own
 
     with in_this_process(session_of(camera, BumpReconstructor())) as frames:
         waits, why = [], frames._why_none
@@ -119,7 +121,7 @@ def test_the_last_frame_is_told_and_raised_at_the_end_or_logged(caplog: pytest.L
     daemon, _ = bump_daemon(frames=3)
     frames = Sensor(daemon)
     frames.listen(lambda frame: None)
-    frames._listening[0].join(20)
+    frames._listening[0].join(60)
     with pytest.raises(EndOfStream):
         frames.close()
     assert [record.message for record in caplog.records] == ["a callback is called no more: used up"]
@@ -146,13 +148,13 @@ def test_what_a_callback_raises_while_the_source_is_closed_is_not_lost() -> None
 
     def fail(frame: TactileFrame) -> None:
         called.set()
-        assert closing.wait(20)
+        assert closing.wait(60)
         time.sleep(0.1)
         raise ZeroDivisionError("in the callback")
 
     frames = Sensor(daemon)
     frames.listen(fail)
-    assert called.wait(20)
+    assert called.wait(60)
     closing.set()
     with pytest.raises(ZeroDivisionError):
         frames.close()
@@ -164,11 +166,11 @@ def test_a_callback_that_does_not_return_is_told_and_the_rest_is_closed(monkeypa
 
     def hang(frame: TactileFrame) -> None:
         called.set()
-        released.wait(20)
+        released.wait(60)
 
     frames = Sensor(session_of(camera, BumpReconstructor()))
     frames.listen(hang)
-    assert called.wait(20)
+    assert called.wait(60)
     with pytest.raises(StreamError, match=r"has not returned for 0\.05 s: it runs on"):
         frames.close()
     assert camera.closed
@@ -196,7 +198,7 @@ def test_a_loop_ends_when_another_thread_closes_its_source(close_of: str) -> Non
         thread.start()
         time.sleep(0.5)
         source.close()
-        thread.join(20)
+        thread.join(60)
     assert said[-1] == "ended"
     assert all(isinstance(one, int) for one in said[:-1]), said[-2:]
 

@@ -105,6 +105,6 @@ def test_a_replay_beyond_its_end_is_refused_and_one_that_waits_hours_ends_at_onc
     with pytest.raises(InputError, match=r"ends before 1000 s: begin earlier"):
         open_replay(f"replay://{recording}?start=1000")
     with gellight.connect(f"replay://{recording}?speed=0.00001") as replay:
-        replay.next_frame(30)
+        replay.next_frame(60)
         begun_s = time.monotonic()
-    assert time.monotonic() - begun_s < 20, "a frame would come each fourteen hours"
+    assert time.monotonic() - begun_s < 200, "a frame would come each fourteen hours"

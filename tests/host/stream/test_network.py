@@ -32,7 +32,7 @@ def multicast_works() -> bool:
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as writer,
     ):
         reader.bind(("", 0))
-        reader.settimeout(2)
+        reader.settimeout(10)
         try:
             member = struct.pack("4s4s", socket.inet_aton(GROUP), socket.inet_aton("0.0.0.0"))
             reader.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)

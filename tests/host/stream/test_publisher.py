@@ -11,9 +11,8 @@ from typing import Any
 
 import pytest
 
-from gellight.base.errors import CameraError, StreamError
+from gellight.base.errors import StreamError
 from gellight.frames.frames import TactileFrame
-from gellight.opening import open_camera
 from gellight.stream import publisher as publisher_module
 from gellight.stream.frame_thread import sending, sent_to
 from gellight.stream.publisher import Publisher
@@ -45,7 +44,7 @@ def test_a_reader_that_comes_while_the_last_one_leaves_is_noted() -> None:
     publisher._note_readers("note", SimpleNamespace(matching=True))
     leaving = threading.Thread(target=publisher._note_readers, args=("note", SimpleNamespace(matching=False)))
     leaving.start()
-    assert event.clearing.wait(20)
+    assert event.clearing.wait(60)
     coming = threading.Thread(target=publisher._note_readers, args=("frame", SimpleNamespace(matching=True)))
     coming.start()
     coming.join(0.1)  # with a lock it waits here
@@ -67,7 +66,7 @@ def test_a_frame_that_cannot_be_sent_ends_nothing(
 
     monkeypatch.setattr(publisher_module, "encoded", encoded)
     daemon, _ = bump_daemon()
-    with daemon, Publisher(daemon), subscribe(patience_s=20) as frames:
+    with daemon, Publisher(daemon), subscribe(patience_s=60) as frames:
         frames.next_frame()
     assert [record.message for record in caplog.records] == ["publish: a frame cannot be sent"], "said once"
 
@@ -84,7 +83,7 @@ def test_a_question_that_fails_ends_nothing() -> None:
 
     daemon, _ = bump_daemon()
     with daemon, sending(daemon, "asking", lambda frame: sent.set(), wanted):
-        assert sent.wait(20)
+        assert sent.wait(60)
 
 
 # ---- sinks and cameras of other distributions ----
@@ -141,8 +140,6 @@ def test_the_document_shows_the_example() -> None:
     assert [line for line in shown if line not in code] == []
 
 
-def test_what_nobody_has_is_refused_with_what_there_is() -> None:
-    with pytest.raises(CameraError, match="no camera speaks grey://"):
-        open_camera("grey://1")
+def test_a_sink_that_nobody_has_is_refused_with_those_there_are() -> None:
     with pytest.raises(StreamError, match=r"has a sink 'forces' \(none is installed\)"), sent_to("forces", None, "x"):  # type: ignore[arg-type]
         pass

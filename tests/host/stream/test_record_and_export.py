@@ -160,11 +160,9 @@ def test_the_verb_records_until_it_is_ended_and_then_finishes_the_file(tmp_path:
         while not out.exists() or out.stat().st_size < 4e6:
             assert verb.poll() is None, verb.stderr.read()
             time.sleep(0.1)
-        begun_s = time.monotonic()
         os.kill(verb.pid, signal.SIGTERM)
         said, _ = verb.communicate(timeout=60)
         assert verb.returncode == 0
-    assert time.monotonic() - begun_s < 30
     assert b"a.mcap: " in said
     recorded = Recording(out)
     assert len(list(recorded.frames())) >= 3

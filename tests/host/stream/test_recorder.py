@@ -99,7 +99,7 @@ def test_a_disk_that_refuses_ends_the_recording_and_nothing_else(
                 recorder._writer, "add", Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
             )
             eventually(lambda: recorder.ended, 120)
-            recorder._thread.join(20)
+            recorder._thread.join(60)
             assert sensor.daemon.captured._copies == sensor.daemon.delivered._copies == (), "no frame is kept for it"
         assert "disk is full" in recorder.status.ended
         sensor.next_frame()

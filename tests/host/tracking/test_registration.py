@@ -162,3 +162,18 @@ def test_where_two_views_cease_to_show_one_place(within: dict[str, float], beyon
 def test_where_another_start_is_tried(within: dict[str, float], beyond: dict[str, float]) -> None:
     """The residual of this object is usually 1."""
     assert (is_certain(agreed(**within), 1.0), is_certain(agreed(**beyond), 1.0)) == (True, False)
+
+
+@pytest.mark.parametrize(("points", "enough"), [(59, False), (60, True)])
+def test_sixty_points_are_registered(points: int, enough: bool) -> None:
+    key = Keyframe(seen(relief), points)
+    assert len(key.points) == points
+    assert (key.registrable, register(key, seen(relief), np.eye(4)) is not None) == (enough, enough)
+
+
+@pytest.mark.parametrize(("count", "told"), [(39, 0), (40, 6)])
+def test_forty_points_inside_the_contact_tell_a_motion(count: int, told: int) -> None:
+    key, view = Keyframe(seen(relief)), seen(relief)
+    found = register(key, view, np.eye(4))
+    key.inside &= np.cumsum(key.inside & found.compared.seen) <= count
+    assert information(key, view, found).told.shape[1] == told

@@ -3,6 +3,8 @@
 import csv
 import json
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from gellight.frames.image_files import read_image
 from gellight.frames.pose import ObjectPose, PoseFigures
 from gellight.lab.simulator.sequence import read_sequence
 from gellight.tracking.following import ObjectFollower
+from gellight.tracking.information import Agreement
 from gellight.tracking.registration import Loss
 from gellight.tracking.rigid import inverse, twist_of
 from gellight.tracking.tracker import Tracker
@@ -151,6 +154,53 @@ def test_a_pose_travels_as_figures() -> None:
     assert ObjectPose.of(lost.figures()).lost
     with pytest.raises(ValueError, match="reshape"):
         ObjectPose.of(pose.figures().model_copy(update={"motion": (1.0, 2.0)}))
+
+
+@pytest.mark.parametrize(
+    ("mm", "degrees", "relief", "known"),
+    [
+        (0.66, 0.0, True, True), (0.67, 0.0, True, False), (0.0, 3.32, True, True), (0.0, 3.34, True, False),
+        (3.32, 0.0, False, False), (3.34, 0.0, False, True), (3.34, 0.0, True, False),
+    ],
+)  # fmt: skip
+def test_a_pose_is_believed_to_two_thirds_of_what_would_be_doubtful(
+    mm: float, degrees: float, relief: bool, known: bool
+) -> None:
+    """Beyond a third of a centimetre nothing is told; that is no fault of an object that looks the same all over."""
+    tracker = Tracker()
+    tracker._relief = relief
+    assert tracker._known_well(np.diag([mm, 0, 0, np.radians(degrees), 0, 0]) ** 2) == known
+
+
+@pytest.mark.parametrize(
+    ("weakest", "overlap", "tilt_deg", "leads_on"),
+    [
+        (9.0, 0.71, 0.0, False), (9.0, 0.69, 0.0, True), (9.0, 1.0, 29.9, False), (9.0, 1.0, 30.1, True),
+        (2.9, 0.79, 0.0, True), (2.9, 0.81, 0.0, False), (3.1, 0.79, 0.0, False), (0.99, 0.79, 0.0, False),
+    ],
+)  # fmt: skip
+def test_a_frame_is_kept_while_its_object_is_still_well_known(
+    weakest: float, overlap: float, tilt_deg: float, leads_on: bool
+) -> None:
+    same = Agreement(overlap=overlap, unlike=0.0, curvature=1.0, slope=1.0, residual=0.5, texture=10.0)
+    told, pose = SimpleNamespace(weakest=weakest), moved(0, 0, (tilt_deg, 0, 0))
+    found: Any = SimpleNamespace(agreement=same, information=told, registration=SimpleNamespace(pose=pose))
+    assert Tracker()._leads_on(found) == leads_on
+
+
+@pytest.mark.parametrize(("count", "usual"), [(3, np.inf), (4, 0.7)])
+def test_four_frames_tell_what_the_residual_of_an_object_usually_is(count: int, usual: float) -> None:
+    tracker = Tracker()
+    tracker._residuals.extend([0.7] * count)
+    assert tracker._own == usual
+
+
+@pytest.mark.parametrize(("deep_mm", "found"), [(0.019, False), (0.021, True)])
+def test_what_is_less_than_a_fiftieth_of_a_millimetre_deep_touches_nothing(deep_mm: float, found: bool) -> None:
+    rows, columns = np.indices((60, 80))
+    near = (np.hypot(rows - 30, columns - 40) < 20).astype(np.float32)
+    pressure = near * (1 + np.arange(80, dtype=np.float32) / 80)
+    assert touching(pressure, deep_mm * near, (0.1, 0.1)).any() == found
 
 
 @pytest.fixture(scope="module")

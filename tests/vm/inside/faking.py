@@ -2,13 +2,11 @@
 
 import itertools
 import subprocess
-import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gellight.base.errors import CameraError
 from gellight.sensor.v4l2 import structures as v
 from gellight.sensor.v4l2.device import Device
 from gellight.sensor.v4l2.options import CaptureOptions
@@ -87,18 +85,3 @@ def stream(before: dict[str, int], during: dict[str, int], count: int) -> dict[s
 def _set(device: Device, faults: dict[str, int]) -> None:
     for name, value in faults.items():
         set_fault(device, name, value)
-
-
-def disconnect() -> dict[str, Any]:
-    """Let the device disconnect while it streams; return what capture says, and how soon."""
-    node = _node()
-    with V4l2Camera(node, CaptureOptions.model_validate(OPTIONS)) as camera, Device(node) as other:
-        camera.read()
-        set_fault(other, "Disconnect", 1)
-        begun_s = time.monotonic()
-        try:
-            for _ in range(100):
-                camera.read()
-        except CameraError as error:
-            return {"error": type(error).__name__, "text": str(error), "seconds": time.monotonic() - begun_s}
-    raise TimeoutError("nothing was said of the disconnection")

@@ -38,7 +38,7 @@ def calibrate(folder: Path) -> None:
         routine = Routine(
             sensor, options(folder), folder / "state", hand=hand, install=lambda bundle: installed.append(bundle.source)
         )
-        snapshot = finished(routine, timeout_s=280)
+        snapshot = finished(routine)
     assert snapshot["step"] == "finished", snapshot["problem"]
     kept = {**snapshot, "installed": installed, "adopted": sensor.adopted}
     (folder / "snapshot.json").write_text(json.dumps(kept))

@@ -73,7 +73,7 @@ def test_two_presses_are_enough_with_those_of_a_like_unit_also_where_it_was_inte
     begun.act("start")
     wait_for(begun, lambda shown: shown["step"] == "reference")
     begun.act("abort")
-    begun.join(60)
+    begun.join(200)
     kept = kept_like(tmp_path / "state")
     assert kept.identity == first.identity
     snapshot = finished(routine_of(tmp_path, OTHER, presses=2, like=kept))

@@ -77,7 +77,7 @@ def test_a_trainer_that_does_not_work_ends_it_before_the_first_press(
     with open_camera("sim://?fps=500&board=0", geometry=GEOMETRY) as camera:
         begun = Routine(camera, options(tmp_path), tmp_path / "state", hand=hand_of(camera, seed=0))
         begun.act("start")
-        begun.join(60)
+        begun.join(200)
         snapshot = begun.snapshot()
     assert snapshot["step"] == "failed"
     assert "libgomp.so.1 is missing" in snapshot["problem"]

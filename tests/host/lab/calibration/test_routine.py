@@ -202,7 +202,7 @@ def test_a_guided_user_corrects_drops_aborts_and_resumes(tmp_path: Path) -> None
         routine.act("next")
         assert "press at least 7 more times" in wait_for(routine, lambda s: "too few" in s["problem"])["problem"]
         routine.act("abort")
-        routine.join(20)
+        routine.join(200)
         assert routine.snapshot()["step"] == "aborted"
         with pytest.raises(InputError, match=r"begun with cylinder_diameter_mm 8.0, not 6.0: give the same again"):
             Routine(sensor, options(tmp_path, cylinder_diameter_mm=6.0), tmp_path / "state")
@@ -211,7 +211,7 @@ def test_a_guided_user_corrects_drops_aborts_and_resumes(tmp_path: Path) -> None
         resumed = wait_for(again, lambda s: s["step"] == "presses" and s["progress"].get("done") == 1)
         assert resumed["figures"]["pixel_size"]["presses"] == 2
         again.stop()
-        again.join(20)
+        again.join(200)
 
 
 def test_a_resumed_calibration_that_does_not_pass_replaces_nothing(

@@ -91,6 +91,6 @@ def test_recorded_pictures_cannot_be_calibrated_live(tmp_path: Path) -> None:
     write_png(tmp_path / "a.png", np.full((240, 320, 3), 120, np.uint8))
     routine = Routine(ImageCamera([tmp_path / "a.png"]), options(tmp_path), tmp_path / "state")
     routine.act("start")
-    routine.join(10)
+    routine.join(200)
     assert isinstance(routine.error, CameraError)
     assert "a calibration needs a camera that goes on delivering" in str(routine.error)

@@ -143,3 +143,24 @@ def test_a_light_is_dark_that_gives_less_than_a_grey_level(grey: float, dark: bo
     picture = np.random.default_rng(0).uniform(20, 200, (64, 128, 3)).astype(np.float32)
     with pytest.raises(InputError, match="is dark") if dark else nullcontext():
         TwoLights((picture, np.full_like(picture, grey)))
+
+
+@pytest.mark.parametrize(
+    ("exposure_s", "readout_s", "sound"),
+    [(2.1e-3, 0.012, True), (1.9e-3, 0.012, False), (0.008, -2.9e-3, True), (0.008, -3.1e-3, False)],
+)
+def test_an_exposure_is_twice_its_scatter_and_a_readout_no_more_than_three_times_it_below_zero(
+    exposure_s: float, readout_s: float, sound: bool
+) -> None:
+    """What the bands saw scatters by 1 ms, about what the shutter says."""
+    rng, meter = np.random.default_rng(0), ShutterMeter()
+    height, share = np.tile(HEIGHT, 20), rng.uniform(0.1, 0.9, 20 * BANDS)
+    design = np.column_stack([height, 1 - share, np.ones(len(share))])
+    scatter = rng.choice([-1.0, 1.0], len(share))
+    scatter -= design @ np.linalg.lstsq(design, scatter, rcond=None)[0]
+    seen_s = design @ [readout_s, exposure_s, 0.002] + 1e-3 * scatter / scatter.std()
+    meter._samples = list(zip(height.tolist(), seen_s.tolist(), share.tolist(), strict=True))
+    with nullcontext() if sound else pytest.raises(CameraError, match="do not follow the light"):
+        found = meter.estimate()
+        assert found.scatter_s == pytest.approx(1e-3)
+        assert (found.exposure_s, found.readout_s) == pytest.approx((exposure_s, max(readout_s, 0.0)))

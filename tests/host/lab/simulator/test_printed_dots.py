@@ -1,15 +1,19 @@
 """Dots on the simulated gel: where they are printed, how a press and a drag move them, and what the truth says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.lab.simulator.dragging import sheared
 from gellight.lab.simulator.printed_dots import PrintedDots, known_force, seen_px
 from gellight.lab.simulator.scene import Press, Printed, Scene
 from gellight.lab.simulator.simulated_camera import open_simulated
 from gellight.lab.simulator.stage import Stage
 from gellight.reconstruction.force_file import ForceRecord
 from sim_reference.camera import CameraResponse
+from sim_reference.deformation import Deformation
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.dotted import centres_of
 
@@ -75,6 +79,15 @@ def test_going_back_over_the_same_path_does_not_undo_what_slipped(scene: Scene, 
     back = Press("BALL", 1.0, 2.0, 1.0, (*slid.path, (1.0, 0.0, 0.0)))
     here, before = scene.shear(back), scene.shear(Press("BALL", 1.0, 2.0, 1.0, slid.path[:2]))
     assert here.force_n[0] < 0.5 * before.force_n[0]
+
+
+def test_the_grid_of_what_presses_nothing_lies_about_the_middle() -> None:
+    """Four thicknesses to each side of the point behind the middle, 0.2 mm apart."""
+    flat = Deformation(depth_mm=np.zeros((128, 128)), pressure=np.zeros((128, 128)), spacing_mm=0.1)
+    found = sheared(flat, replace(GEOMETRY, gel_thickness_mm=1.0), FRICTION, ())
+    assert found.corner_mm == pytest.approx([-3.9, -3.9])
+    assert 41 <= len(found.pressure) <= 45
+    assert (found.force(), found.sticking_share) == ((0.0, 0.0, 0.0), 0.0)
 
 
 def test_the_imprint_goes_with_the_object_and_turns_with_it() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from gellight.base.errors import BoardError, CameraError, InputError
 from gellight.frames.camera import ReconnectingError
+from gellight.frames.frames import CameraFrame
 from gellight.lab.simulator import simulated_camera
 from gellight.lab.simulator.scene import Press
 from gellight.lab.simulator.simulated_camera import SimulatedCamera, open_simulated
@@ -19,10 +20,17 @@ from gellight.opening import open_camera
 from sim_reference.geometry import SensorGeometry
 from tests.helpers import children
 from tests.helpers.terminal_board import cut_power
+from tests.helpers.waiting import eventually
 
 
 def open_quiet(parameters: str = "") -> SimulatedCamera:
     return open_camera(f"sim://?programme=0&fps=1000{parameters}")
+
+
+def first_under(camera: SimulatedCamera, colours: np.ndarray) -> CameraFrame:
+    """The first frame that was exposed wholly under a light (12, 3), however long the board takes to show it."""
+    eventually(lambda: (camera.read().light == colours).all())
+    return camera.read()
 
 
 def test_the_untouched_gel_is_still_but_for_noise() -> None:
@@ -151,16 +159,12 @@ def test_the_picture_is_lit_by_what_the_pin_of_the_board_says() -> None:
         ring = camera.ring
         blue = np.zeros((12, 3), np.uint8)
         blue[8:] = (0, 0, 255)
-        ring.wait_for_light(ring.set_leds(blue).light_id)
-        time.sleep(0.05)
-        changed = camera.read()
-        assert (changed.light == blue).all()
+        ring.set_leds(blue)
+        changed = first_under(camera, blue)
         assert changed.image[..., 2].mean() > 50
         assert changed.image[..., 0].mean() < 8, "what is left of red is crosstalk"
         ring.blank()
-        time.sleep(0.1)
-        dark = camera.read()
-    assert not dark.light.any()
+        dark = first_under(camera, 0 * blue)
     assert dark.image.mean() < 1.0
 
 
@@ -235,7 +239,7 @@ def test_frames_go_on_while_a_press_of_the_programme_is_computed() -> None:
     with open_camera("sim://?board=0&fps=1000") as camera:
         may_go_on = threading.Event()
         compute = camera._scene.prepare_ahead
-        camera._scene.prepare_ahead = lambda press: may_go_on.wait(10) and compute(press)  # type: ignore[method-assign,func-returns-value]
+        camera._scene.prepare_ahead = lambda press: may_go_on.wait(60) and compute(press)  # type: ignore[method-assign,func-returns-value]
         frames = [camera.read() for _ in range(5)]
         assert all(frame.truth is not None and not frame.truth.contact.any() for frame in frames)
         assert camera.stage.status()["preparing"] == "", "nobody waits for it"

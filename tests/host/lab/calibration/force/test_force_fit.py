@@ -54,14 +54,6 @@ def test_what_is_no_record_is_refused(tmp_path: Path, text: str, reason: str) ->
         read(tmp_path, text)
 
 
-def test_a_missing_file_and_one_that_is_no_text_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be opened"):
-        ForceReadings.read(tmp_path / "none.csv")
-    (tmp_path / "forces.csv").write_bytes("image,force_n\na.png,1\n".encode("utf-16"))
-    with pytest.raises(InputError, match="not a csv file"):
-        ForceReadings.read(tmp_path / "forces.csv")
-
-
 def test_a_perfect_record_gives_its_modulus_and_the_error_of_other_shapes() -> None:
     fit = fit_force(0.2 * FELT, FELT, "record")
     assert fit.youngs_modulus_mpa == pytest.approx(0.2)

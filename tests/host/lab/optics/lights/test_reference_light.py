@@ -157,13 +157,9 @@ def test_an_object_in_the_gel_is_told() -> None:
         gel.model(1)
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [({"mounting_height_mm": 41.0}, "above the gel"), ({"led_colours": "RRRGGG"}, "R, G or B, each at least once")],
-)
-def test_a_ring_that_cannot_be_is_refused(changes: dict[str, float | str], words: str) -> None:
-    with pytest.raises(ConfigError, match=words):
-        RingGeometry.from_overrides(changes)
+def test_a_ring_in_the_gel_is_refused() -> None:
+    with pytest.raises(ConfigError, match="above the gel"):
+        RingGeometry.from_overrides({"mounting_height_mm": 41.0})
 
 
 @pytest.mark.parametrize("pressed", [True, False])

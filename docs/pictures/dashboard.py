@@ -1,19 +1,22 @@
-"""Make the picture of the dashboard in the README, of the simulated sensor: an object is pressed, a line is measured.
+"""Make dashboard.png, the picture of the page in the README: an object is pressed, a line is measured.
 
-`python -m tests.helpers.dashboard_picture docs/pictures/dashboard.png`
+    .venv/bin/python docs/pictures/dashboard.py
+
+It needs Playwright and Chromium.
 """
 
-import argparse
 import shutil
 from pathlib import Path
 
 from playwright.sync_api import Page, sync_playwright
 
+from gellight.base.settings import load_settings
 from gellight.daemon.assembly import open_session
 from gellight.dashboard.server import DashboardServer
-from tests.helpers.browsing import FLAGS, SOFTWARE_GL
-from tests.helpers.settings import loaded
 
+SENSOR = "sim://?object=BALL&depth=1.2&x=3&y=-2"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+FLAGS = ("--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 PATIENCE_MS = 300_000
 WINDOW = {"width": 1440, "height": 900}
 LINE = ((0.26, 0.53), (0.90, 0.33))
@@ -21,15 +24,11 @@ LINE = ((0.26, 0.53), (0.90, 0.33))
 
 
 def main() -> None:
-    """Serve the sensor, open the page, press, measure, and write the picture."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("out", type=Path)
-    options.add_argument("--sensor", default="sim://?object=BALL&depth=1.2&x=3&y=-2")
-    chosen = options.parse_args()
-    browser_path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    settings = loaded({"sensor.url": chosen.sensor})
+    """Serve the sensor, open the page, press, measure, and write the picture beside this file."""
+    browser_path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    settings = load_settings({"sensor.url": SENSOR})
     with open_session(settings) as daemon, DashboardServer(daemon, port=0) as server, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=browser_path, args=FLAGS + SOFTWARE_GL)
+        browser = playwright.chromium.launch(executable_path=browser_path, args=FLAGS)
         page = browser.new_page(viewport=WINDOW, color_scheme="dark")  # type: ignore[arg-type]
         page.set_default_timeout(PATIENCE_MS)
         page.goto(f"{server.url}#detail=1")
@@ -39,7 +38,7 @@ def main() -> None:
         live = False
         while not live:  # a busy computer may fall behind while the picture is taken
             page.wait_for_function("() => gellight.state === 'live'")
-            page.screenshot(path=chosen.out)
+            page.screenshot(path=Path(__file__).with_suffix(".png"))
             live = page.evaluate("gellight.state") == "live"
         browser.close()
 
