@@ -12,6 +12,8 @@ JOBS   ?= 3
 # distributions beside the package
 BESIDE := --editable host/gellight_design --editable host/gellight_scan --editable host/gellight_touch
 
+# the emulator of the firmware that others wrote
+SECOND := tests/firmware/second_emulator
 # a real press, beside the simulated ones
 REAL   := tests/data/real/three_lights
 
@@ -140,14 +142,15 @@ endef
 browser:
 	$(call debian,"chromium|chromium-browser|google-chrome=chromium",echo "No Chromium: the tests of the page are left out")
 
-# A second browser for the page, a second compiler for the firmware, an emulator for the frame path on aarch64, KiCad for
-# the boards (45 MB and 37 packages beside it: two minutes). The virtual machine's kernel and tools are only unpacked,
-# into a cache folder.
+# A second browser for the page, a second compiler and a second emulator for the firmware, an emulator for the frame path
+# on aarch64, KiCad for the boards (45 MB and 37 packages beside it: two minutes). The virtual machine's kernel and tools
+# are only unpacked, into a cache folder.
 tools:
 	$(call debian,"firefox-esr|firefox=firefox-esr" "arm-none-eabi-gcc=gcc-arm-none-eabi" "gcc=gcc" \
-	    "qemu-aarch64=qemu-user" "kicad-cli|pcbnew=kicad",echo "The tests need: sudo apt-get install \
+	    "qemu-aarch64=qemu-user" "kicad-cli|pcbnew=kicad" "npm=nodejs npm",echo "The tests need: sudo apt-get install \
 	    --no-install-recommends $$missing"; exit 2)
 	@$(PYTHON) -m tests.vm.machine.packages
+	@[ -d $(SECOND)/node_modules/rp2040js ] || npm ci --prefix $(SECOND) --ignore-scripts --no-audit --no-fund --silent
 
 clean:
 	rm -rf $(VENV) build dist
