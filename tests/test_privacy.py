@@ -20,7 +20,7 @@ PYTHON = (sys.executable, "-c")
 IMPORTS = "import cv2, foxglove, gymnasium, h5py, mcap, mcubes, mujoco, pyarrow, serial, usb.core, x3pio, zenoh"
 PROGRAMS = {
     "readme": (*PYTHON, examples("README.md")[0]),
-    "run": (*GELLIGHT, *["run", "--sensor", "sim://", "--frames", "3", "--name", "quiet", "--port", "0"]),
+    "run": (*GELLIGHT, *["run", "--sensor", "sim://", "--frames", "3", "--set", "stream.name=quiet"]),
     "packages": (*PYTHON, IMPORTS),
     "training": (*PYTHON, "import gelnet.export"),
 }

@@ -170,11 +170,11 @@ async def _listen(runner: web.AppRunner, host: str, port: int, tls: ssl.SSLConte
 
 def _cannot_listen(error: OSError, host: str, port: int) -> str:
     if error.errno == errno.EADDRINUSE:
-        return f"port {port} of {host} is in use by another program: stop it, or choose another port with --port"
+        return f"port {port} of {host} is in use by another program: stop it, or set another dashboard.port"
     if error.errno == errno.EACCES:
-        return f"port {port} of {host} needs root: choose one above 1023 with --port"
+        return f"port {port} of {host} needs root: set a dashboard.port above 1023"
     if error.errno == errno.EADDRNOTAVAIL or isinstance(error, socket.gaierror):
         return (
             f"{host} is no address of this computer: choose another one as dashboard.host, such as 127.0.0.1 or 0.0.0.0"
         )
-    return f"cannot listen on port {port} of {host} ({error}): choose another port with --port"
+    return f"cannot listen on port {port} of {host} ({error}): set another dashboard.port"

@@ -6,14 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gellight.base.errors import InputError
-from gellight.lab.training.child import RECIPES, TrainerName, checked_trainer
+from gellight.lab.training.child import RECIPES
 
 if TYPE_CHECKING:
     from gellight.lab.training.training import TrainingOptions
 
 Like = Annotated[str | None, typer.Option(help="bundle of a like unit: with few presses of this one, its presses help")]
-Threads = Annotated[int, typer.Option(min=1, max=1024, help="of its matrix products")]
-Trainer = Annotated[TrainerName, typer.Option(help="torch: PyTorch, where it is installed")]
 
 
 @dataclass(frozen=True)
@@ -22,12 +20,11 @@ class Training:
 
     recipe: Annotated[str, typer.Option(help="fast; thorough (3 times as long); fine and paper: longer")] = "thorough"
     seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0
-    threads: Threads = 1
-    trainer: Trainer = "numpy"
 
     def __post_init__(self) -> None:
-        """Refuse what cannot train, before anything is computed."""
-        check_training(self.recipe, self.trainer)
+        """Refuse a recipe that there is not, before anything is computed."""
+        if self.recipe not in RECIPES:
+            raise InputError(f"recipe {self.recipe!r}: give one of {', '.join(RECIPES)}")
 
     def options(self) -> "TrainingOptions":
         """Return them as the training takes them."""
@@ -42,10 +39,3 @@ class SizedTraining(Training):
 
     width: Annotated[int, typer.Option(min=1, help="units in each hidden layer")] = 32
     epochs: Annotated[int | None, typer.Option(min=1, help="instead of the recipe's number")] = None
-
-
-def check_training(recipe: str, trainer: TrainerName) -> None:
-    """Refuse a recipe that there is not, and a trainer that is not installed; raises InputError."""
-    if recipe not in RECIPES:
-        raise InputError(f"recipe {recipe!r}: give one of {', '.join(RECIPES)}")
-    checked_trainer(trainer)

@@ -202,7 +202,7 @@ def test_a_sensor_runs_with_the_lights_of_its_bundle(live: Bundle, mode: str, sa
 
 
 def test_what_does_not_go_with_such_a_bundle_is_told(live: Bundle, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="--sequence rgb does not go with it"):
+    with pytest.raises(ConfigError, match=r"lighting\.sequence = rgb does not go with it"):
         open_session(settings(live).model_copy(update={"lighting": LightingSettings(sequence="rgb")}))
     with pytest.raises(GellightError, match="no light ring"):
         open_session(
