@@ -1,6 +1,7 @@
-"""How a network is trained, as options: apart from what trains, which takes a second to import."""
+"""On what and how a network is trained, as options: apart from what trains, which takes a second to import."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -12,6 +13,27 @@ if TYPE_CHECKING:
     from gellight.lab.training.training import TrainingOptions
 
 Like = Annotated[str | None, typer.Option(help="bundle of a like unit: with few presses of this one, its presses help")]
+
+Labels = Annotated[
+    Path, typer.Option(help="csv with the columns image, center_x_px, center_y_px, contact_radius_px; images beside it")
+]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Labelled pictures of ball presses, and of the untouched gel."""
+
+    presses: Labels
+    reference: Annotated[str, typer.Option(help="image of the untouched gel, or a folder of them, which is averaged")]
+    ball_radius_mm: Annotated[float, typer.Option(help="radius of the pressed ball, mm")]
+    pixel_size_mm: Annotated[float, typer.Option(help="mm per pixel on the gel")]
+    refine: Annotated[
+        bool, typer.Option("--refine", help="refit the circles together with the light before training")
+    ] = False
+    like: Like = None
+    lights: Annotated[
+        str | None, typer.Option(help="earlier bundle of this sensor that knows the light of its LEDs (lights.json)")
+    ] = None
 
 
 @dataclass(frozen=True)
