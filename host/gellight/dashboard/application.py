@@ -24,7 +24,7 @@ from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.calls import MOST_CALL, Commands, read_call, read_json
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import Handler, guard
-from gellight.dashboard.fetched import FOR_EVER, Fetched, ScanController, answered, refused
+from gellight.dashboard.fetched import FOR_EVER, ScanController, add_routes, answered, refused
 from gellight.dashboard.messages import IdentityCache, encode, without_nan
 from gellight.dashboard.metrics import Metrics
 from gellight.dashboard.view import ReferenceViews
@@ -85,7 +85,7 @@ class Dashboard:
         self._commands = Commands(source, calibration, scan)
         self._clients: set[Client] = set()
         self._references, self._once = ReferenceViews(), IdentityCache()
-        self._fetched = Fetched(source, self._references, calibration, scan)
+        self._calibration = calibration
         self._message = b""
         self._number = -1
         self._fresh = False
@@ -110,7 +110,7 @@ class Dashboard:
         app.router.add_get("/sensors", self._list_sensors)
         app.router.add_get("/status", self._show_status)
         Metrics(self._status_text).add_routes(app)
-        self._fetched.add_routes(app)
+        add_routes(app, self._source, self._references, self._calibration, self._scan)
         app.router.add_get("/", _send_page)
         app.router.add_static("/", PAGE)
         app.cleanup_ctx.append(self._run_pump)

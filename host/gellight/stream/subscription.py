@@ -146,9 +146,9 @@ def _on_the_lan(wanted: str, config: Path | None) -> tuple[str, str]:
     )
 
 
-def present(session: zenoh.Session) -> list[str]:
+def present(session: zenoh.Session, pattern: str = "gellight/*/alive", timeout_s: float = LOOK_S) -> list[str]:
     """Return the names of the sensors that the other side of a session publishes."""
-    replies = session.liveliness().get("gellight/*/alive", timeout=LOOK_S)
+    replies = session.liveliness().get(pattern, timeout=timeout_s)
     return sorted({name_of(str(reply.ok.key_expr)) for reply in replies if reply.ok})
 
 
@@ -181,8 +181,7 @@ def read_status(content: bytes, name: str) -> SensorStatus:
 def _present(session: zenoh.Session, name: str, endpoint: str) -> str:
     """Return the name of the daemon that is there; StreamError where it is not, or where several are."""
     pattern = key(name, "alive") if name else "gellight/*/alive"
-    replies = session.liveliness().get(pattern, timeout=ANSWER_S)
-    names = sorted({name_of(str(reply.ok.key_expr)) for reply in replies if reply.ok})
+    names = present(session, pattern, ANSWER_S)
     if len(names) != 1:
         there = f"there are {', '.join(names)}: pass one name" if names else "start it with `gellight run`"
         raise StreamError(f"no one daemon of {name or 'a sensor'} is at {endpoint}: {there}")
