@@ -25,7 +25,7 @@ from gellight.daemon.calls import MOST_CALL, Commands, read_call, read_json
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import Handler, guard
 from gellight.dashboard.fetched import FOR_EVER, ScanController, add_routes, answered, refused
-from gellight.dashboard.messages import IdentityCache, encode, without_nan
+from gellight.dashboard.messages import encode, without_nan
 from gellight.dashboard.metrics import Metrics
 from gellight.dashboard.view import ReferenceViews
 
@@ -84,7 +84,7 @@ class Dashboard:
         self._source, self._scan, self._sensors = source, scan, sensors
         self._commands = Commands(source, calibration, scan)
         self._clients: set[Client] = set()
-        self._references, self._once = ReferenceViews(), IdentityCache()
+        self._references = ReferenceViews()
         self._calibration = calibration
         self._message = b""
         self._number = -1
@@ -182,7 +182,7 @@ class Dashboard:
         frame = self._source.wait_frame(self._sequence, FRAME_TIMEOUT_S)
         self._sequence = frame.camera_frame.sequence
         size = self._source.pixel_size_mm
-        return encode(frame, pixel_size_mm=size, references=self._references, once=self._once)
+        return encode(frame, pixel_size_mm=size, references=self._references)
 
     async def _serve_client(self, request: web.Request) -> web.StreamResponse:
         if len(self._clients) >= MOST_CLIENTS:

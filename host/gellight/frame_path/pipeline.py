@@ -71,7 +71,6 @@ class Reconstructor:
         """
         _refuse_series(bundle)
         self.bundle = bundle
-        self.masked = masked
         self._measures = BundleMeasures(bundle)
         self._network = GradientNetwork(
             bundle.network,
