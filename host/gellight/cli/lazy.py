@@ -64,8 +64,8 @@ SETTINGS_NOW = {
 PINS = ("data", "trigger", "output", "status", "switch")
 """of `ring configure`"""
 OPTIONS_GONE = {
+    **{f"{verb} --threads": "is no more: one thread trains" for verb in ("calibrate", "fit", "channels")},
     "--trainer": "is no more: NumPy trains; `python -m gelnet.train --trainer` has the others, in a checkout",
-    "--threads": "is no more: one thread trains",
     "calibrate --folder": "is no more: the state of a calibration is OUT.state, beside its --out",
     "channels --width": "is no more: the network is as wide as any",
     "channels --epochs": "is no more: the --recipe has them",
