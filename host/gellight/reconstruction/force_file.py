@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AwareDatetime, Field
 
+from gellight.base.allowed import Positive
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.bundle_file import BundleFile, read_bundle_file
 from gellight.frames.measures import BEYOND_VIEW, HEAVIER, Force
@@ -18,7 +19,6 @@ HEAVIER_BY = 1.25
 """a force larger than this multiple of the heaviest of the calibration is flagged"""
 SIDE_ERROR_SHARE = 0.2
 """of a gel whose constant was found with forces along the normal alone"""
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 InOlderFiles = Annotated[int | None, Field(exclude=True, repr=False)]
 
