@@ -22,7 +22,7 @@ PATIENT = "import gellight\ngellight.connect.__kwdefaults__['patience_s'] = 180\
 """processors are shared"""
 PROGRAMS = {
     "readme": (*PYTHON, PATIENT + examples("README.md")[0]),
-    "run": (*GELLIGHT, *["run", "--sensor", "sim://", "--frames", "3", "--name", "quiet", "--port", "0"]),
+    "run": (*GELLIGHT, *["run", "--sensor", "sim://", "--frames", "3", "--set", "stream.name=quiet"]),
     "packages": (*PYTHON, IMPORTS),
     "training": (*PYTHON, "import gelnet.export"),
 }

@@ -34,7 +34,7 @@ def test_the_container_is_well_made_and_its_command_can_be_typed() -> None:
     assert done.returncode == 0, done.stdout
     assert int(re.findall(r"^USER (\d+)", DOCKERFILE, re.MULTILINE)[-1]) > 0
     (words,) = re.findall(r"^CMD \[(.*)\]", DOCKERFILE, re.MULTILINE)
-    gellight(*re.findall(r'"([^"]*)"', words), "--frames", "2", "--port", "0", check=True)
+    gellight(*re.findall(r'"([^"]*)"', words), "--frames", "2", check=True)
     engine = next(filter(None, map(shutil.which, ("docker", "podman"))), None)
     if engine and run([engine, "info"]).returncode == 0:
         run([engine, "build", "--tag", "gellight-test", CHECKOUT], check=True, timeout_s=250)

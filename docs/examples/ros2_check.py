@@ -1,4 +1,4 @@
-"""Show that the topics of `gellight run --ros2` arrive, without ROS; needs `pip install rosbags`."""
+"""Show that the topics of `stream.ros2` arrive, without ROS; needs `pip install rosbags`."""
 
 import sys
 import threading
@@ -31,7 +31,7 @@ config.insert_json5("connect/exit_on_failure", "true")
 try:
     session = zenoh.open(config)
 except zenoh.ZError:
-    sys.exit(f"no router answers at {router}: start `gellight run --ros2 {router}`")
+    sys.exit(f"no router answers at {router}: start `gellight run --set stream.ros2={router}`")
 with session:
     held = session.declare_subscriber("0/**", note)
     enough.wait(20)

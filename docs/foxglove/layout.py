@@ -1,4 +1,4 @@
-"""Make `layout.json` beside this file: what Foxglove shows of a sensor that runs with `gellight run --foxglove`.
+"""Make `layout.json` beside this file: what Foxglove shows of a sensor that runs with `stream.foxglove`.
 
 python docs/foxglove/layout.py
 """

@@ -48,8 +48,8 @@ def main() -> None:
         "--sensor",
         SENSOR,
         "--no-dashboard",
-        "--ros2",
-        router,
+        "--set",
+        f"stream.ros2={router}",
     ]
     with zenoh.open(config) as session, subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as daemon:
         try:

@@ -115,7 +115,7 @@ def _with(bundle: Bundle, name: str, content: bytes) -> Bundle:
 def _force(bundle: Bundle, content: bytes) -> None:
     record = read_force(_with(bundle, FORCE_FILE, content))
     assert record is not None
-    assert record.scale is not None
+    assert record.layer is not None
 
 
 def _simulated(url: str) -> None:

@@ -22,7 +22,7 @@ def test_the_simulated_part_is_scanned_and_the_program_reads_its_map(tmp_path: P
     command = re.search(r'^gellight scan plate --sensor "(sim://\?)(.*)" --presses 2$', TEXT, re.MULTILINE)
     assert command
     url = f"{command[1]}board=0&{command[2]}"
-    done = gellight("scan", "plate", "--sensor", url, "--presses", "3", "--port", "0", cwd=tmp_path)
+    done = gellight("scan", "plate", "--sensor", url, "--presses", "3", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "plate/map.npz: 3 of 3 presses" in done.stdout
     done = run([sys.executable, "-c", examples(DOCUMENT)[0]], cwd=tmp_path)
@@ -37,7 +37,9 @@ def test_a_body_that_rolls_becomes_a_mesh(tmp_path: Path) -> None:
     command = re.search(r'^gellight scan bead --body --sensor "(sim://\?)(.*)" --presses 3$', TEXT, re.MULTILINE)
     assert command
     url = f"{command[1]}board=0&{command[2]}"
-    done = gellight("scan", "bead", "--body", "--sensor", url, "--presses", "3", "--port", "0", cwd=tmp_path)
+    done = gellight(
+        "scan", "bead", "--body", "--sensor", url, "--presses", "3", "--set", "dashboard.port=0", cwd=tmp_path
+    )
     assert done.returncode == 0, done.stderr
     assert "bead/body.ply: 3 of 3 touches" in done.stdout
 

@@ -209,7 +209,7 @@ def test_an_area_and_a_line_are_measured(plate: Path) -> None:
     assert area["error_mm"] == pytest.approx(0.001)
     line = json.loads(invoke("surface", plate, "--line", -9, 1, 9, 1, "--cutoff-mm", 2.5, "--json").stdout)
     assert line["sections"] == 5
-    text = invoke("surface", plate, "--blur-mm", 0.2).stdout
+    text = invoke("surface", plate, env={"GELLIGHT_GEOMETRY_COATING_SMOOTHING_MM": "0.2"}).stdout
     assert "the coating's blur takes 18%; it is an S-filter of 1.07 mm" in text
     assert "cutoff 8 mm; the gel reached 100.0%" in text
 
@@ -228,8 +228,7 @@ def test_the_map_is_written_and_nothing_replaced_unasked(plate: Path) -> None:
     ("words", "message"),
     [
         (("--cutoff-mm", "-1"), "a cutoff of -1.0 mm is none"),
-        (("--blur-mm", "-1"), "a blur of -1.0 mm is none"),
-        (("--blur-mm", "0.5"), "takes 71% of them"),
+        (("--blur-mm", "0.5"), "the setting geometry.coating_smoothing_mm"),
         (("--frame", "3"), "--frame is of a recording"),
         (("--out", "map.xyz"), "end its name with one of .png"),
     ],
@@ -238,6 +237,11 @@ def test_rubbish_is_refused_in_a_sentence(plate: Path, words: tuple[str, ...], m
     done = invoke("surface", plate, *words)
     assert done.exception is not None
     assert message in str(done.exception)
+
+
+def test_a_blur_that_leaves_little_is_refused(plate: Path) -> None:
+    done = invoke("surface", plate, env={"GELLIGHT_GEOMETRY_COATING_SMOOTHING_MM": "0.5"})
+    assert "takes 71% of them" in str(done.exception)
 
 
 @pytest.mark.parametrize("name", ["none.npz", "none.mcap", "rubbish.npz", "rubbish.mcap"])

@@ -18,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from gellight.base.allowed import in_words
+from gellight.base.allowed import Byte, Positive, in_words
 from gellight.base.errors import BundleError
 from gellight.ring.wire import MOST_LEDS
 
@@ -43,9 +43,7 @@ def plain_name(name: str) -> str:
 
 
 FileName = Annotated[str, AfterValidator(plain_name)]
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Side = Annotated[int, Field(ge=2, le=8192)]
-Byte = Annotated[int, Field(ge=0, le=255)]
 Control = bool | int | float | str
 CAPTURE_OPTIONS = frozenset(
     {"width", "height", "format", "fps", "power_line_hz", "delay_us", "readout_us", "stamp_error_us", "buffers", "ring"}
@@ -76,7 +74,7 @@ class Manifest(BaseModel):
     software: str
     image_width_px: Side
     image_height_px: Side
-    pixel_size_mm: tuple[Length, Length]
+    pixel_size_mm: tuple[Positive, Positive]
     """(x, y)"""
     reference_frames: Annotated[int, Field(ge=1)]
     """how many frames the reference image is the mean of"""
@@ -100,7 +98,7 @@ class Manifest(BaseModel):
     camera_height_mm: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
     """how high above the gel at rest the camera seems to stand from within the gel; 0 where nobody told: labels and
     depth are those of parallel rays"""
-    bulge: Length = BULGE
+    bulge: Positive = BULGE
     """of this gel and view, see `BULGE`"""
     network: FileName = "network.onnx"
     files: dict[FileName, Annotated[str, Field(pattern="^[0-9a-f]{64}$")]]

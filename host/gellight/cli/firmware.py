@@ -33,19 +33,15 @@ def information() -> None:
 def flash(
     port: Annotated[str | None, typer.Option(help="serial port of a running board, /dev/ttyACM0 or serial://")] = None,
     image: Annotated[Path | None, typer.Option(help="UF2 file instead of the one that comes with this package")] = None,
-    drive: Annotated[Path | None, typer.Option(help="where the boot loader is mounted, if it is not found")] = None,
 ) -> None:
     """Flash the board at a port, or the one that waits in its boot loader; then open it and compare the image."""
     # the driver of the ring needs NumPy, which the other verbs do without
-    from gellight.ring.firmware.flash import check_board, copy_uf2, flash_board
+    from gellight.ring.firmware.flash import check_board, flash_board
     from gellight.ring.transport import board_ports, find_port
 
     content = read_image(image) if image else None
     name = find_port(port.removeprefix("serial://")) if port and port.startswith("serial://") else port
     before = {found.device for found in board_ports()} - {name}
-    if drive:
-        how, content = f"copied to {drive}", copy_uf2(content, drive)
-    else:
-        how, content = flash_board(content, port=name)
+    how, content = flash_board(content, port=name)
     print(how)
     print(f"runs at {check_board(content, before)}, image {image_crc(content):08x}")

@@ -21,20 +21,19 @@ from gellight.base.errors import InputError
 MARKUP: Literal["markdown"] = "markdown"
 """of the help; typer's other mode takes "[default: ...]" for markup and leaves it out"""
 PANELS = {
-    "Page": "port browser dashboard",
-    "Other programs": "name lan ros2 foxglove",
-    "Light": "mode sequence light-mode",
-    "Process": "threads workers seed",
+    "Page": "browser dashboard",
+    "Light": "sequence",
+    "Process": "workers seed",
     "What is recorded": "depth map",
     "Other tools": "cylinder-diameter-mm balls-to-press",
     "Grids": "grid spacing-px pitch-mm",
     "Pictures": "view dots white overlay depth-scale-um",
-    "Training": "recipe trainer width epochs like fit/lights fit/keep",
+    "Training": "recipe width epochs like fit/lights fit/keep",
     "Limits": "largest-depth-error-um largest-normal-error-deg verifications until-um calibrate/presses",
-    "Files": "surface/frame folder resume restart overwrite install",
+    "Files": "surface/frame resume restart overwrite install",
     "Simulation": "gel resolution-mm friction path noise coarse/size design/size",
     "Shape of the part": "curved body",
-    "Pins": "data-pin trigger-pin output-pin status-pin switch-pin",
+    "Pins": "pin",
 }
 """by title: the options, or VERB/OPTION where one name means different things"""
 BESIDE = "Other distributions"
@@ -44,6 +43,7 @@ MOST = 8
 _TITLES = {option: title for title, options in PANELS.items() for option in options.split()}
 
 SETTINGS_NOW = {
+    "--port": "dashboard.port",
     "--host": "dashboard.host",
     "--tls-cert": "dashboard.tls_cert",
     "--tls-key": "dashboard.tls_key",
@@ -60,7 +60,25 @@ SETTINGS_NOW = {
     "--log": "service.log",
     "--realtime": "service.realtime",
 }
-"""options of before 2.0, of all verbs that run a sensor or of all but `run`: the setting that each set"""
+"""former options of the verbs that run a sensor: the setting that each set"""
+PINS = ("data", "trigger", "output", "status", "switch")
+"""of `ring configure`"""
+OPTIONS_GONE = {
+    **{f"{verb} --threads": "is no more: one thread trains" for verb in ("calibrate", "fit", "channels")},
+    "--trainer": "is no more: NumPy trains; `python -m gelnet.train --trainer` has the others, in a checkout",
+    "calibrate --folder": "is no more: the state of a calibration is OUT.state, beside its --out",
+    "channels --width": "is no more: the network is as wide as any",
+    "channels --epochs": "is no more: the --recipe has them",
+    "adapt --frames": "is no more: 30 pictures are averaged",
+    "lights --frames": "is no more: 8 pictures are averaged under each light",
+    "force --gel-thickness-mm": "is the setting geometry.gel_thickness_mm: write it into gellight.toml",
+    "force --poisson-ratio": "is the setting geometry.poisson_ratio: write it into gellight.toml",
+    "force --camera-height-mm": "is the setting geometry.camera_height_mm: write it into gellight.toml",
+    "surface --blur-mm": "is the setting geometry.coating_smoothing_mm: write it into gellight.toml",
+    "flash --drive": "is no more: copy the UF2 file, which `gellight firmware info` names, onto that drive",
+    **{f"configure --{pin}-pin": f"is `--pin {pin}=GPIO` now" for pin in PINS},
+}
+"""other former options, or VERB OPTION where another verb has it: what takes their place"""
 LARGEST = 1_000_000_000
 """largest number that an option takes, in any unit"""
 _type_of_value = TyperOption.display_type_rich
@@ -96,16 +114,21 @@ class LazyVerb(TyperCommand):
     def make_context(self, info_name: Any, args: Any, *more: Any, **options: Any) -> Any:
         """Parse the arguments of the verb: the first thing that a group does with the verb that was typed."""
         verb = self.load()
-        _refuse_settings(verb, args)
+        _refuse_former(verb, args)
         return verb.make_context(info_name, args, *more, **options)
 
 
-def _refuse_settings(verb: Any, words: list[str]) -> None:
-    """Raise InputError for an option of before 2.0 that is a setting now."""
+def _refuse_former(verb: Any, words: list[str]) -> None:
+    """Raise InputError for an option that a verb has no more; it says what takes its place."""
+    if words and (below := getattr(verb, "commands", {}).get(words[0])):
+        verb = below
     known = {option for one in verb.params for option in (*one.opts, *one.secondary_opts)}
-    for option in (word.partition("=")[0] for word in words):
+    for option in (word.partition("=")[0] for word in words if not isinstance(verb, LazyVerb)):
         if option in SETTINGS_NOW and option not in known and "--set" in known:
             raise InputError(f"{option} is a setting now: give --set {SETTINGS_NOW[option]}=VALUE")
+        gone = OPTIONS_GONE.get(f"{verb.name} {option}") or OPTIONS_GONE.get(option)
+        if gone and option not in known:
+            raise InputError(f"{option} {gone}")
 
 
 def refuse_senseless(command: Any) -> Any:

@@ -26,6 +26,7 @@ from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
+from gellight.frames.frames import TactileFrame
 from gellight.frames.status import SensorStatus
 from gellight.opening import REAL
 from gellight.photometric.ring_geometry import RingGeometry
@@ -195,6 +196,21 @@ def in_words(summary: Summary, wanted: int) -> str:
     return "\n".join(line + "." for line in lines)
 
 
+def frames_of(daemon: SensorSession) -> Iterator[TactileFrame | None]:
+    """Yield the frames as they come, None where none came for `WAIT_S`; end where there are no more."""
+    sequence = -1
+    while True:
+        try:
+            frame = daemon.next_frame(sequence, WAIT_S)
+        except EndOfStream:
+            return
+        except TimeoutError:
+            yield None
+        else:
+            sequence = frame.camera_frame.sequence
+            yield frame
+
+
 def follow(
     daemon: SensorSession, frames: int, show: Callable[[SensorStatus], None] | None = None, patience_s: float = inf
 ) -> Summary:
@@ -203,22 +219,19 @@ def follow(
     show: is given the status every second. Raises what ends the run, and CameraError after `patience_s` without a
     frame: a sensor that is unplugged is waited for. The images of a folder end it when they are used up.
     """
-    count, sequence, deepest_mm, shown_s = 0, -1, 0.0, 0.0
+    count, deepest_mm, shown_s = 0, 0.0, 0.0
     begun_s = frame_s = time.monotonic()
-    while not frames or count < frames:
-        try:
-            frame = daemon.next_frame(sequence, WAIT_S)
-        except EndOfStream:
-            break
-        except TimeoutError:
-            if time.monotonic() - frame_s > patience_s:
-                raise CameraError(f"no frame for {patience_s:g} s: check the camera and start again") from None
-        else:
-            sequence, count, frame_s = frame.camera_frame.sequence, count + 1, time.monotonic()
+    for frame in frames_of(daemon):
+        if frame is not None:
+            count, frame_s = count + 1, time.monotonic()
             deepest_mm = max(deepest_mm, frame.contact.indentation_mm)
+        elif time.monotonic() - frame_s > patience_s:
+            raise CameraError(f"no frame for {patience_s:g} s: check the camera and start again")
         if show and time.monotonic() - shown_s >= STATUS_S:
             shown_s = time.monotonic()
             show(daemon.status())
+        if frames and count == frames:
+            break
     fps = round(count / (time.monotonic() - begun_s), 2)
     return {**daemon.status(), "frames": count, "fps": fps, "indentation_mm": round(deepest_mm, 4)}
 

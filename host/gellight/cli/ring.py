@@ -10,7 +10,7 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.cli.ending import until_interrupted
-from gellight.cli.lazy import lazy_group
+from gellight.cli.lazy import PINS, lazy_group
 from gellight.cli.options import LONGEST_S, AsJson, Seconds
 from gellight.cli.showing import show
 from gellight.ring.boards import BOARDS, LEDS, channel_ua_of, check_wiring, find_board, wired_as
@@ -26,7 +26,7 @@ app = typer.Typer(
         gone={
             "group": "is `gellight ring set COLOUR --leds 0-3,8` now",
             "off": "is `gellight ring set off` now",
-            "sequence": "is no more: `gellight run --sequence rgb` shows light groups in turn",
+            "sequence": "is no more: `gellight run --set lighting.sequence=rgb` shows light groups in turn",
         },
     ),
     help="The light ring by hand.",
@@ -164,14 +164,14 @@ def _numbers(text: str, leds: int) -> list[int]:
 @app.command("configure")
 def configure(
     board: Annotated[str | None, typer.Option(help=f"preset of the pins: {', '.join(BOARDS)}")] = None,
-    data_pin: Annotated[int | None, typer.Option(help="GPIO of the LEDs' data")] = None,
-    trigger_pin: Annotated[int | None, typer.Option(help="GPIO of the camera's strobe")] = None,
-    output_pin: Annotated[int | None, typer.Option(help="GPIO that pulses in each light; 255: none")] = None,
-    status_pin: Annotated[
-        int | None, typer.Option(help="GPIO of a status LED, plus 128 if low lights it; 255: none")
-    ] = None,
-    switch_pin: Annotated[
-        int | None, typer.Option(help="GPIO of a load switch of the LEDs, plus 128 if low closes it; 255: none")
+    pins: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--pin",
+            metavar="NAME=GPIO",
+            help=f"GPIO of {', '.join(PINS)}; again for another one. 128 more: low lights or closes it; 255: none",
+            show_default="none",
+        ),
     ] = None,
     supply_ma: Annotated[
         int | None,
@@ -191,9 +191,8 @@ def configure(
         changed = ring.configuration()
         if board:
             changed = wired_as(changed, find_board(board), output=output not in (None, "none"))
-        given = {"data_pin": data_pin, "trigger_pin": trigger_pin, "output_pin": output_pin, "status_pin": status_pin,
-                 "switch_pin": switch_pin, "hottest_c": hottest, "led_count": leds,
-                 "colour_order": _member(ColourOrder, order)}  # fmt: skip
+        given = {"hottest_c": hottest, "led_count": leds, "colour_order": _member(ColourOrder, order)}
+        given |= dict(map(_pin, pins or []))
         given |= {"output_pin": NO_PIN} if output == "none" else {"output_at": _member(OutputAt, output)}
         if supply_ma is not None:
             given |= {"external_supply": int(supply_ma > 0), "limit_ma": supply_ma or CURRENT_CAP_MA}
@@ -207,6 +206,14 @@ def configure(
         ring.configure(changed, save=True)
         ring.reset()
     print(_wiring(changed, board))
+
+
+def _pin(text: str) -> tuple[str, int]:
+    """Return the field of the configuration that NAME=GPIO sets, and its value."""
+    name, _, number = text.partition("=")
+    if name not in PINS or not number.isdecimal():
+        raise InputError(f"--pin {text!r} is no pin: give NAME=GPIO with a name of {', '.join(PINS)}")
+    return f"{name}_pin", int(number)
 
 
 def _member(kind: type[IntEnum], name: str | None) -> int | None:

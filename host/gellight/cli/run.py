@@ -1,6 +1,5 @@
 """`gellight run`: a sensor or a recording with its dashboard, through unplugging and plugging in."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 from urllib.parse import quote
@@ -9,52 +8,13 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
-from gellight.cli.options import AsJson, name_option, with_options
+from gellight.cli.options import AsJson, with_options
 from gellight.cli.run_options import RunOptions
-
-
-@dataclass(frozen=True)
-class LightOptions:
-    """Which light the gel is seen in."""
-
-    mode: Annotated[
-        str | None, typer.Option(help="How slopes are found: network or photometric.", show_default="network")
-    ] = None
-    sequence: Annotated[
-        str | None, typer.Option(help="Light groups shown in turn: rgb, single or a JSON file.", show_default="none")
-    ] = None
-    light_mode: Annotated[
-        str | None, typer.Option(help="What moves the light on: hold, free or ext.", show_default="hold")
-    ] = None
-
-    def flags(self) -> dict[str, object]:
-        """Return the settings that were given as options."""
-        return {
-            "reconstruction.mode": self.mode,
-            "lighting.sequence": self.sequence,
-            "lighting.light_mode": self.light_mode,
-        }
-
-
-@dataclass(frozen=True)
-class ProgramOptions:
-    """Who else receives the frames."""
-
-    name: Annotated[str | None, name_option("Name to publish under.", "that of the sensor")] = None
-    lan: Annotated[bool | None, typer.Option("--lan", help="Publish to other computers too.")] = None
-    ros2: Annotated[str | None, typer.Option(help="Publish ROS 2 topics by this router of rmw_zenoh.")] = None
-    foxglove: Annotated[bool | None, typer.Option("--foxglove", help="Serve a live view for Foxglove.")] = None
-
-    def flags(self) -> dict[str, object]:
-        """Return the settings that were given as options."""
-        return {f"stream.{key}": value for key, value in vars(self).items()}
 
 
 @with_options
 def command(
     options: RunOptions,
-    light: LightOptions,
-    programs: ProgramOptions,
     file: Annotated[
         Path | None, typer.Argument(metavar="[FILE]", help="A recording of `gellight record`, instead of a sensor.")
     ] = None,
@@ -75,7 +35,7 @@ def command(
     """
     from gellight.cli.one_sensor import run_sensor  # not for the help
 
-    flags = {**light.flags(), **programs.flags(), **options.flags()}
+    flags = options.flags()
     given = sensor or []
     if file is not None:
         given = [f"replay://{quote(str(file.resolve()))}", *given]

@@ -17,16 +17,13 @@ class RunOptions:
     calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="that of the sensor")] = (
         None
     )
-    port: Annotated[int | None, typer.Option(help="Port of the dashboard; 0: any free one.", show_default="8420")] = (
-        None
-    )
     frames: Annotated[int, typer.Option(help="Stop after this number of frames; 0: run until Ctrl-C.", min=0)] = 0
     settings: Annotated[
         list[str] | None,
         typer.Option(
             "--set",
             metavar="SECTION.KEY=VALUE",
-            help="Set this for the run, again for another one; `gellight config show --all` lists them.",
+            help="Set this for the run, again for another one; `gellight config show --schema` lists them.",
             show_default="none",
         ),
     ] = None
@@ -36,8 +33,8 @@ class RunOptions:
 
         A run of a number of frames is for programs, several of which may run at once: its port is a free one.
         """
-        port = 0 if self.frames and self.port is None else self.port
-        return {"sensor.calibration": self.calibration, "dashboard.port": port, **dict(map(_pair, self.settings or []))}
+        flags = {"sensor.calibration": self.calibration, "dashboard.port": 0 if self.frames else None}
+        return {**flags, **dict(map(_pair, self.settings or []))}
 
     def ended_by_hand(self) -> AbstractContextManager[None]:
         """Return what takes Ctrl-C and SIGTERM for the proper end, unless a number of frames was asked for."""

@@ -94,8 +94,8 @@ def unit(sensor: str, name: str | None, port: int) -> str:
     """Return the unit file; InputError for a sensor that would break its line."""
     if not sensor.strip() or not sensor.isprintable():
         raise InputError(f"--sensor {sensor!r} is not possible: give it in one line, as `gellight run` has it")
-    words = [str(Path(sys.executable).parent / "gellight"), "run", "--sensor", sensor, "--port", str(port)]
-    words += ["--name", name] if name else []
+    words = [str(Path(sys.executable).parent / "gellight"), "run", "--sensor", sensor]
+    words += ["--set", f"dashboard.port={port}", *(["--set", f"stream.name={name}"] if name else [])]
     # systemd takes % for the beginning of a specifier and $ for a variable
     command = shlex.join(words).replace("%", "%%").replace("$", "$$")
     return UNIT.format(name=name or sensor.replace("%", "%%"), command=command, watchdog=WATCHDOG_S)

@@ -196,8 +196,8 @@ class CalibrationService:
         """Begin a calibration; InputError while another one runs or for a request that cannot be met."""
         if self._daemon.mode != "network":
             raise InputError(
-                f"the sensor streams in mode {self._daemon.mode}, which changes the light all the time: start it with "
-                "--mode network and without --sequence to calibrate it"
+                f"the sensor streams in mode {self._daemon.mode}, which changes the light all the time: start it in "
+                "network mode and without lighting.sequence to calibrate it"
             )
         with self._lock:
             self._check_idle("begin another")

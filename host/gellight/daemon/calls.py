@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, JsonValue, TypeAdapter, ValidationError
 
-from gellight.base.allowed import StrictModel, in_words
+from gellight.base.allowed import Byte, StrictModel, in_words
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import packed_bundle
 from gellight.ring.wire import MOST_LEDS
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from gellight.daemon.session import SensorSession
     from gellight.frames.camera import PressStage
 
-Byte = Annotated[int, Field(ge=0, le=255)]
 MOST_CALL = 65536
 """bytes of a call"""
 

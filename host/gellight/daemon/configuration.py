@@ -117,15 +117,18 @@ def _path_and_light(
     if lighting.sequence:
         return PathKind.SEQUENCE, LightPlan(groups=_sequence_groups(bundle, lighting), light_mode=light_mode)
     if light_mode is not LightMode.HOLD:
-        raise ConfigError(f"--light-mode {light_mode} moves a sequence on: give --sequence, or --mode photometric")
+        raise ConfigError(
+            f"lighting.light_mode = {light_mode} moves a sequence on: set lighting.sequence, or reconstruction.mode = "
+            "photometric"
+        )
     return (PathKind.NETWORK if bundle.calibrated else PathKind.PICTURE), STILL
 
 
 def _own_lights(bundle: Bundle, reconstruction: ReconstructionSettings, lighting: LightingSettings) -> LightPlan:
     if lighting.sequence:
         raise ConfigError(
-            f"{bundle.source} has a light sequence of its own, --sequence {lighting.sequence} does not go with it: "
-            "leave it out"
+            f"{bundle.source} has a light sequence of its own, lighting.sequence = {lighting.sequence} does not go "
+            "with it: leave it out"
         )
     return LightPlan(
         groups=read_directions(bundle).groups,
@@ -157,8 +160,8 @@ def photometric_groups(reconstruction: ReconstructionSettings, lighting: Lightin
         return LightGroups(reconstruction.light_groups)
     if lighting.sequence not in KINDS:
         raise ConfigError(
-            f"--sequence {lighting.sequence} does not go with --mode photometric: photometric mode takes rgb or "
-            "single, network mode any"
+            f"lighting.sequence = {lighting.sequence} does not go with photometric mode, which takes rgb or single: "
+            "network mode takes any"
         )
     return KINDS[lighting.sequence]
 

@@ -98,7 +98,7 @@ def camera_for(camera: Camera, light: LightPlan) -> Camera:
 def _window_exposure_us(camera: Camera, model: LightModel, light_mode: LightMode) -> float | None:
     """Return the brightest exposure under which every frame can still be of another light."""
     if camera.ring is None:
-        raise CameraError(f"{camera.url} has no light ring that can be driven: use --mode network")
+        raise CameraError(f"{camera.url} has no light ring that can be driven: set reconstruction.mode = network")
     timing = timing_of(camera)
     settle = settle_s(timing, clock_error_s(light_mode), leds=camera.ring.led_count)
     left_s = timing.period_s - timing.readout_s - settle

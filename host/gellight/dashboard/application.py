@@ -24,8 +24,8 @@ from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.calls import MOST_CALL, Commands, read_call, read_json
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import Handler, guard
-from gellight.dashboard.fetched import FOR_EVER, Fetched, ScanController, answered, refused
-from gellight.dashboard.messages import IdentityCache, encode, without_nan
+from gellight.dashboard.fetched import FOR_EVER, ScanController, add_routes, answered, refused
+from gellight.dashboard.messages import encode, without_nan
 from gellight.dashboard.metrics import Metrics
 from gellight.dashboard.view import ReferenceViews
 
@@ -84,8 +84,8 @@ class Dashboard:
         self._source, self._scan, self._sensors = source, scan, sensors
         self._commands = Commands(source, calibration, scan)
         self._clients: set[Client] = set()
-        self._references, self._once = ReferenceViews(), IdentityCache()
-        self._fetched = Fetched(source, self._references, calibration, scan)
+        self._references = ReferenceViews()
+        self._calibration = calibration
         self._message = b""
         self._number = -1
         self._fresh = False
@@ -110,7 +110,7 @@ class Dashboard:
         app.router.add_get("/sensors", self._list_sensors)
         app.router.add_get("/status", self._show_status)
         Metrics(self._status_text).add_routes(app)
-        self._fetched.add_routes(app)
+        add_routes(app, self._source, self._references, self._calibration, self._scan)
         app.router.add_get("/", _send_page)
         app.router.add_static("/", PAGE)
         app.cleanup_ctx.append(self._run_pump)
@@ -182,7 +182,7 @@ class Dashboard:
         frame = self._source.wait_frame(self._sequence, FRAME_TIMEOUT_S)
         self._sequence = frame.camera_frame.sequence
         size = self._source.pixel_size_mm
-        return encode(frame, pixel_size_mm=size, references=self._references, once=self._once)
+        return encode(frame, pixel_size_mm=size, references=self._references)
 
     async def _serve_client(self, request: web.Request) -> web.StreamResponse:
         if len(self._clients) >= MOST_CLIENTS:

@@ -13,7 +13,7 @@ import asyncio
 import logging
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 from aiohttp import web
 
@@ -27,7 +27,6 @@ from gellight.frames.maps_file import maps_file
 from gellight.frames.point_cloud import ply
 
 logger = logging.getLogger(__name__)
-T = TypeVar("T")
 FOR_EVER = "public, max-age=31536000, immutable"
 """for what never changes under its name"""
 REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox allow-popups"
@@ -50,87 +49,67 @@ class ScanController(Scanning, Protocol):
         """Return the map as a file of this name."""
 
 
-class Fetched:
-    """The routes."""
+def add_routes(
+    app: web.Application,
+    source: SensorSession,
+    references: ReferenceViews,
+    calibration: CalibrationService | None,
+    scan: ScanController | None,
+) -> None:
+    """Add the routes to an application; where there is no calibration or no scan, the answer says so."""
+    worker = ThreadPoolExecutor(2, thread_name_prefix="dashboard-fetched")
 
-    def __init__(
-        self,
-        source: SensorSession,
-        references: ReferenceViews,
-        calibration: CalibrationService | None,
-        scan: ScanController | None,
+    def add(
+        path: str, about: object, make: Callable[..., web.Response], missing: str = "", *, status: int = 404
     ) -> None:
-        """Answer about these; where there is no calibration or no scan, the answer says so."""
-        self._source, self._references, self._calibration, self._scan = source, references, calibration, scan
-        self._worker = ThreadPoolExecutor(2, thread_name_prefix="dashboard-fetched")
+        """Let a thread `make` the answer of what is asked `about` and the parts of the path that have names.
 
-    def add_routes(self, app: web.Application) -> None:
-        """Add the routes to an application."""
-        app.router.add_get("/frame/{kind:npz|ply}", self._frame)
-        app.router.add_get("/reference/{name}", self._reference)
-        app.router.add_get("/calibration", self._state)
-        app.router.add_get("/calibration/picture/{name}", self._picture)
-        app.router.add_get("/calibration/report/{identity:[0-9a-f]{16}}", self._report)
-        app.router.add_get("/scan/map", self._map)
-        app.router.add_get(r"/scan/file/{name:map\.[a-z0-9]{3}}", self._map_file)
-        app.on_cleanup.append(self._stop)
+        What cannot be had is answered with the reason and `status`.
+        """
 
-    async def _stop(self, app: web.Application) -> None:
-        self._worker.shutdown(wait=True, cancel_futures=True)
+        async def answer(request: web.Request) -> web.Response:
+            if about is None:
+                return refused(missing, 404)
+            return await answered(worker, lambda: make(about, *request.match_info.values()), status)
 
-    async def _answer(
-        self, about: T | None, make: Callable[[T], web.Response], missing: str = "", status: int = 404
-    ) -> web.Response:
-        """Let a thread make the answer; what cannot be had is answered with the reason and `status`."""
-        if about is None:
-            return refused(missing, 404)
-        return await answered(self._worker, lambda: make(about), status)
+        app.router.add_get(path, answer)
 
-    async def _frame(self, request: web.Request) -> web.Response:
-        kind = request.match_info["kind"]
-        return await self._answer(self._source, lambda source: _frame_file(source, kind), status=503)
+    async def stop(app: web.Application) -> None:
+        worker.shutdown(wait=True, cancel_futures=True)
 
-    async def _reference(self, request: web.Request) -> web.Response:
-        name, headers = request.match_info["name"], {"Cache-Control": FOR_EVER}
-        return await self._answer(
-            self._references,
-            lambda known: web.Response(body=known.picture(name), content_type="image/webp", headers=headers),
-        )
+    add("/frame/{kind:npz|ply}", source, _frame_file, status=503)
+    add("/reference/{name}", references, _reference)
+    add("/calibration", calibration, _state, NO_CALIBRATION, status=500)
+    add("/calibration/picture/{name}", calibration, _picture, NO_CALIBRATION)
+    add("/calibration/report/{identity:[0-9a-f]{16}}", calibration, _report, NO_CALIBRATION)
+    add("/scan/map", scan, _map, NO_SCAN)
+    add(r"/scan/file/{name:map\.[a-z0-9]{3}}", scan, _map_file, NO_SCAN)
+    app.on_cleanup.append(stop)
 
-    async def _state(self, request: web.Request) -> web.Response:
-        return await self._answer(
-            self._calibration,
-            lambda calibration: web.json_response(without_nan(calibration.state().model_dump(mode="json"))),
-            NO_CALIBRATION,
-            500,
-        )
 
-    async def _picture(self, request: web.Request) -> web.Response:
-        name = request.match_info["name"]
-        return await self._answer(
-            self._calibration,
-            lambda calibration: web.Response(body=jpeg(calibration.picture(name)), content_type="image/jpeg"),
-            NO_CALIBRATION,
-        )
+def _reference(known: ReferenceViews, name: str) -> web.Response:
+    return web.Response(body=known.picture(name), content_type="image/webp", headers={"Cache-Control": FOR_EVER})
 
-    async def _report(self, request: web.Request) -> web.Response:
-        identity, headers = request.match_info["identity"], {"Content-Security-Policy": REPORT_POLICY}
-        return await self._answer(
-            self._calibration,
-            lambda calibration: web.Response(
-                body=calibration.report(identity), content_type="text/html", charset="utf-8", headers=headers
-            ),
-            NO_CALIBRATION,
-        )
 
-    async def _map(self, request: web.Request) -> web.Response:
-        return await self._answer(
-            self._scan, lambda scan: web.Response(body=scan.picture(), content_type="image/png"), NO_SCAN
-        )
+def _state(calibration: CalibrationService) -> web.Response:
+    return web.json_response(without_nan(calibration.state().model_dump(mode="json")))
 
-    async def _map_file(self, request: web.Request) -> web.Response:
-        name = request.match_info["name"]
-        return await self._answer(self._scan, lambda scan: _file(scan.file(name), name), NO_SCAN)
+
+def _picture(calibration: CalibrationService, name: str) -> web.Response:
+    return web.Response(body=jpeg(calibration.picture(name)), content_type="image/jpeg")
+
+
+def _report(calibration: CalibrationService, identity: str) -> web.Response:
+    content, headers = calibration.report(identity), {"Content-Security-Policy": REPORT_POLICY}
+    return web.Response(body=content, content_type="text/html", charset="utf-8", headers=headers)
+
+
+def _map(scan: ScanController) -> web.Response:
+    return web.Response(body=scan.picture(), content_type="image/png")
+
+
+def _map_file(scan: ScanController, name: str) -> web.Response:
+    return _file(scan.file(name), name)
 
 
 async def answered(worker: ThreadPoolExecutor, make: Callable[[], web.Response], status: int) -> web.Response:

@@ -36,8 +36,7 @@ absolute error of the measured depth over the contact (over the whole map where 
 import json
 import math
 import struct
-from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -46,31 +45,6 @@ from gellight.frames.frames import GroundTruth, TactileFrame
 from gellight.frames.pose import ObjectPose
 from gellight.reconstruction.errors import depth_errors
 
-T = TypeVar("T")
-
-
-class IdentityCache:
-    """Remembers, by name, what was made last and of what. Arrays that may be written into are made of anew."""
-
-    def __init__(self) -> None:
-        """Know nothing yet."""
-        self._made: dict[str, tuple[tuple[object, ...], Any]] = {}
-
-    def of(self, name: str, sources: tuple[object, ...], make: Callable[[], T]) -> T:
-        """Return what `make` gives; what it gave before where all `sources` are the same objects as then.
-
-        A source is an array, or a value that never changes.
-        """
-        if any(isinstance(source, np.ndarray) and source.flags.writeable for source in sources):
-            self._made.pop(name, None)  # it would keep their memory
-            return make()
-        known = self._made.get(name)
-        if known is None or any(source is not before for source, before in zip(sources, known[0], strict=True)):
-            known = self._made[name] = sources, make()
-        made: T = known[1]
-        return made
-
-
 MAGIC = b"GELF"
 VERSION = 2
 MOST_CONTACTS = 12
@@ -78,25 +52,22 @@ MOST_CONTACTS = 12
 PREFIX = struct.Struct("<4sII")
 
 
-def encode(
-    frame: TactileFrame, *, pixel_size_mm: tuple[float, float], references: ReferenceViews, once: IdentityCache
-) -> bytes:
+def encode(frame: TactileFrame, *, pixel_size_mm: tuple[float, float], references: ReferenceViews) -> bytes:
     """Encode `frame`; `pixel_size_mm` is the (x, y) size of a camera pixel on the gel.
 
-    `references` knows the reference image of the frame afterwards, `once` what may serve for the next one too.
+    `references` knows the reference image of the frame afterwards.
     """
-    depth_mm, mask, truth = frame.depth_mm, frame.contact.mask, frame.camera_frame.truth
-    shape = view_shape(depth_mm.shape)
+    truth, shape = frame.camera_frame.truth, view_shape(frame.depth_mm.shape)
     planes = {
         "image": jpeg(reduce(frame.camera_frame.image, shape)),
-        "depth": once.of("depth", (depth_mm,), lambda: pack_depth(depth_mm, shape)),
-        "contact": once.of("contact", (mask,), lambda: pack_contact(mask, shape)),
+        "depth": pack_depth(frame.depth_mm, shape),
+        "contact": pack_contact(frame.contact.mask, shape),
     }
     if truth is not None:
-        planes["truth"] = once.of("truth", (truth,), lambda: pack_depth(truth.depth_mm, shape))
+        planes["truth"] = pack_depth(truth.depth_mm, shape)
     reference, drift = references.of(frame)
     header = _header(frame, pixel_size_mm) | {
-        "truth": truth and once.of("figures", (depth_mm, truth), lambda: _truth_figures(frame, truth)),
+        "truth": _truth_figures(frame, truth) if truth else None,
         "reference": reference,
         "light_drift": drift,
         "view_px": [shape[1], shape[0]],

@@ -31,26 +31,30 @@ HOST = "127.0.0.1"
 DEFAULT_PORT = 8420
 
 
-class PageServer:
-    """Runs a web application in a thread of its own; a context manager."""
+class DashboardServer:
+    """Serves the dashboard of one sensor in a thread of its own; a context manager."""
 
     def __init__(
         self,
-        application: Callable[[str], web.Application],
+        source: SensorSession,
         *,
         port: int = DEFAULT_PORT,
+        calibration: CalibrationService | None = None,
+        scan: ScanController | None = None,
+        sensors: Callable[[], Mapping[str, str]] = dict,
         host: str = HOST,
         token: str = "",
         tls_cert: str = "",
         tls_key: str = "",
     ) -> None:
-        """Serve what `application` makes, given the token that every request has to bring; port 0 takes any free one.
+        """Serve `source`, as `Dashboard` does; port 0 takes any free one.
 
-        token: by default one is drawn where other computers reach `host`, else it is the one that this user has.
+        token: that every request has to bring; by default one is drawn where other computers reach `host`, else it is
+        the one that this user has.
         tls_cert, tls_key: PEM files to encrypt by; ConfigError where they are none or do not belong together.
         """
         self._tls = _tls(tls_cert, tls_key)
-        self._application, self._port, self._host = application, port, host
+        self._dashboard, self._port, self._host = Dashboard(source, calibration, scan, sensors), port, host
         self.token = token or (own_token() if is_loopback(host) else secrets.token_urlsafe(24))
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
@@ -106,7 +110,7 @@ class PageServer:
 
     async def _serve(self) -> None:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        app = self._application(self.token)
+        app = self._dashboard.application(self.token)
         runner = web.AppRunner(app, access_log=None, logger=_requests, shutdown_timeout=1.0)
         await runner.setup()
         try:
@@ -115,27 +119,6 @@ class PageServer:
             await self._stop.wait()
         finally:
             await runner.cleanup()
-
-
-class DashboardServer(PageServer):
-    """Serves the dashboard of one sensor."""
-
-    def __init__(
-        self,
-        source: SensorSession,
-        *,
-        port: int = DEFAULT_PORT,
-        calibration: CalibrationService | None = None,
-        scan: ScanController | None = None,
-        sensors: Callable[[], Mapping[str, str]] = dict,
-        host: str = HOST,
-        token: str = "",
-        tls_cert: str = "",
-        tls_key: str = "",
-    ) -> None:
-        """Serve `source`, as `Dashboard` does; the rest: see `PageServer`."""
-        application = Dashboard(source, calibration, scan, sensors).application
-        super().__init__(application, port=port, host=host, token=token, tls_cert=tls_cert, tls_key=tls_key)
 
 
 def _tls(cert: str, key: str) -> ssl.SSLContext | None:
@@ -170,11 +153,11 @@ async def _listen(runner: web.AppRunner, host: str, port: int, tls: ssl.SSLConte
 
 def _cannot_listen(error: OSError, host: str, port: int) -> str:
     if error.errno == errno.EADDRINUSE:
-        return f"port {port} of {host} is in use by another program: stop it, or choose another port with --port"
+        return f"port {port} of {host} is in use by another program: stop it, or set another dashboard.port"
     if error.errno == errno.EACCES:
-        return f"port {port} of {host} needs root: choose one above 1023 with --port"
+        return f"port {port} of {host} needs root: set a dashboard.port above 1023"
     if error.errno == errno.EADDRNOTAVAIL or isinstance(error, socket.gaierror):
         return (
             f"{host} is no address of this computer: choose another one as dashboard.host, such as 127.0.0.1 or 0.0.0.0"
         )
-    return f"cannot listen on port {port} of {host} ({error}): choose another port with --port"
+    return f"cannot listen on port {port} of {host} ({error}): set another dashboard.port"

@@ -73,7 +73,6 @@ class Reconstructor:
         """
         _refuse_series(bundle)
         self.bundle = bundle
-        self.masked = masked
         self._measures = BundleMeasures(bundle)
         self._perspective = Perspective.of_bundle(bundle)
         self._network = GradientNetwork(

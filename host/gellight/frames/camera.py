@@ -222,13 +222,12 @@ def set_controls(camera: Camera, controls: Mapping[str, float]) -> bool:
     return before != {name: theirs.set(name, value) for name, value in controls.items()}
 
 
-def timing_of(camera: Camera, known: CameraTiming | None = None) -> CameraTiming:
-    """Return `known` (default: what the camera tells of itself) with the exposure its controls tell, where they do.
+def timing_of(camera: Camera) -> CameraTiming:
+    """Return what the camera tells of itself, with the exposure its controls tell, where they do.
 
-    Readout, frame period and the meaning of the stamp stay as known: `shutter_meter.measure_shutter` measures them.
     Raises InputError where the exposure is longer than the frame period.
     """
-    known = known or camera.timing or CameraTiming()
+    known = camera.timing or CameraTiming()
     if camera.controls is None or "exposure_us" not in camera.controls.names():
         return known
     return replace(known, exposure_s=camera.controls.read("exposure_us") * 1e-6)

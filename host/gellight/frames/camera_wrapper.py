@@ -3,9 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gellight.base.errors import BoardError, CameraError
 from gellight.base.locking import FairLock
 from gellight.bundle.bundle import Bundle
@@ -33,6 +30,10 @@ class CameraWrapper(Camera):
     ring: LightRing | None = _passed_on("ring")
     bundle: Bundle | None = _passed_on("bundle")
     controls: CameraControls | None = _passed_on("controls")
+    selfcheck: Any = _passed_on("selfcheck")
+    adopt: Any = _passed_on("adopt")
+    hurry: Any = _passed_on("hurry")
+    close: Any = _passed_on("close")
 
     def __init__(self, camera: Camera) -> None:
         """Take over `camera`."""
@@ -57,20 +58,8 @@ class CameraWrapper(Camera):
         """Return what is known of the camera inside."""
         return self._camera.status()
 
-    def adopt(self, controls: Mapping[str, float], colours: NDArray[np.uint8] | None) -> None:
-        """Set and light the camera inside."""
-        self._camera.adopt(controls, colours)
-
     def release(self) -> None:
         """Give back what was set and lit for this wrapper; the camera inside stays open."""
-
-    def hurry(self) -> None:
-        """Let the camera inside wait no more."""
-        self._camera.hurry()
-
-    def close(self) -> None:
-        """Close the camera inside, with its LEDs dark."""
-        self._camera.close()
 
     def _why_failed(self, error: BoardError, ring: LightRing | None) -> CameraError | BoardError:
         """Return what to raise where the board failed: `error` itself, or that the stream goes on.

@@ -11,18 +11,17 @@ from typing import Annotated, Self
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from gellight.base.allowed import in_words
 from gellight.base.errors import InputError
 
 Array = NDArray[np.float64]
-Number = Annotated[float, Field(allow_inf_nan=False)]
 Pixels = Annotated[int, Field(ge=2, le=16384)]
 _MOST_FINER = 4
 MOST_PX = 1280
 """of a view that is chosen for its size alone: pixels of 20 mm of gel are then an eighth of what its coating blurs"""
-Row = tuple[Number, Number, Number]
+Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 
 
 class View(BaseModel):

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, FiniteFloat, model_validator
 
+from gellight.base.allowed import Byte
 from gellight.base.errors import BundleError, ConfigError
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.bundle.bundle_file import PictureFile, read_bundle_file
@@ -15,8 +16,6 @@ from gellight.photometric.ring_geometry import RingGeometry
 
 FILE_NAME = "lights.json"
 REMEDY = "take it with `gellight calibrate lights --sensor URL --calibration BUNDLE --out NEW`, the gel untouched"
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Byte = Annotated[int, Field(ge=0, le=255)]
 
 
 class LightRecord(PictureFile):
@@ -24,13 +23,13 @@ class LightRecord(PictureFile):
 
     ring: RingGeometry
     colours: list[tuple[Byte, Byte, Byte]]
-    crosstalk: tuple[tuple[Number, Number, Number], ...]
-    black_grey: tuple[Number, Number, Number]
+    crosstalk: tuple[tuple[FiniteFloat, FiniteFloat, FiniteFloat], ...]
+    black_grey: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
     gamma: Annotated[float, Field(gt=0.1, lt=10)]
     exposure_us: Annotated[float, Field(gt=0)] | None
     brightest_grey: Annotated[float, Field(ge=0)]
     pattern_residual: Annotated[float, Field(ge=0)]
-    patterns: dict[LightGroups, list[list[list[Number]]]]
+    patterns: dict[LightGroups, list[list[list[FiniteFloat]]]]
 
     @model_validator(mode="after")
     def _is_one_ring(self) -> "LightRecord":

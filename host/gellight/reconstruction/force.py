@@ -25,9 +25,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from gellight.base.errors import InputError
-from gellight.frames.measures import BEYOND_VIEW, HEAVIER, Force
 from gellight.frames.over_gel import over_gel
-from gellight.frames.pixel_grid import block_means, bounding_box, spread_blocks
+from gellight.frames.pixel_grid import block_means, bounding_box
 from gellight.reconstruction.contact import THRESHOLD_MM, find_contact
 
 Array = NDArray[np.float64]
@@ -35,8 +34,6 @@ Array = NDArray[np.float64]
 SILICONE = 0.49
 """Poisson's ratio of silicones, which hardly change their volume"""
 CELLS_A_THICKNESS = 10
-HEAVIER_BY = 1.25
-"""a force larger than this multiple of the heaviest of the calibration is flagged"""
 REACH = 6.0
 """thicknesses: what is further away is not felt. With 3, forces are 2 % too large"""
 BORDER_SHARE = 0.05
@@ -237,36 +234,3 @@ def bonded(q: Array, poisson_ratio: float) -> Array:
     """Return the compliance of a bonded layer over that of a half space, for q = k h."""
     q, kappa = np.minimum(q, _HALF_SPACE), 3 - 4 * poisson_ratio
     return np.asarray((kappa * np.sinh(2 * q) - 2 * q) / (kappa * np.cosh(2 * q) + 2 * q**2 + (1 + kappa**2) / 2))
-
-
-@dataclass(frozen=True, kw_only=True)
-class ForceScale:
-    """What turns an indentation into newtons, and how well."""
-
-    layer: Layer
-    youngs_modulus_mpa: float
-    error_share: float
-    """standard deviation of a force, as a share of it"""
-    error_floor_n: float
-    """and of no force at all"""
-    heaviest_n: float
-    """the largest force it was calibrated with"""
-
-    def force(
-        self, depth_mm: NDArray[np.float32], pixel_size_mm: tuple[float, float], camera_height_mm: float = 0.0
-    ) -> Force:
-        """Return the force that makes a (H, W) depth map, seen as `indenting` has it, and its error."""
-        found = indenting(depth_mm, pixel_size_mm, self.layer, camera_height_mm)
-        normal_n = self.youngs_modulus_mpa * found.integral_mm2
-        reasons = ((BEYOND_VIEW, found.at_border), (HEAVIER, normal_n > HEAVIER_BY * self.heaviest_n))
-        flags = tuple(name for name, holds in reasons if holds)
-        return Force(
-            normal_n=normal_n,
-            error_n=float(np.hypot(self.error_floor_n, self.error_share * normal_n)),
-            flags=flags,
-            pressure_of=lambda: self._pressure_mpa(found, (depth_mm.shape[0], depth_mm.shape[1])),
-        )
-
-    def _pressure_mpa(self, found: Indenting, image_shape: tuple[int, int]) -> NDArray[np.float32]:
-        """(H, W), each cell's pressure on its pixels."""
-        return spread_blocks((self.youngs_modulus_mpa * found.pressure).astype(np.float32), found.side_px, image_shape)

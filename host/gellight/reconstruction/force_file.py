@@ -2,18 +2,23 @@
 
 from typing import Annotated
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import AwareDatetime, Field
 
+from gellight.base.allowed import Positive
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.bundle_file import BundleFile, read_bundle_file
-from gellight.reconstruction.force import ForceScale, Layer
-from gellight.reconstruction.shear.felt import ShearScale
+from gellight.frames.measures import BEYOND_VIEW, HEAVIER, Force
+from gellight.frames.pixel_grid import spread_blocks
+from gellight.reconstruction.force import Layer, indenting
 
 FILE_NAME = "force.json"
 REMEDY = "measure it again with `gellight calibrate force FORCES.csv --calibration BUNDLE --out NEW`"
+HEAVIER_BY = 1.25
+"""a force larger than this multiple of the heaviest of the calibration is flagged"""
 SIDE_ERROR_SHARE = 0.2
 """of a gel whose constant was found with forces along the normal alone"""
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 InOlderFiles = Annotated[int | None, Field(exclude=True, repr=False)]
 
@@ -49,24 +54,28 @@ class ForceRecord(BundleFile):
     image_height_px: InOlderFiles = None
 
     @property
-    def side(self) -> ShearScale:
-        """What turns the motion of dots into newtons."""
-        return ShearScale(
-            layer=Layer(self.gel_thickness_mm, self.poisson_ratio),
-            youngs_modulus_mpa=self.youngs_modulus_mpa,
-            side_scale=self.side_scale,
-            side_error_share=self.side_error_share,
-        )
+    def layer(self) -> Layer:
+        """The gel."""
+        return Layer(self.gel_thickness_mm, self.poisson_ratio)
 
-    @property
-    def scale(self) -> ForceScale:
-        """What the frame path needs of it."""
-        return ForceScale(
-            layer=Layer(self.gel_thickness_mm, self.poisson_ratio),
-            youngs_modulus_mpa=self.youngs_modulus_mpa,
-            error_share=self.error_share,
-            error_floor_n=self.error_floor_n,
-            heaviest_n=self.heaviest_n,
+    def force(
+        self, depth_mm: NDArray[np.float32], pixel_size_mm: tuple[float, float], camera_height_mm: float = 0.0
+    ) -> Force:
+        """Return the force that makes a (H, W) depth map, seen as `indenting` has it, and its error."""
+        found, modulus_mpa = indenting(depth_mm, pixel_size_mm, self.layer, camera_height_mm), self.youngs_modulus_mpa
+        normal_n = modulus_mpa * found.integral_mm2
+        reasons = ((BEYOND_VIEW, found.at_border), (HEAVIER, normal_n > HEAVIER_BY * self.heaviest_n))
+
+        def pressure_mpa() -> NDArray[np.float32]:
+            """(H, W), each cell's pressure on its pixels."""
+            height, width = depth_mm.shape
+            return spread_blocks((modulus_mpa * found.pressure).astype(np.float32), found.side_px, (height, width))
+
+        return Force(
+            normal_n=normal_n,
+            error_n=float(np.hypot(self.error_floor_n, self.error_share * normal_n)),
+            flags=tuple(name for name, holds in reasons if holds),
+            pressure_of=pressure_mpa,
         )
 
 

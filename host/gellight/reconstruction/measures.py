@@ -27,22 +27,20 @@ class BundleMeasures:
 
         from_network: the slopes are those of the network.
         """
-        record = read_force(bundle)
         self._bundle, self.from_network = bundle, from_network
-        self._scale = record.scale if record else None
-        self._side = record.side if record else None
+        self._forces = read_force(bundle)
         self._errors = read_errors(bundle) if from_network else None
 
     def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
         """Return the force that makes a (H, W) depth map; None where the bundle has no `force.json`."""
-        if self._scale is None:
+        if self._forces is None:
             return None
         manifest = self._bundle.manifest
-        return self._scale.force(depth_mm, manifest.pixel_size_mm, manifest.camera_height_mm)
+        return self._forces.force(depth_mm, manifest.pixel_size_mm, manifest.camera_height_mm)
 
     def shear(self, depth_mm: NDArray[np.float32], dots: DotsSeen, force: Force | None) -> Shear:
         """Return how the dots say that the gel is moved and pulled along itself."""
-        return felt_shear(dots, depth_mm, force, self._gel, self._side)
+        return felt_shear(dots, depth_mm, force, self._gel, self._forces)
 
     def dot_motion(self, depth_mm: NDArray[np.float32], dots: DotsSeen) -> tuple[Floats, Floats]:
         """Return (N, 2) rest places of dots, mm from the image centre, and (N, 2) mm they have moved along the gel."""
@@ -51,7 +49,7 @@ class BundleMeasures:
     @cached_property
     def _gel(self) -> Gel:
         """How the gel is seen."""
-        bundle, record = self._bundle, read_force(self._bundle)
+        bundle, record = self._bundle, self._forces
         lens = lens_of(read_record(bundle)) if has_lens(bundle) else None
         middle, size = middle_px(bundle.image_shape), np.array(bundle.pixel_size_mm)
         return Gel(

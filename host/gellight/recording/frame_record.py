@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from gellight.base.allowed import StrictModel
+from gellight.base.allowed import Byte, StrictModel
 from gellight.base.errors import InputError
 from gellight.base.png import is_whole
 from gellight.frames.frames import CameraFrame, CaptureStamp, ExposureSeries, LightLabel
@@ -32,7 +32,6 @@ ENCODINGS = {"RGB3": "rgb8", "GREY": "mono8", "YUYV": "yuv422_yuy2"}
 """of ROS, by the format of the camera"""
 _PNG_SIZE = slice(16, 24)
 """where a PNG says its width and height"""
-Byte = Annotated[int, Field(ge=0, le=255)]
 Size = Annotated[int, Field(gt=0, le=MOST_PX)]
 
 

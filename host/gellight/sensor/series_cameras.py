@@ -34,7 +34,7 @@ class SeriesCamera(CameraWrapper):
         if camera.ring is None:
             raise CameraError(
                 f"{camera.url} has no light ring that can be driven, and photometric stereo needs one light after the "
-                "other: connect the ring's board, or use --mode network"
+                "other: connect the ring's board, or set reconstruction.mode = network"
             )
         self._groups = groups
         self._frames = frames

@@ -16,8 +16,8 @@ from gellight.sensor.series_cameras import EXPOSURE
 PATIENCE_S = 10.0
 """a sequence without a whole window for longer does not work"""
 REMEDIES = {
-    LightMode.FREE: "use --light-mode hold, a shorter exposure, or a less busy computer",
-    LightMode.EXT: "connect the camera's strobe to the trigger pin of the board, or use --light-mode free or hold",
+    LightMode.FREE: "set lighting.light_mode = hold, a shorter exposure, or a less busy computer",
+    LightMode.EXT: "connect the camera's strobe to the trigger pin of the board, or set lighting.light_mode = free",
     LightMode.HOLD: "see `gellight ring info`",
 }
 

@@ -105,7 +105,7 @@ class PhotometricReconstructor:
         if not isinstance(camera_frame, ExposureSeries):
             raise InputError(
                 f"{camera_frame.source or 'the image'} is one picture, photometric stereo needs one for each light "
-                "group: use --mode network"
+                "group: set reconstruction.mode = network"
             )
         series, stages = camera_frame, Stages()
         signals = without_shadows(self._signals(series), self._references)

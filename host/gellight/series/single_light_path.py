@@ -1,6 +1,7 @@
 """The frame path of a bundle whose lights are shown in turn: GelNet over their channels, or least squares."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries, TactileFrame
+from gellight.frames.image_files import read_grey
 from gellight.frames.status import PathStatus
 from gellight.photometric.directions import FILE_NAME, LightDirections, levels_of, lights_of
 from gellight.reconstruction.measures import BundleMeasures
@@ -113,7 +115,7 @@ class SingleLightPath:
         levels = levels_of(series.pictures, series.groups)
         if levels.shape != lights.untouched.shape:
             raise InputError(f"{camera_frame.source} is of another size than the calibration {self.bundle.source}")
-        picture = np.clip(np.rint(as_rgb(levels)), 0, 255).astype(np.uint8)
+        picture = _picture(levels)
         frame = as_picture(series, picture, light=None)
         difference = np.subtract(picture, self.bundle.reference, dtype=np.float32)
         stages.end("signals")
@@ -128,3 +130,35 @@ class SingleLightPath:
         stages.end("still")
         maps = difference, gradient_map, depth_mm
         return tactile_frame(frame, *maps, size, stages, report, measures=self._measures, perspective=self._perspective)
+
+
+def frame_of_lights(bundle: Bundle, mode: str, paths: Sequence[Path], white: float | None = None) -> TactileFrame:
+    """Reconstruct gradient, normal and depth map and the contact from one picture under each light, in their order.
+
+    mode: "network" or "photometric". white: see `read_grey`. The picture of the frame shows the lights, in three
+    groups, as red, green and blue. Raises InputError for another number or size of pictures.
+    """
+    lights = read_directions(bundle)
+    if len(paths) != len(lights.untouched):
+        raise InputError(f"{len(paths)} images and {len(lights.untouched)} lights: give one image for each light")
+    pictures = [read_grey(path, white) for path in paths]
+    if len({picture.shape for picture in pictures}) > 1:
+        raise InputError(f"the images beside {paths[0]} have several sizes: give those of one camera setting")
+    slopes, stages, levels = slopes_by(bundle, lights, mode), Stages(), np.stack(pictures)
+    if levels.shape != lights.untouched.shape:
+        height, width = lights.image_shape
+        raise InputError(f"the images beside {paths[0]} are no pictures of {width} x {height} px, as the lights are of")
+    gradient_map = slopes(levels)
+    stages.end("slopes")
+    size = (lights.pixel_size_mm, lights.pixel_size_mm)
+    seen = Perspective.over(lights.image_shape, size, lights.camera_height_mm)
+    depth_mm = depth_seen(np.asarray(gradient_map, np.float32), size, seen)
+    stages.end("depth")
+    frame = CameraFrame(image=_picture(levels), time_s=0.0, sequence=0, source=str(paths[0]))
+    maps = as_rgb(levels) - as_rgb(lights.untouched), gradient_map, depth_mm
+    measures = BundleMeasures(bundle, from_network=mode == "network")
+    return tactile_frame(frame, *maps, size, stages, measures=measures, perspective=seen)
+
+
+def _picture(levels: Floats) -> NDArray[np.uint8]:
+    return np.clip(np.rint(as_rgb(levels)), 0, 255).astype(np.uint8)

@@ -1,22 +1,14 @@
 """What a series of exposures says as a whole: its picture, and whether the scene rested meanwhile."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import InputError
-from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries, TactileFrame
-from gellight.frames.image_files import read_grey
-from gellight.frames.measures import FrameMeasures
+from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries
 from gellight.frames.pixel_grid import spread_blocks
 from gellight.photometric import static_scene
-from gellight.photometric.directions import LightDirections
 from gellight.photometric.solver import LEAST_LIGHTS
-from gellight.reconstruction.perspective import Perspective, depth_seen
-from gellight.reconstruction.stages import Stages, tactile_frame
 
 
 def as_picture(series: ExposureSeries, image: NDArray[np.uint8], light: NDArray[np.uint8] | None) -> CameraFrame:
@@ -48,43 +40,6 @@ def exposure_report(
 
 
 _RGB_OF = 3
-
-
-def frame_of_lights(
-    lights: LightDirections,
-    paths: Sequence[Path],
-    white: float | None = None,
-    *,
-    slopes: Callable[[NDArray[np.float32]], NDArray[np.float32]],
-    measures: FrameMeasures,
-) -> TactileFrame:
-    """Reconstruct gradient, normal and depth map and the contact from one picture under each light, in their order.
-
-    white: see `read_grey`. slopes: of (K, H, W) grey levels, see `slopes_by`. measures: of the bundle. The picture of
-    the frame shows the lights, in three groups, as red, green and blue. Raises InputError for another number or size of
-    pictures.
-    """
-    if len(paths) != len(lights.untouched):
-        raise InputError(f"{len(paths)} images and {len(lights.untouched)} lights: give one image for each light")
-    pictures = [read_grey(path, white) for path in paths]
-    if len({picture.shape for picture in pictures}) > 1:
-        raise InputError(f"the images beside {paths[0]} have several sizes: give those of one camera setting")
-    stages = Stages()
-    levels = np.stack(pictures)
-    if levels.shape != lights.untouched.shape:
-        height, width = lights.image_shape
-        raise InputError(f"the images beside {paths[0]} are no pictures of {width} x {height} px, as the lights are of")
-    gradient_map = slopes(levels)
-    stages.end("slopes")
-    size = (lights.pixel_size_mm, lights.pixel_size_mm)
-    seen = Perspective.over(lights.image_shape, size, lights.camera_height_mm)
-    depth_mm = depth_seen(np.asarray(gradient_map, np.float32), size, seen)
-    stages.end("depth")
-    image, untouched = as_rgb(levels), as_rgb(lights.untouched)
-    shown = np.clip(np.rint(image), 0, 255).astype(np.uint8)
-    frame = CameraFrame(image=shown, time_s=0.0, sequence=0, source=str(paths[0]))
-    maps = image - untouched, gradient_map, depth_mm
-    return tactile_frame(frame, *maps, size, stages, measures=measures, perspective=seen)
 
 
 def as_rgb(levels: NDArray[np.float32]) -> NDArray[np.float32]:

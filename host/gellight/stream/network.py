@@ -76,7 +76,8 @@ def free_lan_port() -> int:
         with suppress(OSError), socket.create_server(("", port)):
             return port
     raise StreamError(
-        f"the ports {LAN_PORT} to {LAN_PORT + LAN_PORTS - 1} are all in use: stop what uses them, or run without --lan"
+        f"the ports {LAN_PORT} to {LAN_PORT + LAN_PORTS - 1} are all in use: stop what uses them, or run "
+        "without stream.lan"
     )
 
 

@@ -164,7 +164,7 @@ class Publisher:
         if not hmac.compare_digest(brought.to_bytes() if brought else b"", self.token.encode()):
             raise InputError(
                 f"{self.name} may be read by every program, and changed by those that bring its token: `gellight run` "
-                "prints it with --lan, and takes it from stream.token; give it as subscribe(..., token=...)"
+                "prints it with stream.lan, and takes it from stream.token; give it as subscribe(..., token=...)"
             )
 
     def _take_call(self, query: zenoh.Query) -> None:

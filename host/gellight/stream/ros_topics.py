@@ -1,21 +1,7 @@
 """What a sensor says in messages of ROS 2: the topics, their types, and how each is made of a tactile frame.
 
-    image_raw     sensor_msgs/Image          rgb8, frame NAME_camera
-    camera_info   sensor_msgs/CameraInfo     plumb_bob; see reconstruction/lens/undistortion.py
-    depth/image   sensor_msgs/Image          32FC1, metres, positive into the sensor
-    points        sensor_msgs/PointCloud2    metres, frame NAME_gel: x right, y up, z towards the camera
-    contact       geometry_msgs/PointStamped metres, frame NAME_gel: centre and indentation; NaN without contact
-    contact/wrench geometry_msgs/WrenchStamped N and N m, frame NAME_gel: the normal force on the gel along z, where the
-                  bundle has a constant for it. Of a gel with marker dots also x, y and the torque about the frame's
-                  origin, NaN while they are unknown; without dots they are not measured and 0
-    contact/wrench_covariance std_msgs/Float64MultiArray 6 x 6, row by row, of that force and torque, of a gel with dots
-    contacts      sensor_msgs/PointCloud2    a point each contact, frame NAME_gel, SI units: see `OF_CONTACTS`
-    object/pose   geometry_msgs/PoseWithCovarianceStamped metres, frame NAME_gel: of the axes that lay at the first
-                  contact's middle, along those of the gel, and move with the object; nothing while it is lost
-    /tf           tf2_msgs/TFMessage         the same pose, NAME_gel to NAME_object
-    /diagnostics  diagnostic_msgs/DiagnosticArray
-
-ros2.py sends them by zenoh, foxglove.py by WebSocket.
+docs/streaming.md has them in a table, with what they hold: frames, units, what is NaN or left out. ros2.py sends them
+by zenoh, foxglove.py by WebSocket.
 """
 
 import time

@@ -118,7 +118,9 @@ def _locked(name: str, numbered: bool) -> tuple[TextIO, str]:
             tried = f"{name}-{number}"
         else:
             raise StreamError(_taken(holder))
-    raise StreamError(f"{_place(tried)} is locked, and no daemon: end the program that holds it, or give --name")
+    raise StreamError(
+        f"{_place(tried)} is locked, and no daemon: end the program that holds it, or set another stream.name"
+    )
 
 
 def _same(handle: TextIO, path: Path) -> bool:
@@ -133,7 +135,7 @@ def _taken(holder: RunningDaemon) -> str:
     minutes = (time.time() - holder.since_unix_s) / 60
     return (
         f"sensor {holder.name} is published already by process {holder.process}, for {minutes:.0f} minutes "
-        f"({holder.sensor}): stop that one, or give this one another --name"
+        f"({holder.sensor}): stop that one, or give this one another stream.name"
     )
 
 

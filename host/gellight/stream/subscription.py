@@ -58,9 +58,9 @@ def subscribe(
     """Receive the frames of a daemon that runs in another process (`gellight run`).
 
     `target` is `auto` (the daemon that was started last from this terminal, else the only one of this user on this
-    computer, else the only one on the local network that runs with --lan), the name of a sensor, looked for in the same
-    way, or `zenoh://HOST[:PORT][/NAME]` on another computer, whose daemon runs with --lan; zenoh+tls:// where it is
-    encrypted.
+    computer, else the only one on the local network that runs with stream.lan), the name of a sensor, looked for in
+    the same way, or `zenoh://HOST[:PORT][/NAME]` on another computer, whose daemon runs with stream.lan; zenoh+tls://
+    where it is encrypted.
     every: give every frame and not only the newest. maps: of `MapOnRequest`, `pressure_mpa` and `confidence`: the
     daemon computes them for all who ask and sends them along; what does not come is computed here when it is asked for.
     wait_s: how long a daemon is waited for that is not there, as one that starts now; after `MISTYPED_S` the log says
@@ -125,7 +125,7 @@ def _found(target: str, config: Path | None) -> tuple[str, str, str, str]:
 
 
 def _on_the_lan(wanted: str, config: Path | None) -> tuple[str, str]:
-    """Return endpoint and name of the only daemon that runs with --lan here or elsewhere; `wanted`: its name, or ""."""
+    """Return endpoint and name of the only daemon with stream.lan here or elsewhere; `wanted`: its name, or ""."""
     places: list[tuple[str, str]] = []
     for endpoint in found_by_multicast():
         with suppress(StreamError):  # a program of zenoh that is no daemon, or one that lets in nobody
@@ -140,15 +140,15 @@ def _on_the_lan(wanted: str, config: Path | None) -> tuple[str, str]:
     if places:
         urls = ", ".join(f"zenoh://{place.partition('/')[2]}/{quote(name)}" for place, name in places)
         raise StreamError(f"several daemons publish on the local network: give one of {urls}")
-    there = f"there are {here}" if here else "start one with `gellight run`, on another computer with --lan"
+    there = f"there are {here}" if here else "start one with `gellight run`, elsewhere with --set stream.lan=true"
     raise _NobodyThereError(
-        f"no daemon publishes {wanted or 'a sensor'} on this computer or, with --lan, on the local network: {there}"
+        f"no daemon publishes {wanted or 'a sensor'} here or, with stream.lan, on the local network: {there}"
     )
 
 
-def present(session: zenoh.Session) -> list[str]:
+def present(session: zenoh.Session, pattern: str = "gellight/*/alive", timeout_s: float = LOOK_S) -> list[str]:
     """Return the names of the sensors that the other side of a session publishes."""
-    replies = session.liveliness().get("gellight/*/alive", timeout=LOOK_S)
+    replies = session.liveliness().get(pattern, timeout=timeout_s)
     return sorted({name_of(str(reply.ok.key_expr)) for reply in replies if reply.ok})
 
 
@@ -181,8 +181,7 @@ def read_status(content: bytes, name: str) -> SensorStatus:
 def _present(session: zenoh.Session, name: str, endpoint: str) -> str:
     """Return the name of the daemon that is there; StreamError where it is not, or where several are."""
     pattern = key(name, "alive") if name else "gellight/*/alive"
-    replies = session.liveliness().get(pattern, timeout=ANSWER_S)
-    names = sorted({name_of(str(reply.ok.key_expr)) for reply in replies if reply.ok})
+    names = present(session, pattern, ANSWER_S)
     if len(names) != 1:
         there = f"there are {', '.join(names)}: pass one name" if names else "start it with `gellight run`"
         raise StreamError(f"no one daemon of {name or 'a sensor'} is at {endpoint}: {there}")

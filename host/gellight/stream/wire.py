@@ -9,13 +9,13 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from functools import cached_property
 from math import isnan, nan
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AliasChoices, Field, FiniteFloat, TypeAdapter, ValidationError
 
-from gellight.base.allowed import StrictModel, in_words
+from gellight.base.allowed import Byte, StrictModel, in_words
 from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Patch, Provenance, TactileFrame
@@ -51,8 +51,6 @@ NOW_CALLED = {"doubts": "quality_flags"}
 """planes of older senders"""
 NEEDED = ("image", "gradient", "depth_mm", "contact")
 REMEDY = "update GelLight on both sides to the same version"
-
-Byte = Annotated[int, Field(ge=0, le=255)]
 
 
 class ExposureFigures(StrictModel):

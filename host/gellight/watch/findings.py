@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,13 @@ class WatchFinding:
         return self.kind, self.figures.get("led")
 
 
+def _found(severity: Severity, kind: str, text: str, **figures: object) -> WatchFinding:
+    return WatchFinding(kind=kind, severity=severity, text=text, figures=figures)
+
+
+_warning, _fault = partial(_found, Severity.WARNING), partial(_found, Severity.FAULT)
+
+
 def light_findings(
     explanation: Explanation, pixel_size_mm: tuple[float, float], rest_grey: float = 0.0
 ) -> Iterator[WatchFinding]:
@@ -71,49 +79,41 @@ def light_findings(
     if max(map(abs, explanation.shift_px)) >= MOVED_PX:
         yield _moved(explanation, pixel_size_mm)
     if explanation.leaves(UNEVEN_GREY, rest_grey):
-        yield WatchFinding(
-            kind="uneven",
-            severity=Severity.WARNING,
-            text=f"the untouched gel differs by {explanation.left_grey:.1f} grey levels that neither single LEDs "
-            "nor a moved camera explain: the window is dirty, other light falls in, or the gel has aged; clean it, "
-            "shade it, then calibrate again",
-            figures={"left_grey": round(explanation.left_grey, 2)},
+        text = (
+            f"the untouched gel differs by {explanation.left_grey:.1f} grey levels that neither single LEDs nor a "
+            "moved camera explain: the window is dirty, other light falls in, or the gel has aged; clean it, shade it, "
+            "then calibrate again"
         )
+        yield _warning("uneven", text, left_grey=round(explanation.left_grey, 2))
 
 
 def _led(led: int, light: float) -> WatchFinding:
-    place, dead = f"LED {led} (azimuth {30 * led} degrees)", light < DEAD
-    return WatchFinding(
-        kind="led_dead" if dead else "led_dimmed",
-        severity=Severity.FAULT if dead else Severity.WARNING,
-        text=f"{place} is dark: it is broken or its supply is; replace it and calibrate again"
-        if dead
-        else f"{place} gives {light:.0%} of its light: it ages, runs hot or is covered; clean it or calibrate again",
-        figures={"led": led, "light": round(light, 3)},
-    )
+    place, figures = f"LED {led} (azimuth {30 * led} degrees)", {"led": led, "light": round(light, 3)}
+    if light < DEAD:
+        return _fault(
+            "led_dead", f"{place} is dark: it is broken or its supply is; replace it and calibrate again", **figures
+        )
+    text = f"{place} gives {light:.0%} of its light: it ages, runs hot or is covered; clean it or calibrate again"
+    return _warning("led_dimmed", text, **figures)
 
 
 def _drift(explanation: Explanation, worst: float) -> WatchFinding:
     strong = abs(worst - 1) >= STRONG_DRIFT
     cause = "an LED supply that sags, an exposure that is not locked, or aged LEDs" if strong else "LEDs that warm up"
-    return WatchFinding(
-        kind="drift",
-        severity=Severity.WARNING if strong else Severity.NOTICE,
-        text=f"the light is {worst:.1%} of what it was when the sensor was calibrated: {cause}",
-        figures={name: round(gain, 4) for name, gain in zip(("red", "green", "blue"), explanation.gains, strict=True)},
-    )
+    figures = {name: round(gain, 4) for name, gain in zip(("red", "green", "blue"), explanation.gains, strict=True)}
+    text = f"the light is {worst:.1%} of what it was when the sensor was calibrated: {cause}"
+    return _found(Severity.WARNING if strong else Severity.NOTICE, "drift", text, **figures)
 
 
 def _moved(explanation: Explanation, pixel_size_mm: tuple[float, float]) -> WatchFinding:
     x, y = explanation.shift_px
     x_mm, y_mm = x * pixel_size_mm[0], y * pixel_size_mm[1]
-    return WatchFinding(
-        kind="camera_moved",
-        severity=Severity.WARNING,
-        text=f"the picture has moved by {x:+.1f}, {y:+.1f} px: the camera or the gel is loose; positions are off by "
-        f"{x_mm:+.2f}, {y_mm:+.2f} mm; fasten it and calibrate again",
-        figures={"x_px": round(x, 2), "y_px": round(y, 2), "x_mm": round(x_mm, 3), "y_mm": round(y_mm, 3)},
+    text = (
+        f"the picture has moved by {x:+.1f}, {y:+.1f} px: the camera or the gel is loose; positions are off by "
+        f"{x_mm:+.2f}, {y_mm:+.2f} mm; fasten it and calibrate again"
     )
+    places = {"x_px": round(x, 2), "y_px": round(y, 2), "x_mm": round(x_mm, 3), "y_mm": round(y_mm, 3)}
+    return _warning("camera_moved", text, **places)
 
 
 _SPOT_TEXTS = {
@@ -129,82 +129,63 @@ def spot_finding(spot: Spot, image_shape: tuple[int, int], pixel_size_mm: tuple[
     x_mm = (x_px - (image_shape[1] - 1) / 2) * pixel_size_mm[0]
     y_mm = (y_px - (image_shape[0] - 1) / 2) * pixel_size_mm[1]
     area = spot.cells * CELL_PX**2 * pixel_size_mm[0] * pixel_size_mm[1]
-    return WatchFinding(
-        kind=str(spot.kind),
-        severity=Severity.FAULT if spot.kind is SpotKind.TEAR else Severity.WARNING,
-        text=f"a spot of {area:.1f} mm2 at ({x_mm:.1f}, {y_mm:.1f}) mm stays while touches come and go: "
-        f"{_SPOT_TEXTS[spot.kind]}",
-        figures={
-            "x_mm": round(x_mm, 2),
-            "y_mm": round(y_mm, 2),
-            "area_mm2": round(area, 2),
-            "light": [round(share, 3) for share in spot.light],
-        },
-    )
+    where = f"a spot of {area:.1f} mm2 at ({x_mm:.1f}, {y_mm:.1f}) mm stays while touches come and go"
+    figures = {"x_mm": round(x_mm, 2), "y_mm": round(y_mm, 2), "area_mm2": round(area, 2)}
+    found = _fault if spot.kind is SpotKind.TEAR else _warning
+    light = [round(share, 3) for share in spot.light]
+    return found(str(spot.kind), f"{where}: {_SPOT_TEXTS[spot.kind]}", **figures, light=light)
 
 
 def other_unit(figures: UnitFigures, felt_deg: float) -> WatchFinding:
     """Return the finding that the bundle was made with another unit; felt_deg: the mean slope felt as it is."""
-    return WatchFinding(
-        kind="other_unit",
-        severity=Severity.FAULT,
-        text=f"this bundle was made with another unit: {figures.reason}; as it is, the gel is felt {felt_deg:.0f} "
-        "degrees tilted; calibrate this sensor, or give its own bundle",
-        figures={**figures.as_json(), "felt_deg": round(felt_deg, 1)},
+    text = (
+        f"this bundle was made with another unit: {figures.reason}; as it is, the gel is felt {felt_deg:.0f} degrees "
+        "tilted; calibrate this sensor, or give its own bundle"
     )
+    return _fault("other_unit", text, **figures.as_json(), felt_deg=round(felt_deg, 1))
 
 
 def starter(units: list[str]) -> WatchFinding:
     """Return the finding that a bundle was learnt on other units of the same kind."""
-    return WatchFinding(
-        kind="starter",
-        severity=Severity.WARNING,
-        text=f"not your unit: this bundle was learnt on others ({', '.join(units)}), so contacts and shapes are seen, "
-        "but depth and normals are rough; calibrate this sensor",
-        figures={"units": units},
+    text = (
+        f"not your unit: this bundle was learnt on others ({', '.join(units)}), so contacts and shapes are seen, but "
+        "depth and normals are rough; calibrate this sensor"
     )
+    return _warning("starter", text, units=units)
 
 
 def too_deep(depth_mm: float, thickness_mm: float) -> WatchFinding:
     """Return the finding that a frame is deeper than the gel is thick."""
-    return WatchFinding(
-        kind="too_deep",
-        severity=Severity.FAULT,
-        text=f"{depth_mm:.1f} mm deep in a gel that is {thickness_mm:g} mm thick: the bundle is of another sensor, the "
-        "light is another one, or the picture shows no gel; give the bundle of this sensor, or calibrate it",
-        figures={"depth_mm": round(depth_mm, 3), "thickness_mm": thickness_mm},
+    text = (
+        f"{depth_mm:.1f} mm deep in a gel that is {thickness_mm:g} mm thick: the bundle is of another sensor, the "
+        "light is another one, or the picture shows no gel; give the bundle of this sensor, or calibrate it"
     )
+    return _fault("too_deep", text, depth_mm=round(depth_mm, 3), thickness_mm=thickness_mm)
 
 
 def other_light(refusal: str, most: float) -> WatchFinding:
     """Return the finding that the light of a picture is too far from that of the calibration."""
-    return WatchFinding(
-        kind="other_light", severity=Severity.WARNING, text=refusal, figures={"most_change": round(most, 3)}
-    )
+    return _warning("other_light", refusal, most_change=round(most, 3))
 
 
 def not_learnt(flags: NDArray[np.uint8]) -> WatchFinding:
     """Return the finding that most of a contact is a guess; flags: the quality flags of its pixels."""
     shares = {words: float(np.mean(flags & bit > 0)) for words, bit in _FLAGS.items()}
     reasons = ", ".join(f"{share:.0%} {words}" for words, share in shares.items() if share > 0)
-    return WatchFinding(
-        kind="not_learnt",
-        severity=Severity.WARNING,
-        text=f"{np.mean(flags > 0):.0%} of the contact is a guess ({reasons}): the bundle is of another sensor, the "
-        "light is another one, or nothing like it was pressed in the calibration: add such presses to it",
-        figures={"guessed": round(float(np.mean(flags > 0)), 3)},
+    text = (
+        f"{np.mean(flags > 0):.0%} of the contact is a guess ({reasons}): the bundle is of another sensor, the light "
+        "is another one, or nothing like it was pressed in the calibration: add such presses to it"
     )
+    return _warning("not_learnt", text, guessed=round(float(np.mean(flags > 0)), 3))
 
 
 def never_seen(share: float) -> WatchFinding:
     """Return the finding that the calibration never saw the places or colours of a share of the contact."""
-    return WatchFinding(
-        kind="not_learnt",
-        severity=Severity.WARNING,
-        text=f"{share:.0%} of the contact is where the calibration has no press, or has colours that none had: depth "
-        "and normals are a guess there; calibrate again with presses there, or give the bundle of this sensor",
-        figures={"guessed": round(share, 3)},
+    text = (
+        f"{share:.0%} of the contact is where the calibration has no press, or has colours that none had: depth and "
+        "normals are a guess there; calibrate again with presses there, or give the bundle of this sensor"
     )
+    return _warning("not_learnt", text, guessed=round(share, 3))
 
 
 _FLAGS = {
@@ -216,33 +197,26 @@ _FLAGS = {
 
 def never_at_rest(seconds: float) -> WatchFinding:
     """Return the finding that the gel was never seen at rest: every look saw something that light cannot do."""
-    return WatchFinding(
-        kind="never_at_rest",
-        severity=Severity.WARNING,
-        text=f"for {seconds:.0f} s, ever since the start, the gel has not been seen as it was calibrated: something "
-        "lies on it, the camera has moved far, or this is another gel or bundle; lift everything off, else calibrate "
-        "again",
-        figures={"seconds": round(seconds)},
+    text = (
+        f"for {seconds:.0f} s, ever since the start, the gel has not been seen as it was calibrated: something lies on "
+        "it, the camera has moved far, or this is another gel or bundle; lift everything off, else calibrate again"
     )
+    return _warning("never_at_rest", text, seconds=round(seconds))
 
 
 def advice(expected: ExpectedError) -> Iterator[WatchFinding]:
     """Advise a new zero, and a new calibration where the change costs more than a zero can mend."""
     if expected.zero_deg >= ADVISED_DEG or expected.zero_mm >= ADVISED_MM:
-        yield WatchFinding(
-            kind="zero_off",
-            severity=Severity.WARNING,
-            text=f"the zero is wrong: depth is off by up to {expected.zero_most_mm:.2f} mm, on average "
+        text = (
+            f"the zero is wrong: depth is off by up to {expected.zero_most_mm:.2f} mm, on average "
             f"{expected.zero_mm:.2f} mm and {expected.zero_deg:.1f} degrees, also where nothing touches; lift "
-            "everything off and set the zero, or calibrate again",
-            figures=dict(expected.as_json()),
+            "everything off and set the zero, or calibrate again"
         )
+        yield _warning("zero_off", text, **expected.as_json())
     if expected.gain_deg >= ADVISED_DEG or expected.gain_mm >= ADVISED_MM:
-        yield WatchFinding(
-            kind="recalibrate",
-            severity=Severity.WARNING,
-            text="adapt the bundle (`gellight calibrate adapt`), or calibrate again: even with the right zero contacts "
-            f"are felt about {expected.gain_deg:.1f} degrees and {expected.gain_mm:.2f} mm (of a press of 1 mm) worse "
-            "than when the sensor was calibrated",
-            figures=dict(expected.as_json()),
+        text = (
+            "adapt the bundle (`gellight calibrate adapt`), or calibrate again: even with the right zero contacts are "
+            f"felt about {expected.gain_deg:.1f} degrees and {expected.gain_mm:.2f} mm (of a press of 1 mm) worse than "
+            "when the sensor was calibrated"
         )
+        yield _warning("recalibrate", text, **expected.as_json())

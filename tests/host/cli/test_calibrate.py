@@ -14,9 +14,9 @@ import pytest
 
 from gellight.base.errors import TrainingError
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.cli.calibrate import training
 from gellight.cli.calibrate.told_ball import told_ball
-from gellight.cli.calibrate.training import Recorded
+from gellight.cli.calibrate.training_options import Recorded
+from gellight.cli.running import training
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames import view
 from gellight.frames.image_files import ImageCamera
@@ -74,7 +74,7 @@ def too_large(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("too_large")
 def test_large_pictures_are_learnt_from_at_half_their_size(pressed: Path) -> None:
     recorded = Recorded(pressed / "presses.csv", str(pressed / "untouched"), 4.0, 0.2352)
-    presses, untouched, ball = recorded.read()
+    presses, untouched, ball = training.read(recorded)
     as_taken = read_presses(
         pressed / "presses.csv", ball=Ball(radius_mm=4.0, pixel_size_mm=0.2352), image_shape=(120, 160)
     )

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gellight.bundle.bundle import Bundle, load_bundle, save_bundle
-from gellight.cli.calibrate.training import depth_line
+from gellight.cli.running.training import depth_line
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image

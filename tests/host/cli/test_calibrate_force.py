@@ -28,9 +28,19 @@ def folder(tmp_path: Path) -> Path:
 
 
 def run(folder: Path, *more: object) -> Any:
-    layer = ["--gel-thickness-mm", LAYER.thickness_mm, "--poisson-ratio", LAYER.poisson_ratio]
+    layer = {
+        "GELLIGHT_GEOMETRY_GEL_THICKNESS_MM": str(LAYER.thickness_mm),
+        "GELLIGHT_GEOMETRY_POISSON_RATIO": str(LAYER.poisson_ratio),
+    }
     places = ["--calibration", folder / "bundle", "--out", folder / "new"]
-    return invoke("calibrate", "force", folder / "forces.csv", *layer, *places, *more)
+    return invoke("calibrate", "force", folder / "forces.csv", *places, *more, env=layer)
+
+
+def test_a_gel_that_nobody_told_is_asked_for(folder: Path) -> None:
+    write_weighings(folder, [weighed(depth) for depth in DEPTHS])
+    places = ["--calibration", folder / "bundle", "--out", folder / "new"]
+    said = refused(invoke("calibrate", "force", folder / "forces.csv", *places))
+    assert "give gel_thickness_mm under [geometry]" in said
 
 
 def test_weights_give_the_modulus_and_the_bundle_keeps_all_the_rest(folder: Path) -> None:

@@ -38,7 +38,7 @@ def test_an_interrupted_calibration_is_not_thrown_away_unasked_and_none_cannot_g
     done = gellight("calibrate", "--auto", "--resume", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.strip() == (
-        "gellight: there is no interrupted calibration in calibration.state: leave --resume out, or give its --folder"
+        "gellight: there is no interrupted calibration in calibration.state: leave --resume out, or give its --out"
     )
 
 
@@ -46,9 +46,10 @@ def test_tools_are_those_a_calibration_was_begun_with_or_those_of_a_preset(tmp_p
     assert Tools(cylinder_diameter_mm=6.0).chosen(None) == ToolSizes(cylinder_diameter_mm=6.0)
     assert set(ToolSizes.model_fields) == {field.name for field in fields(Tools)} - {"preset"}
     begin = identity(ball_mm=2.5, cylinder_mm=6.0)
-    begun_in(tmp_path, begin)
-    assert Target(folder=tmp_path, restart=True).begun() is None
-    assert Target(folder=tmp_path, resume=True).begun() == begin
+    out = tmp_path / "x"
+    begun_in(tmp_path / "x.state", begin)
+    assert Target(out=out, restart=True).begun() is None
+    assert Target(out=out, resume=True).begun() == begin
     given = ToolSizes(ball_radius_mm=3.0, cylinder_diameter_mm=6.0)
     assert Tools(ball_radius_mm=3.0).chosen(begin) == given
     assert Tools(preset="gelsight-mini").chosen(None) == ToolSizes(ball_radius_mm=2.35)

@@ -4,7 +4,6 @@ import hashlib
 import itertools
 import json
 import shutil
-import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -12,16 +11,14 @@ import cv2
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from typer.main import get_command
 
 from gellight.base.errors import GellightError
 from gellight.base.settings import load_settings
 from gellight.bundle.store import BundleStore
-from gellight.cli.main import app
 from gellight.daemon.assembly import open_session
 from gellight.daemon.calibration_service import CalibrationRequest, CalibrationService
 from tests.helpers.begun_calibration import begun_in
-from tests.helpers.command_line import invoke, refused, verbs
+from tests.helpers.command_line import invoke
 from tests.helpers.linear_sensor import linear_bundle
 
 BALL = "--ball-radius-mm 4 --pixel-size-mm 0.1"
@@ -37,7 +34,7 @@ BAD = {
         "--presses presses.csv --reference untouched.png --ball-radius-mm nan --pixel-size-mm 0.1",
         "--presses presses.csv --reference untouched.png --ball-radius-mm 0.5 --pixel-size-mm 0.1",
         *(f"{LEARNT} {wrong}" for wrong in (
-            "--recipe none", "--trainer none", "--width 0", "--threads 0", "--epochs 0",
+            "--recipe none", "--width 0", "--epochs 0",
             "--largest-normal-error-deg -1", "--like none", "--like old", "--lights none",
             "--lights old", "--view none.json", "--view presses.csv",
         )),
@@ -45,7 +42,7 @@ BAD = {
     "adapt": [
         "--calibration none --reference untouched.png", "--calibration old --reference none.png",
         "--calibration old --reference small.png", "--calibration old --reference untouched.png",
-        "--calibration old --reference untouched.png --frames 0", "--sensor none.png",
+        "--sensor none.png",
     ],
     "lens": [
         "none.png --pitch-mm 1 --calibration old", "untouched.png --pitch-mm 1 --calibration old",
@@ -54,8 +51,7 @@ BAD = {
     ],
     "lights": ["--sensor none.png", "--sensor untouched.png --calibration old", "--sensor sim:// --calibration none"],
     "force": [
-        "none.csv --gel-thickness-mm 5 --calibration old", "wrong.csv --gel-thickness-mm 5 --calibration old",
-        "presses.csv --gel-thickness-mm 0 --calibration old", "presses.csv --gel-thickness-mm 5 --calibration none",
+        "none.csv --calibration old", "wrong.csv --calibration old", "presses.csv --calibration none",
     ],
     "detect": [
         f"none.png --reference untouched.png {BALL}", f"press-0.png --reference none.png {BALL}",
@@ -75,7 +71,7 @@ GUIDED = [
     "--view presses.csv", "--dots", "--preset none", "--ball-radius-mm 0", "--ball-radius-mm nan",
     "--cylinder-diameter-mm 500", "--pixel-size-mm 0", "--until-um -1",
     "--verifications 0", "--largest-depth-error-um -1",
-    "--largest-normal-error-deg nan", "--recipe none", "--trainer none", "--seed -1 --presses 3",
+    "--largest-normal-error-deg nan", "--recipe none", "--seed -1 --presses 3",
 ]  # fmt: skip
 """of `gellight calibrate --auto`"""
 BY_DAY = ("--sensor none.png", "--presses 3", "--like old", "--dots", "--view presses.csv")
@@ -167,31 +163,3 @@ def test_a_refused_wish_of_the_wizard_leaves_the_disk_as_it_was(place: Path) -> 
             with pytest.raises(GellightError):
                 refused()
             assert contents(place) == before
-
-
-# ---- trainers that are not installed ----
-
-
-RECORDED = f"--presses none.csv --reference none.png {BALL}"
-ASKED = {
-    "calibrate": "--auto --sensor none",
-    "fit": f"{RECORDED} --out new",
-    "channels": f"--sensor none --sequence rgb {BALL} --out new",
-}
-"""of files and sensors that are not there: who looks for them first is refused for another reason"""
-
-
-def test_every_verb_with_a_trainer_is_among_them() -> None:
-    assert {verb.name for verb in verbs(get_command(app)) for one in verb.params if "--trainer" in one.opts} == {*ASKED}
-
-
-@pytest.mark.parametrize("trainer", ["torch", "cuda"])
-@pytest.mark.parametrize("verb", ASKED)
-def test_a_trainer_that_is_not_installed_is_refused_before_any_work(
-    verb: str, trainer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "torch", None)
-    monkeypatch.chdir(tmp_path)
-    words = ["calibrate", *([] if verb == "calibrate" else [verb]), *ASKED[verb].split(), "--trainer", trainer]
-    assert "PyTorch" in refused(invoke(*words))
-    assert list(tmp_path.iterdir()) == []

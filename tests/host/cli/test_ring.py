@@ -64,7 +64,7 @@ def test_configure_saves_wiring_supply_and_limit_of_heat_and_starts_the_board_an
     with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
         kept = ring.configuration()
     assert (kept.colour_order, kept.output_pin, kept.output_at, kept.status_pin) == (1, 4, 1, 0x80 + 25)
-    done = succeeded(invoke("ring", "configure", "--switch-pin", "134", "--supply-ma", "1200", "--hottest", "50"))
+    done = succeeded(invoke("ring", "configure", "--pin", "switch=134", "--supply-ma", "1200", "--hottest", "50"))
     assert "load switch at GPIO 6, dimmed above 50 °C" in done.stdout
     board.run(200_000)
     with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
@@ -76,7 +76,9 @@ def test_configure_saves_wiring_supply_and_limit_of_heat_and_starts_the_board_an
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--switch-pin", "131"], "GPIO 3 is chosen for trigger and switch"),
+        (["--pin", "switch=131"], "GPIO 3 is chosen for trigger and switch"),
+        (["--pin", "sw=6"], "give NAME=GPIO with a name of data, trigger, output, status, switch"),
+        (["--pin", "switch"], "'switch' is no pin"),
         (["--hottest", "90"], "90 °C: the board takes 40 to 85"),
         (["--supply-ma", "3000"], "takes a current limit of 100 to 2000 mA"),
         (["--board", "feather"], "choose pico, pico-w"),

@@ -56,7 +56,16 @@ def test_what_runs_tells_systemd_and_is_shown_by_status_and_ends_with_0(
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     surroundings = os.environ | {"NOTIFY_SOCKET": str(tmp_path / "notify")}
     assert invoke("status").exit_code == 1, "nothing runs"
-    command = [*children.GELLIGHT, "run", "--sensor", SENSOR, "--port", "0", "--name", "finger"]
+    command = [
+        *children.GELLIGHT,
+        "run",
+        "--sensor",
+        SENSOR,
+        "--set",
+        "dashboard.port=0",
+        "--set",
+        "stream.name=finger",
+    ]
     with listening(tmp_path) as systemd, children.started(command, env=surroundings, stderr=-3) as daemon:
         assert systemd.recv(100) == b"READY=1"
         assert systemd.recv(100) == b"WATCHDOG=1"
@@ -91,11 +100,11 @@ def test_the_unit_starts_this_installation_and_is_watched() -> None:
     assert lines["SystemCallFilter"] == "@system-service", "and what else it may not do"
     assert (lines["NoNewPrivileges"], lines["UMask"]) == ("yes", "0077")
     folder = Path(sys.executable).parent
-    assert lines["ExecStart"] == f"{folder}/gellight run --sensor 'sensor://A 1%%' --port 8420"
+    assert lines["ExecStart"] == f"{folder}/gellight run --sensor 'sensor://A 1%%' --set dashboard.port=8420"
 
 
 NO_NAMES = ["", "**", "../../x", "a/b", "a b", "a\n", ".a", "-a", "ä", 65 * "a"]
-VERBS = ["service remove", "service install --print", "run --sensor sim:// --frames 1"]
+VERBS = ["service remove", "service install --print"]
 
 
 @pytest.mark.parametrize(

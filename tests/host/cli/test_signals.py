@@ -60,8 +60,8 @@ def written(file: str) -> Ready:
 
 
 CASES = [
-    (("demo", "--port", "0", "--no-browser"), UNTIL_THEN, printed("dashboard: ")),
-    (("demo", "--port", "0", "--frames", "100000"), BEFORE_DONE, printed("dashboard: ")),
+    (("demo", "--set", "dashboard.port=0", "--no-browser"), UNTIL_THEN, printed("dashboard: ")),
+    (("demo", "--frames", "100000"), BEFORE_DONE, printed("dashboard: ")),
     (("run", "--sensor", "sim://?board=0", "--no-dashboard", "--json"), UNTIL_THEN, printed('"frames"')),
     (("ring", "set", "ff0000", "--url", "sim://"), UNTIL_THEN, printed("lit")),
     (("optimize", "coarse", "--workers", "2"), BEFORE_DONE, children(4)),

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gellight.dashboard import messages
-from gellight.dashboard.messages import IdentityCache, without_nan
+from gellight.dashboard.messages import without_nan
 from gellight.dashboard.view import DEPTH_UNIT_MM, ReferenceViews, view_shape
 from gellight.frames.frames import Contact, GroundTruth, TactileFrame
 from gellight.reconstruction.contact import measure_patches
@@ -24,7 +24,7 @@ PIXEL = (PIXEL_MM, PIXEL_MM)
 
 
 def encode(frame: TactileFrame, *, pixel_size_mm: tuple[float, float]) -> bytes:
-    return messages.encode(frame, pixel_size_mm=pixel_size_mm, references=ReferenceViews(), once=IdentityCache())
+    return messages.encode(frame, pixel_size_mm=pixel_size_mm, references=ReferenceViews())
 
 
 FRAME = bump(1.2, 3.0, -2.0)
@@ -197,9 +197,7 @@ def seen(opened: Open) -> Seen:
     )
 
     def decoded(frame: TactileFrame) -> tuple[bytes, dict[str, Any]]:
-        message = messages.encode(
-            frame, pixel_size_mm=(PIXEL_MM, PIXEL_MM), references=references, once=IdentityCache()
-        )
+        message = messages.encode(frame, pixel_size_mm=(PIXEL_MM, PIXEL_MM), references=references)
         view = page.evaluate(DECODE, base64.b64encode(message).decode())
         for name in ("depth", "truth", "slopes", "contact", "difference"):
             if view[name]:

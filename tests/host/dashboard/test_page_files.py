@@ -12,7 +12,7 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.dashboard.application import PAGE
 from gellight.dashboard.fetched import FOR_EVER
-from gellight.dashboard.messages import IdentityCache, encode
+from gellight.dashboard.messages import encode
 from gellight.dashboard.server import DashboardServer
 from gellight.dashboard.view import ReferenceViews
 from gellight.frames.frames import TactileFrame
@@ -58,33 +58,13 @@ def test_what_the_browser_has_is_not_sent_again_and_libraries_are_kept_for_good(
     assert any(character.isdigit() for character in vendored), "the folder names the version"
 
 
-def test_a_map_that_stays_the_same_is_packed_once() -> None:
-    once, made = IdentityCache(), []
-    flat = np.zeros(3)
-    flat.flags.writeable = False
-    for _ in range(3):
-        assert once.of("depth", (flat, "truth"), lambda: made.append(1) or len(made)) == 1
-    assert once.of("contact", (flat, "truth"), lambda: 7) == 7
-    other = flat.copy()
-    other.flags.writeable = False
-    assert once.of("depth", (other, "truth"), lambda: 2) == 2
-    assert once.of("depth", (flat, "truth"), lambda: 3) == 3
-
-
-def test_a_map_that_may_change_is_packed_each_time_and_not_kept() -> None:
-    once, taken = IdentityCache(), np.zeros(3)
-    numbers = iter(range(9))
-    assert [once.of("depth", (taken,), lambda: next(numbers)) for _ in range(3)] == [0, 1, 2]
-    assert not once._made
-
-
 def test_frames_at_rest_touched_and_at_rest_again_come_out_as_they_are() -> None:
-    once, references = IdentityCache(), ReferenceViews()
+    references = ReferenceViews()
     touched, rest = bump(1.2, 3.0, -2.0), bump(0.0, 0.0, 0.0)
     for array in (rest.depth_mm, rest.contact.mask):
         array.flags.writeable = False
     for frame in (rest, replace(rest), touched, rest):
-        view = decode(encode(frame, pixel_size_mm=(PIXEL_MM, PIXEL_MM), references=references, once=once))
+        view = decode(encode(frame, pixel_size_mm=(PIXEL_MM, PIXEL_MM), references=references))
         assert np.abs(view.depth_mm - frame.depth_mm.reshape(240, 2, 320, 2).mean(axis=(1, 3))).max() < 0.3e-3
         assert view.contact.any() == frame.contact.mask.any()
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from gellight.dashboard.messages import IdentityCache, encode
+from gellight.dashboard.messages import encode
 from gellight.dashboard.view import ReferenceViews
 from gellight.frames.pose import ObjectPose
 from tests.helpers.browsing import Open, draw
@@ -24,7 +24,7 @@ def show(page: Page, source: FormulaSource, frame: Any) -> View:
     """Let the page draw `frame`; return what was sent of it."""
     sequence = source.put(frame)
     page.wait_for_function("sequence => gellight.sequence === sequence", arg=sequence)
-    return decode(encode(frame, pixel_size_mm=(PIXEL_MM, PIXEL_MM), references=ReferenceViews(), once=IdentityCache()))
+    return decode(encode(frame, pixel_size_mm=(PIXEL_MM, PIXEL_MM), references=ReferenceViews()))
 
 
 def saved(page: Page, button: str, folder: Path) -> Path:

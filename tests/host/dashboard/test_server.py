@@ -142,7 +142,7 @@ def test_this_machines_own_names_are_accepted(server: DashboardServer) -> None:
 
 def test_a_port_in_use_names_the_port_and_the_remedy(server: DashboardServer, source: FormulaSource) -> None:
     port = int(server.base.rsplit(":", 1)[1].strip("/"))
-    with pytest.raises(ServerError, match=rf"port {port} of 127\.0\.0\.1 is in use.*--port"):
+    with pytest.raises(ServerError, match=rf"port {port} of 127\.0\.0\.1 is in use.*dashboard\.port"):
         DashboardServer(source, port=port).start()
 
 

@@ -9,7 +9,6 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.dashboard.messages import IdentityCache
 from gellight.dashboard.messages import encode as page_message
 from gellight.dashboard.view import ReferenceViews
 from gellight.frame_path.pipeline import Reconstructor
@@ -189,4 +188,4 @@ def test_under_any_other_light_nothing_is_said_of_the_depth(
     assert np.abs(felt.difference).max() <= 0.5
     with pytest.raises(InputError, match="64 x 48 px"):
         path.reconstruct(frame(bundle, label, image=np.zeros((48, 64, 3), np.uint8)))
-    page_message(felt, pixel_size_mm=bundle.pixel_size_mm, references=ReferenceViews(), once=IdentityCache())
+    page_message(felt, pixel_size_mm=bundle.pixel_size_mm, references=ReferenceViews())

@@ -11,15 +11,18 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.measures import BEYOND_VIEW, HEAVIER
 from gellight.reconstruction import force as force_module
-from gellight.reconstruction.force import ForceScale, Layer, compliance, indenting
+from gellight.reconstruction.force import Layer, compliance, indenting
+from gellight.reconstruction.force_file import FILE_NAME, ForceRecord
 from sim_reference import gel
 from tests.benchmarks.force import FINGER, on_a_finger
 from tests.helpers.fem_presses import NAMES, SPACING_MM, depth_mm, force_n, picture
 from tests.helpers.linear_sensor import linear_bundle
-from tests.helpers.weighed import LAYER, MODULUS_MPA, PIXEL_MM, SHAPE, force_files, weighed
+from tests.helpers.weighed import PIXEL_MM, SHAPE, force_files, weighed
 
 PIXELS = (PIXEL_MM, PIXEL_MM)
-SCALE = ForceScale(layer=LAYER, youngs_modulus_mpa=MODULUS_MPA, error_share=0.1, error_floor_n=0.02, heaviest_n=2.0)
+SCALE = ForceRecord.model_validate_json(force_files()[FILE_NAME]).model_copy(
+    update={"error_share": 0.1, "error_floor_n": 0.02, "heaviest_n": 2.0}
+)
 
 
 def test_the_layer_is_that_of_the_reference() -> None:
@@ -80,7 +83,7 @@ def test_a_touch_that_the_view_cuts_off_and_a_force_beyond_the_calibration_are_f
     assert SCALE.force(weighed(0.5, 3.0, 7.5).depth_mm, PIXELS).flags == (BEYOND_VIEW,)
     felt_n = SCALE.force(weighed(0.5).depth_mm, PIXELS).normal_n
     for by, flags in ((1.24, ()), (1.26, (HEAVIER,))):
-        scale = ForceScale(**{**vars(SCALE), "heaviest_n": felt_n / by})
+        scale = SCALE.model_copy(update={"heaviest_n": felt_n / by})
         assert scale.force(weighed(0.5).depth_mm, PIXELS).flags == flags
 
 

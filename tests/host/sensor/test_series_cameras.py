@@ -143,7 +143,7 @@ def test_settings_are_adopted_between_two_series_of_a_camera_that_takes_one_afte
 
 
 def test_without_a_ring_the_remedy_is_told() -> None:
-    with pytest.raises(CameraError, match=r"fake has no light ring.*--mode network"):
+    with pytest.raises(CameraError, match=r"fake has no light ring.*reconstruction.mode = network"):
         SeriesCamera(fake_camera(ring=None), TRIPLES, exposure_us=None, frames=1)
 
 
@@ -171,8 +171,8 @@ def test_network_mode_leaves_the_camera_alone_and_photometric_mode_needs_the_lig
 @pytest.mark.parametrize(
     ("mode", "lighting", "said"),
     [
-        ("network", {"light_mode": "free"}, "--light-mode free moves a sequence on"),
-        ("photometric", {"sequence": "lights.json"}, "does not go with --mode photometric: photometric mode takes rgb"),
+        ("network", {"light_mode": "free"}, "lighting.light_mode = free moves a sequence on"),
+        ("photometric", {"sequence": "lights.json"}, "does not go with photometric mode, which takes rgb"),
     ],
 )
 def test_a_sequence_that_does_not_go_with_the_mode_is_refused(mode: Any, lighting: Any, said: str) -> None:

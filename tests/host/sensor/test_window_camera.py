@@ -96,7 +96,7 @@ def test_after_the_sensor_was_away_and_after_other_settings_the_window_begins_an
 def test_a_sequence_that_gives_no_window_ends_with_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(window_camera, "PATIENCE_S", 0.0)
     camera, inner = window("A?C?")
-    with pytest.raises(CameraError, match=r"no frame of each light within 0 s \(counts\): use --light-mode hold"):
+    with pytest.raises(CameraError, match=r"no frame of each light within 0 s \(counts\): set lighting\.light_mode = "):
         camera.read()
     inner.mode = LightMode.EXT
     with pytest.raises(CameraError, match="strobe"):

@@ -183,7 +183,7 @@ def test_one_picture_and_lights_of_another_size_are_refused(
     gel: Gel, bundle: Bundle, paths: dict[LightGroups, PhotometricReconstructor]
 ) -> None:
     series = gel.series(LightGroups.TRIPLES, None)
-    with pytest.raises(InputError, match=r"test is one picture.*--mode network"):
+    with pytest.raises(InputError, match=r"test is one picture.*reconstruction.mode = network"):
         paths[LightGroups.TRIPLES].reconstruct(series.opening)
     with pytest.raises(ValueError, match="the lights are for"):
         PhotometricReconstructor(bundle, replace(gel.model(1), image_shape=(10, 10)), LightGroups.TRIPLES)

@@ -1,6 +1,6 @@
 """Every door of a running sensor, tried by another user of the computer: the table of docs/security.md.
 
-Other computers have no other doors, and with `--lan` the same ones. Web pages: test_access.py of the dashboard,
+Other computers have no other doors, and with `stream.lan` the same ones. Web pages: test_access.py of the dashboard,
 test_foxglove.py.
 """
 

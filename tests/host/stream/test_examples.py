@@ -214,11 +214,16 @@ LEFT_OUT = ("pip install", "lerobot-record")
 def typed(router: str) -> str:
     """Return every block of the ways to a robot, typed into one shell: sensors are slow, and the last one ends."""
     blocks = re.findall(r"```sh\n(.*?)```", SECTION, re.DOTALL)
-    assert [len(re.findall("--ros2|--foxglove|live.py|lerobot-record", block)) for block in blocks] == [1, 1, 1, 1]
+    assert [len(re.findall("stream.ros2|stream.foxglove|live.py|lerobot-record", block)) for block in blocks] == [
+        1,
+        1,
+        1,
+        1,
+    ]
     lines = [line for block in blocks for line in block.splitlines() if not line.startswith(LEFT_OUT)]
     text = "\n".join(["set -eu", "trap 'kill $(jobs -p)' EXIT", *lines, ""])
     text = text.replace("tcp/localhost:7447", router).replace("ros2_check.py", f"ros2_check.py {router}")
-    return text.replace("sim://?object", "sim://?fps=4&object").replace("--foxglove\n", "--foxglove --frames 5\n")
+    return text.replace("sim://?object", "sim://?fps=4&object").replace("foxglove=true\n", "foxglove=true --frames 5\n")
 
 
 @pytest.mark.nightly
@@ -230,7 +235,7 @@ def test_every_way_to_a_robot_runs_as_it_is_typed(tmp_path: Path) -> None:
     script = typed(f"tcp/127.0.0.1:{free_port()}")
     done = run(["bash", "-c", script], cwd=CHECKOUT, env=environment, stderr=subprocess.STDOUT, timeout_s=600)
     assert done.returncode == 0, done.stdout
-    names = re.findall(r"--name (\w+)", SECTION)
+    names = re.findall(r"stream.name=(\w+)", SECTION)
     assert len(names) == 2
     assert [name for name in names if f"gellight.subscribe('{name}')" not in done.stdout] == []
     assert re.search(rf"^frames of {names[0]}\n(0\.9|1\.0)\d mm deep over", done.stdout, re.MULTILINE), done.stdout

@@ -47,7 +47,7 @@ Start = Callable[[str], Publisher]
 
 @pytest.fixture
 def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
-    """Start a daemon with --lan whose file nobody finds; only what was started here answers."""
+    """Start a daemon with stream.lan whose file nobody finds; only what was started here answers."""
     if not multicast_works():
         pytest.skip("this machine has no network card that takes multicast")
     ports: list[int] = []
@@ -92,7 +92,7 @@ def test_a_name_is_looked_for_on_the_network_too(start: Start) -> None:
     url = str(told.value).split("give one of ")[1].split(", ")[0]
     with subscribe(url) as frames:
         assert frames.name in ("left", "right")
-    with pytest.raises(StreamError, match=r"no daemon publishes middle on this computer or, with --lan, on the local"):
+    with pytest.raises(StreamError, match=r"no daemon publishes middle here or, with stream.lan, on the local"):
         subscribe("middle")
 
 
@@ -100,7 +100,7 @@ def test_when_every_port_is_taken_the_remedy_is_said(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(network, "LAN_PORTS", 1)
     with socket.create_server(("", 0)) as taken:
         monkeypatch.setattr(network, "LAN_PORT", taken.getsockname()[1])
-        with pytest.raises(StreamError, match=r"are all in use: .*without --lan"):
+        with pytest.raises(StreamError, match=r"are all in use: .*without stream.lan"):
             network.free_lan_port()
 
 

@@ -109,7 +109,7 @@ def planted(folder: Path) -> Path:
 
 def runs(tmp_path: Path, place: Path) -> None:
     path = os.pathsep.join([str(place), os.environ.get("PYTHONPATH", "")])
-    told = ["--sensor", "grey://127", "--name", "mine", "--frames", "20"]
+    told = ["--sensor", "grey://127", "--set", "stream.name=mine", "--frames", "20"]
     told += ["--set", "stream.sinks=forces", "--set", "stream.enabled=false"]
     done = gellight("run", *told, cwd=tmp_path, env={**os.environ, "PYTHONPATH": path})
     assert done.returncode == 0, done.stderr

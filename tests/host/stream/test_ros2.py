@@ -25,8 +25,8 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.measures import Force
 from gellight.frames.pose import ObjectPose
 from gellight.frames.shear import DotsSeen, Shear, Unseen
-from gellight.recording.ros_messages import DEFINITIONS, POSE, TF
-from gellight.stream.ros2 import HASHES, QOS, Ros2Publisher
+from gellight.recording.ros_messages import DEFINITIONS, HASHES, POSE, TF
+from gellight.stream.ros2 import QOS, Ros2Publisher
 from gellight.stream.ros_topics import RosTopics, covariance_of, wrench_of
 from gellight.tracking.rigid import pose_of
 from tests.helpers.cdr import decoded

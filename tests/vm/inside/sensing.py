@@ -98,7 +98,7 @@ def run_through(arguments: list[str]) -> dict[str, Any]:
     """Run `gellight run` and report its status when it streams, when the sensor is away, and when it is back."""
     client = threading.Thread(target=_follow, daemon=True)
     client.start()
-    found = gellight(["run", *arguments, "--port", str(PORT)])
+    found = gellight(["run", *arguments, "--set", f"dashboard.port={PORT}"])
     client.join(5)
     return found
 

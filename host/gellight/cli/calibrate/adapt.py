@@ -11,7 +11,7 @@ from gellight.cli.showing import progress, show
 from gellight.daemon.assembly import chosen_bundle
 from gellight.frames.camera import Camera
 from gellight.frames.picture import prepared
-from gellight.lab.training.adapting import FRAMES, adapt, untouched_now
+from gellight.lab.training.adapting import adapt, untouched_now
 from gellight.opening import open_camera
 
 
@@ -26,7 +26,6 @@ def command(
         str | None,
         typer.Option(help="pictures of the untouched gel now: a file or a folder.", show_default="the sensor's"),
     ] = None,
-    frames: Annotated[int, typer.Option(min=1, max=256, help="pictures averaged")] = FRAMES,
     as_json: AsJson = False,
 ) -> None:
     """Adapt a bundle to light that has changed, without a press.
@@ -37,7 +36,7 @@ def command(
     settings = load_settings({"sensor.url": sensor, "sensor.calibration": calibration})
     bundle = chosen_bundle(settings)
     with _opened(settings, bundle, reference) as camera:
-        untouched = untouched_now(camera, bundle, frames=frames)
+        untouched = untouched_now(camera, bundle)
     with progress("training") as report:
         written, change = adapt(bundle, untouched, new.out, overwrite=new.overwrite, progress=report)
     show({"calibration": str(new.out), "identity": written.identity, **change.as_json()}, as_json)

@@ -10,7 +10,7 @@ import typer
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.cli.calibrate.told_ball import told_ball
-from gellight.cli.calibrate.training_options import SizedTraining
+from gellight.cli.calibrate.training_options import Training
 from gellight.cli.options import AsJson, NewBundle, Sensor, with_options
 from gellight.cli.showing import progress, show
 from gellight.daemon.bundle_choice import sensor_name
@@ -83,7 +83,7 @@ class ChannelInput:
 
 
 @dataclass(frozen=True)
-class FewBalls(SizedTraining):
+class FewBalls(Training):
     """How a network of few balls is trained."""
 
     recipe: Annotated[str, typer.Option(help="fast; thorough learns few balls by heart")] = "fast"

@@ -5,11 +5,13 @@ from typing import Annotated
 
 import typer
 
+from gellight.base.errors import InputError
+from gellight.base.settings import load_settings
 from gellight.bundle.bundle import load_bundle
+from gellight.cli.calibrate.told_ball import told_layer
 from gellight.cli.options import AsJson, NewBundle, with_options
 from gellight.cli.showing import show
 from gellight.lab.calibration.force.fit import add_force, measure_force
-from gellight.reconstruction.force import SILICONE, Layer
 from gellight.reconstruction.force_file import ForceRecord
 
 
@@ -21,25 +23,26 @@ def command(
             help="CSV: image,force_n of weights, or unix_s,force_n of a load cell; object where several press"
         ),
     ],
-    gel_thickness_mm: Annotated[float, typer.Option(help="thickness of the soft gel, mm")],
     calibration: Annotated[str, typer.Option(help="bundle that the force is added to")],
     new: NewBundle,
     recording: Annotated[
         Path | None, typer.Option(help="recording of `gellight record`, of the same time as the load cell's readings")
-    ] = None,
-    poisson_ratio: Annotated[float, typer.Option(help="of the gel; silicones hardly change their volume")] = SILICONE,
-    camera_height_mm: Annotated[
-        float | None, typer.Option(help="from the gel to the camera; takes perspective off the motion of marker dots")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Find what turns depth into newtons, with weights or a load cell.
 
     The pictures show the gel pressed by known weights, or the recording runs while a load cell is read. Frames then
-    carry the normal force and a pressure map.
+    carry the normal force and a pressure map. The gel is that of the settings, else that of the bundle.
     """
     bundle = load_bundle(calibration)
-    record = measure_force(bundle, forces, recording, Layer(gel_thickness_mm, poisson_ratio), camera_height_mm)
+    layer = told_layer(bundle)
+    if layer is None:
+        raise InputError(
+            "nobody told how thick the gel is: give gel_thickness_mm under [geometry] in gellight.toml, and "
+            "poisson_ratio where it is no silicone"
+        )
+    record = measure_force(bundle, forces, recording, layer, load_settings().geometry.camera_height_mm)
     written = add_force(bundle, record, new.out, overwrite=new.overwrite)
     found = {"calibration": str(new.out), "identity": written.identity, **record.model_dump(mode="json")}
     show(found, as_json, _text(record, new.out))

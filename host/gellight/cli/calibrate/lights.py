@@ -10,6 +10,9 @@ from gellight.cli.showing import show
 from gellight.daemon.assembly import chosen_bundle
 from gellight.lab.optics.lights.adding import add_lights
 
+FRAMES = 8
+"""averaged under each light"""
+
 
 @with_options
 def command(
@@ -18,7 +21,6 @@ def command(
     calibration: Annotated[
         str | None, typer.Option(help="bundle that the lights are added to.", show_default="that of the sensor")
     ] = None,
-    frames: Annotated[int, typer.Option(min=1, max=256, help="frames averaged for each LED")] = 8,
     as_json: AsJson = False,
 ) -> None:
     """Measure the light of each LED on the untouched gel.
@@ -26,11 +28,5 @@ def command(
     Lift everything off the gel before.
     """
     settings = load_settings({"sensor.url": sensor, "sensor.calibration": calibration})
-    found = add_lights(
-        chosen_bundle(settings),
-        settings,
-        new.out,
-        frames=frames,
-        overwrite=new.overwrite,
-    )
+    found = add_lights(chosen_bundle(settings), settings, new.out, frames=FRAMES, overwrite=new.overwrite)
     show(found, as_json)

@@ -26,8 +26,9 @@ class Target:
 
     sensor: Sensor = None
     name: Annotated[str, typer.Option(help="What people call the sensor; it is known by its serial number.")] = ""
-    out: Annotated[Path, typer.Option(help="Folder of the bundle to write.")] = Path("calibration")
-    folder: Annotated[Path | None, typer.Option(help="Where the state is kept.", show_default="OUT.state")] = None
+    out: Annotated[Path, typer.Option(help="Folder of the bundle to write; the state is kept in OUT.state.")] = Path(
+        "calibration"
+    )
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted calibration.")] = False
     restart: Annotated[bool, typer.Option("--restart", help="Throw an interrupted calibration away.")] = False
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing bundle of this sensor.")] = False
@@ -45,7 +46,7 @@ class Target:
     @property
     def state(self) -> Path:
         """Folder of the state."""
-        return self.folder or self.out.with_name(self.out.name + ".state")
+        return self.out.with_name(self.out.name + ".state")
 
     def camera(self, camera: "Camera", begun: "Identity | None" = None) -> "Camera":
         """Return the camera with the view taken and the dots filled, as asked for or as a calibration was begun with.
@@ -75,7 +76,7 @@ class Target:
         begun = unfinished(self.state)
         if self.resume and begun is None:
             raise InputError(
-                f"there is no interrupted calibration in {self.state}: leave --resume out, or give its --folder"
+                f"there is no interrupted calibration in {self.state}: leave --resume out, or give its --out"
             )
         if begun is not None and not (self.resume or self.restart):
             raise InputError(f"an interrupted calibration lies in {self.state}: give --resume to go on, or --restart")

@@ -1,19 +1,39 @@
-"""How a network is trained, as options: apart from what trains, which takes a second to import."""
+"""On what and how a network is trained, as options: apart from what trains, which takes a second to import."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gellight.base.errors import InputError
-from gellight.lab.training.child import RECIPES, TrainerName, checked_trainer
+from gellight.lab.training.child import RECIPES
 
 if TYPE_CHECKING:
     from gellight.lab.training.training import TrainingOptions
 
 Like = Annotated[str | None, typer.Option(help="bundle of a like unit: with few presses of this one, its presses help")]
-Threads = Annotated[int, typer.Option(min=1, max=1024, help="of its matrix products")]
-Trainer = Annotated[TrainerName, typer.Option(help="torch: PyTorch, where it is installed")]
+
+Labels = Annotated[
+    Path, typer.Option(help="csv with the columns image, center_x_px, center_y_px, contact_radius_px; images beside it")
+]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Labelled pictures of ball presses, and of the untouched gel."""
+
+    presses: Labels
+    reference: Annotated[str, typer.Option(help="image of the untouched gel, or a folder of them, which is averaged")]
+    ball_radius_mm: Annotated[float, typer.Option(help="radius of the pressed ball, mm")]
+    pixel_size_mm: Annotated[float, typer.Option(help="mm per pixel on the gel")]
+    refine: Annotated[
+        bool, typer.Option("--refine", help="refit the circles together with the light before training")
+    ] = False
+    like: Like = None
+    lights: Annotated[
+        str | None, typer.Option(help="earlier bundle of this sensor that knows the light of its LEDs (lights.json)")
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -22,12 +42,11 @@ class Training:
 
     recipe: Annotated[str, typer.Option(help="fast; thorough (3 times as long); fine and paper: longer")] = "thorough"
     seed: Annotated[int, typer.Option(help="the same seed gives the same network")] = 0
-    threads: Threads = 1
-    trainer: Trainer = "numpy"
 
     def __post_init__(self) -> None:
-        """Refuse what cannot train, before anything is computed."""
-        check_training(self.recipe, self.trainer)
+        """Refuse a recipe that there is not, before anything is computed."""
+        if self.recipe not in RECIPES:
+            raise InputError(f"recipe {self.recipe!r}: give one of {', '.join(RECIPES)}")
 
     def options(self) -> "TrainingOptions":
         """Return them as the training takes them."""
@@ -42,10 +61,3 @@ class SizedTraining(Training):
 
     width: Annotated[int, typer.Option(min=1, help="units in each hidden layer")] = 32
     epochs: Annotated[int | None, typer.Option(min=1, help="instead of the recipe's number")] = None
-
-
-def check_training(recipe: str, trainer: TrainerName) -> None:
-    """Refuse a recipe that there is not, and a trainer that is not installed; raises InputError."""
-    if recipe not in RECIPES:
-        raise InputError(f"recipe {recipe!r}: give one of {', '.join(RECIPES)}")
-    checked_trainer(trainer)

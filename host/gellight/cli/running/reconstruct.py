@@ -24,9 +24,7 @@ from gellight.frames.maps_file import maps_file
 from gellight.frames.picture import prepared
 from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.reconstruction.light_drift import light_drift
-from gellight.reconstruction.measures import BundleMeasures
-from gellight.series.single_light_path import has_single_lights, read_directions, slopes_by
-from gellight.series.summary import frame_of_lights
+from gellight.series.single_light_path import frame_of_lights, has_single_lights
 from gellight.watch.findings import WatchFinding, other_light
 from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth, learnt_elsewhere
 
@@ -84,19 +82,12 @@ def _frames(
 ) -> Iterator[tuple[TactileFrame, Path]]:
     """Reconstruct the images, each with the path that names its result."""
     if has_single_lights(bundle):
-        return iter([(_of_channels(bundle, paths, white, least_squares), paths[0])])
+        mode = "photometric" if least_squares else "network"
+        return iter([(frame_of_lights(bundle, mode, paths, white), paths[0])])
     useless = [name for name, given in (("--white", white), ("--least-squares", least_squares)) if given]
     if useless:  # the asker would believe that they did something
         raise InputError(f"{' and '.join(useless)} has no effect with a bundle of one light: remove it")
     return _of_colours(bundle, paths)
-
-
-def _of_channels(bundle: Bundle, paths: Sequence[Path], white: float | None, least_squares: bool) -> TactileFrame:
-    """Reconstruct the pictures of one series by a bundle with a channel for each light."""
-    directions = read_directions(bundle)
-    mode = "photometric" if least_squares else "network"
-    measures = BundleMeasures(bundle, from_network=mode == "network")
-    return frame_of_lights(directions, paths, white, slopes=slopes_by(bundle, directions, mode), measures=measures)
 
 
 def _of_colours(bundle: Bundle, paths: Sequence[Path]) -> Iterator[tuple[TactileFrame, Path]]:

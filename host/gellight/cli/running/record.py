@@ -11,7 +11,7 @@ from gellight.base import logs
 from gellight.base.errors import InputError
 from gellight.base.settings import Settings
 from gellight.cli.ending import until_interrupted
-from gellight.cli.one_sensor import WAIT_S, opened
+from gellight.cli.one_sensor import frames_of, opened
 from gellight.cli.showing import show
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream
@@ -53,18 +53,11 @@ def record(
 def follow(daemon: SensorSession, recorder: Recorder, frames: int, until_s: float) -> None:
     """Wait until so many frames are recorded or this time has come (0: for ever), or there is no more to record."""
     shown_s = time.monotonic()
-    sequence = -1
-    while not recorder.ended and not (frames and recorder.status.frames >= frames):
-        now_s = time.monotonic()
-        if until_s and now_s >= until_s:
+    for frame in frames_of(daemon):
+        now_s, enough = time.monotonic(), frames and recorder.status.frames >= frames
+        if recorder.ended or enough or (until_s and now_s >= until_s):
             return
-        try:
-            sequence = daemon.next_frame(sequence, WAIT_S).camera_frame.sequence
-        except EndOfStream:
-            return
-        except TimeoutError:
-            continue
-        if sys.stderr.isatty() and now_s - shown_s >= STATUS_S:
+        if frame is not None and sys.stderr.isatty() and now_s - shown_s >= STATUS_S:
             shown_s = now_s
             print(f"\r{said(recorder.path, recorder.status)}", end="", file=sys.stderr, flush=True)
 

@@ -8,7 +8,7 @@ it was ready, so their age is true.
 
 Parameters of the URL, all optional: `fps`, `seed`, `noise` (grey levels), `object`, `depth`, `x`, `y` (mm; a press held
 from the start), `programme=0` (no presses by itself), `board=0` (steady light without a board), `strobe=1` (each frame
-begins with a strobe on the trigger pin of the board, for `--light-mode ext`), `ring_c` (the ring has an NTC of so many
+begins with a strobe on the trigger pin of the board, for the light mode ext), `ring_c` (the ring has an NTC of so many
 degrees Celsius; by default it has none); and what makes one sensor differ from another: `crosstalk` (share of the other
 colours in a channel), `led_spread` (standard deviation of the LEDs' brightness, as a share), `dim` (all LEDs darker by
 this share). `dots=9x7` prints columns and rows of marker dots on the gel, `dot_pitch` and `dot_diameter` mm, of

@@ -236,8 +236,7 @@ def _trained_by(trainer: TrainerName, check: Check) -> str:
         _, record = train(table, TrainingOptions(recipe="fast", width=1, epochs=1, trainer=trainer), check=check)
     except (TrainingError, OSError) as error:
         raise TrainingError(
-            f"no network can be trained here ({first_line(error)}): repair what is named there, or choose "
-            "the other --trainer"
+            f"no network can be trained here ({first_line(error)}): repair what is named there"
         ) from error
     return str(record["trainer"])
 

@@ -16,8 +16,9 @@ from typing import Annotated, Any, TypeVar, cast
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AwareDatetime, Field
+from pydantic import AwareDatetime, Field, FiniteFloat
 
+from gellight.base.allowed import Positive
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.bundle_file import PictureFile, read_bundle_file
 from gellight.frames.pixel_grid import bounding_box, gel_points_mm
@@ -87,18 +88,16 @@ def _leaning(slopes: Floats, turn: Floats) -> Floats:
 
 FILE_NAME = "lens.json"
 REMEDY = "measure it again with `gellight calibrate lens IMAGE --pitch-mm P --calibration BUNDLE --out NEW`"
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class LensRecord(PictureFile):
     """The content of the file; the first five as in `Lens`."""
 
-    centre_px: tuple[Number, Number]
+    centre_px: tuple[FiniteFloat, FiniteFloat]
     k1: Annotated[float, Field(gt=-1, lt=1)]
     k2: Annotated[float, Field(gt=-1, lt=1)]
-    px_per_mm: tuple[Positive, Number, Positive]
-    origin_mm: tuple[Number, Number]
+    px_per_mm: tuple[Positive, FiniteFloat, Positive]
+    origin_mm: tuple[FiniteFloat, FiniteFloat]
     learnt_from_circles: bool
     """the network of the bundle learnt from contact circles in the distorted picture; else from true slopes"""
     pitch_mm: Positive

@@ -18,6 +18,7 @@ from gellight.frames.measures import Force
 from gellight.frames.pixel_grid import block_means, spread_blocks
 from gellight.frames.shear import FEW_DOTS, FRICTION, PERSPECTIVE, DotsSeen, Shear
 from gellight.reconstruction.force import Layer, cell_side_px
+from gellight.reconstruction.force_file import ForceRecord
 from gellight.reconstruction.shear.inverse import Pull, find_pull
 from gellight.reconstruction.shear.layer import kernels
 
@@ -38,17 +39,6 @@ TOGETHER_MM = 0.02
 UNEXPLAINED = "the dots have moved more than the contact that is felt explains: it may fill the view or reach beyond"
 LEAST_PRESSURE = 0.02
 """of the largest: what is pressed less pulls nothing"""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ShearScale:
-    """What turns the motion of dots into newtons, and how well."""
-
-    layer: Layer
-    youngs_modulus_mpa: float
-    side_scale: float
-    """measured force along the gel over that of the layer"""
-    side_error_share: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,7 +82,7 @@ def motion(dots: DotsSeen, depth_mm: NDArray[np.float32], gel: Gel) -> tuple[Arr
 
 
 def felt_shear(
-    dots: DotsSeen, depth_mm: NDArray[np.float32], force: Force | None, gel: Gel, scale: ShearScale | None
+    dots: DotsSeen, depth_mm: NDArray[np.float32], force: Force | None, gel: Gel, scale: ForceRecord | None
 ) -> Shear:
     """Return displacement and force along the gel of a frame with a (H, W) depth map and its normal force."""
     rest, moved = motion(dots, depth_mm, gel)
@@ -107,7 +97,7 @@ def felt_shear(
     return _pulled(known, rest, moved, cells, scale, force)
 
 
-def _untouched(known: Shear, view_mm2: float, scale: ShearScale) -> Shear:
+def _untouched(known: Shear, view_mm2: float, scale: ForceRecord) -> Shear:
     """Return no force, where no contact is felt, with the error that one has which fills the view and is not felt.
 
     It shears the gel as a block: a force of G A u / t moves all dots by u, where the gel is t thick.
@@ -128,7 +118,7 @@ def _untouched(known: Shear, view_mm2: float, scale: ShearScale) -> Shear:
     )
 
 
-def _pulled(known: Shear, rest: Array, moved: Array, cells: _Cells, scale: ShearScale, force: Force) -> Shear:
+def _pulled(known: Shear, rest: Array, moved: Array, cells: _Cells, scale: ForceRecord, force: Force) -> Shear:
     seen = known.dots.seen
     places, motions = rest[seen], moved[seen]
     near = _nearness(places + motions, cells, scale.layer)

@@ -20,7 +20,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.frames.status import CameraStatus
 from gellight.ring import protocol
 from gellight.ring.board_link import RefusedError
-from gellight.ring.enumerations import Edge, State, Status, SyncMode
+from gellight.ring.enumerations import State, Status, SyncMode
 from gellight.ring.light_ring import LightRing, Step
 from gellight.sensor.lighting.hold import Hold
 from gellight.sensor.lighting.label import UNKNOWN_LABEL
@@ -67,14 +67,13 @@ class SequencedCamera(CameraWrapper):
 
     def __init__(
         self, camera: Camera, groups: Sequence[NDArray[np.uint8]] | NDArray[np.uint8], *,
-        mode: LightMode = LightMode.FREE, timing: CameraTiming | None = None, frames: int | None = None,
-        strobe_edge: Edge = Edge.RISING, strobe_to_end_s: float | None = None,
+        mode: LightMode = LightMode.FREE, timing: CameraTiming | None = None,
     ) -> None:  # fmt: skip
-        """Show `groups` (n, 12, 3) uint8 RGB in turn, `frames` frame periods each (default: the fewest that can do).
+        """Show `groups` (n, 12, 3) uint8 RGB in turn, each for the fewest frame periods that can do.
 
-        `timing` is by default what `timing_of` tells. `strobe_to_end_s` (EXT) is from the edge of the strobe to the end
-        of the last row; default: the strobe's edge is the start of the frame. Raises CameraError without a ring,
-        BoardError where the board refuses, InputError for a number of groups that it cannot hold.
+        `timing` is by default what `timing_of` tells. The edge of the strobe (EXT) is the start of the frame. Raises
+        CameraError without a ring, BoardError where the board refuses, InputError for a number of groups that it cannot
+        hold.
         """
         super().__init__(camera)
         if not 1 <= len(groups) <= protocol.GROUP_COUNT:
@@ -82,8 +81,7 @@ class SequencedCamera(CameraWrapper):
         if camera.ring is None:
             raise CameraError(f"{camera.url} has no light ring to run a sequence on: connect the ring's board")
         self.mode = mode
-        self._given_timing, self._given_frames = timing, frames
-        self._strobe_edge, self._strobe_to_end_s = strobe_edge, strobe_to_end_s
+        self._given_timing = timing
         self._groups = [np.asarray(group, np.uint8) for group in groups]
         self._before = camera.ring.still
         self.counters = LightCounters()
@@ -100,9 +98,7 @@ class SequencedCamera(CameraWrapper):
             raise BoardError("the ring is running a sequence: stop the sequence before starting another one")
         self._timing = self._given_timing or timing_of(self._camera)
         error_s = clock_error_s(self.mode)
-        self.frames = self._given_frames or hold_frames(
-            self._timing, locked=True, clock_error_s=error_s, leds=ring.led_count
-        )
+        self.frames = hold_frames(self._timing, locked=True, clock_error_s=error_s, leds=ring.led_count)
         self._next, self._trim, self._trimmed_light = 0, Trim(0, 0.0), -TRIM_LIGHTS
         self._lock = PhaseLock(self._timing, frames=self.frames, leds=ring.led_count)
         self._hold = Hold(self._camera, timing=self._timing)
@@ -120,8 +116,8 @@ class SequencedCamera(CameraWrapper):
             ring.set_sync(SyncMode.FREE)
         else:
             missed_us = round(EDGES_MISSED * self.frames * self._timing.period_s * 1e6)
-            ring.set_sync(SyncMode.EXT, edge=self._strobe_edge, divider=self.frames, timeout_us=missed_us,
-                          delay_us=round(self._strobe_to_change_s() * 1e6))  # fmt: skip
+            delay_us = round(self._strobe_to_change_s() * 1e6)
+            ring.set_sync(SyncMode.EXT, divider=self.frames, timeout_us=missed_us, delay_us=delay_us)
         ring.load_sequence(self._groups, steps)
         self._unwatch()
         self.watch = LightWatch(ring, self._timing, plan=self._planned_us if free else None)
@@ -133,9 +129,7 @@ class SequencedCamera(CameraWrapper):
         That lies in the middle between two frames, and where there is little room, as soon as the first surely is over.
         """
         timing = self._timing
-        to_end_s = self._strobe_to_end_s
-        if to_end_s is None:
-            to_end_s = timing.duration_s + timing.stamp_delay_s
+        to_end_s = timing.duration_s + timing.stamp_delay_s
         least_s = timing.stamp_error_s + CLOCK_ERROR_S + REPEAT_US * 1e-6
         dark_s = timing.period_s - timing.duration_s
         return to_end_s + max(least_s, (dark_s + REPEAT_US * 1e-6 - timing.pulse_period_s) / 2)

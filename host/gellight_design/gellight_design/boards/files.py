@@ -111,7 +111,7 @@ def _order(geometry: SensorGeometry, controller: str, package: str, strip: Board
         "less than the contacts of the tail (copper at 60 degrees C, computed). The firmware allows 450 mA from USB.",
         "",
         "Tell the board, once it is flashed:",
-        f"gellight ring configure --board {controller} --leds {count} --led {lamp.kind} --switch-pin {pins.switch} "
-        f"--status-pin {pins.status}",
+        f"gellight ring configure --board {controller} --leds {count} --led {lamp.kind} --pin switch={pins.switch} "
+        f"--pin status={pins.status}",
     ]
     return "\n".join(lines) + "\n"

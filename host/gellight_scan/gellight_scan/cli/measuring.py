@@ -40,7 +40,7 @@ def surface(file: Path, measured: Measured, recorded: OfRecording, out: Sequence
 
 def _evaluation(measured: Measured) -> Evaluation:
     """Return what is measured how."""
-    told = measured.blur if measured.blur is not None else load_settings({}).geometry.coating_smoothing_mm
+    told = load_settings({}).geometry.coating_smoothing_mm
     blur_mm = COATING_BLUR_MM if told is None else told
     return Evaluation(blur_mm=blur_mm, cutoff_mm=measured.cutoff, form=measured.form.value)
 

@@ -14,11 +14,9 @@ from gellight.base.errors import InputError
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.ending import Ending, until_interrupted
-from gellight.cli.one_sensor import WAIT_S, opened
+from gellight.cli.one_sensor import frames_of, opened
 from gellight.cli.running.tactile import tactile_frames
 from gellight.cli.showing import show
-from gellight.daemon.session import SensorSession
-from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
 from gellight.recording.recording_file import Recording
 from gellight_scan.body_scan import MESH, BodyScan
@@ -60,7 +58,7 @@ def scan_live(
         scan = _begin(folder, curved, body)
         with opened(settings, dashboard=dashboard) as (daemon, _), until_interrupted():
             logs.say(ROLL if body else PRESS)
-            for view in ahead(_taken(scan, _live(daemon, frames), most)):
+            for view in ahead(_taken(scan, islice(filter(None, frames_of(daemon)), frames or None), most)):
                 if _full(scan):
                     break
                 _add(scan, view, "the sensor")
@@ -97,20 +95,6 @@ def _taken(scan: Scan | BodyScan, frames: Iterator[TactileFrame], most: int) -> 
     if isinstance(scan, BodyScan):
         return islice(touches_in(frames), most or None)
     return presses_in(frames, most, _tell)
-
-
-def _live(daemon: SensorSession, frames: int) -> Iterator[TactileFrame]:
-    """Yield the frames of a sensor, 0: for ever."""
-    sequence, count = -1, 0
-    while not frames or count < frames:
-        try:
-            frame = daemon.next_frame(sequence, WAIT_S)
-        except EndOfStream:
-            return
-        except TimeoutError:
-            continue
-        sequence, count = frame.camera_frame.sequence, count + 1
-        yield frame
 
 
 def _tell(phase: Phase) -> None:

@@ -32,12 +32,6 @@ class Measured:
     form: Annotated[Form, typer.Option(help="What is taken off before; curved: also spheres and cylinders.")] = (
         Form.CURVED
     )
-    blur: Annotated[
-        float | None,
-        typer.Option(
-            "--blur-mm", help="Standard deviation of the coating's blur.", show_default="as in the settings, or 0.1"
-        ),
-    ] = None
 
 
 @dataclass(frozen=True)

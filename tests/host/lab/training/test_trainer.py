@@ -65,11 +65,11 @@ def test_a_library_that_cannot_be_loaded_is_found_before_anybody_presses(
     """One that is installed and broken: what it depends on is missing. A broken torch leaves NumPy alone."""
     (tmp_path / f"{library}.py").write_text("raise ImportError('libgomp.so.1 is missing')")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    with pytest.raises(TrainingError, match=r"libgomp.so.1 is missing.*--trainer"):
+    with pytest.raises(TrainingError, match=r"libgomp.so.1 is missing.*repair"):
         rehearse(name)
     finding = check_trainer()
     assert finding.level is (Level.OK if library == "torch" else Level.WARNING)
-    assert ("libgomp.so.1 is missing" in finding.text) == ("--trainer" in finding.remedy) == (library == "onnxruntime")
+    assert ("libgomp.so.1 is missing" in finding.text) == ("repair" in finding.remedy) == (library == "onnxruntime")
 
 
 def test_a_process_rehearses_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,6 @@ from gellight.lab.simulator.scene import Press, Printed, Scene
 from gellight.reconstruction.force import Layer
 from gellight.reconstruction.force_file import FILE_NAME, ForceRecord, force_file
 from gellight.reconstruction.measures import BundleMeasures
-from gellight.reconstruction.shear.felt import ShearScale
 from gellight.reconstruction.shear.inverse import find_pull
 from gellight.reconstruction.shear.layer import kernels
 from gellight.reconstruction.stages import Stages, tactile_frame
@@ -68,8 +67,8 @@ def shear_of(scene: Scene, bundle: Bundle, press: Press, seed: int = 0, unseen: 
     return felt(scene, bundle, press, seen_dots(scene, press, np.random.default_rng(seed), unseen)).shear
 
 
-def side_of(bundle: Bundle) -> ShearScale:
-    return ForceRecord.model_validate_json(bundle.files[FILE_NAME]).side
+def side_of(bundle: Bundle) -> ForceRecord:
+    return ForceRecord.model_validate_json(bundle.files[FILE_NAME])
 
 
 def test_a_cell_moves_the_gel_as_in_the_reference() -> None:

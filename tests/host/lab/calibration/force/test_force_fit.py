@@ -150,7 +150,7 @@ def test_a_force_is_felt_as_it_was_calibrated_from_the_height_of_the_camera(tmp_
     with open_camera("sim://?board=0&object=BALL&depth=1.5&x=6") as camera:
         frame = camera.read()
     write_png(tmp_path / "a.png", frame.image)
-    felt = felt_in_images(read(tmp_path, "image,force_n\na.png,1\n"), bundle, [record.scale.layer])
+    felt = felt_in_images(read(tmp_path, "image,force_n\na.png,1\n"), bundle, [record.layer])
     force = Reconstructor(bundle).reconstruct(frame).force
     assert force is not None
-    assert record.scale.youngs_modulus_mpa * felt.integral_mm2[0, 0] == pytest.approx(force.normal_n, rel=1e-6)
+    assert record.youngs_modulus_mpa * felt.integral_mm2[0, 0] == pytest.approx(force.normal_n, rel=1e-6)

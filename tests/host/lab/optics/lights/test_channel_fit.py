@@ -21,11 +21,9 @@ from gellight.lab.training.training import TrainingOptions
 from gellight.opening import open_camera
 from gellight.photometric.directions import levels_of, lights_of
 from gellight.photometric.ring_geometry import RingGeometry
-from gellight.reconstruction.measures import BundleMeasures
 from gellight.ring.light_groups import colour_triples, single_leds
 from gellight.sensor.series_cameras import EXPOSURE
-from gellight.series.single_light_path import SingleLightPath, read_directions, slopes_by
-from gellight.series.summary import frame_of_lights
+from gellight.series.single_light_path import SingleLightPath, frame_of_lights, read_directions
 from tests.helpers.command_line import invoke
 from tests.helpers.places import REAL_CROPS
 
@@ -102,11 +100,7 @@ def test_half_a_plate_is_no_calibration_of_the_other_half(tmp_path: Path) -> Non
     bundle = fit_channels(balls, tmp_path / "b")
     paths = [OEM / f"balls_light{number}.png" for number in range(1, 7)]
     for mode in ("network", "photometric"):
-        lights = read_directions(bundle)
-        frame = frame_of_lights(
-            lights, paths, 1020, slopes=slopes_by(bundle, lights, mode),
-            measures=BundleMeasures(bundle, from_network=mode == "network"),
-        )  # fmt: skip
+        frame = frame_of_lights(bundle, mode, paths, 1020)
         guess, shape = frame.confidence.not_learnt, levels.shape[1:]
         sides = {"left": [p for p in presses if p.center_x_px < 150], "right": presses[3::4]}
         told = {
@@ -202,7 +196,7 @@ def test_a_sensor_runs_with_the_lights_of_its_bundle(live: Bundle, mode: str, sa
 
 
 def test_what_does_not_go_with_such_a_bundle_is_told(live: Bundle, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="--sequence rgb does not go with it"):
+    with pytest.raises(ConfigError, match=r"lighting\.sequence = rgb does not go with it"):
         open_session(settings(live).model_copy(update={"lighting": LightingSettings(sequence="rgb")}))
     with pytest.raises(GellightError, match="no light ring"):
         open_session(
