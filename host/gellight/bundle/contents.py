@@ -65,7 +65,7 @@ def npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w") as entry:
-                np.lib.format.write_array(entry, array, allow_pickle=False)
+                np.lib.format.write_array(entry, np.asanyarray(array), allow_pickle=False)
     return content.getvalue()
 
 

@@ -30,7 +30,6 @@ class CameraWrapper(Camera):
     ring: LightRing | None = _passed_on("ring")
     bundle: Bundle | None = _passed_on("bundle")
     controls: CameraControls | None = _passed_on("controls")
-    selfcheck: Any = _passed_on("selfcheck")
     adopt: Any = _passed_on("adopt")
     hurry: Any = _passed_on("hurry")
     close: Any = _passed_on("close")
