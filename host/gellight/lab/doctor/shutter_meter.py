@@ -65,6 +65,13 @@ class ShutterEstimate:
     scatter_s: float
     """standard deviation of the bands about the model, as a time"""
 
+    def timing(self, known: CameraTiming) -> CameraTiming:
+        """Return `known` with what was measured; the stamp may be off by three times the scatter."""
+        return replace(
+            known, exposure_s=self.exposure_s, readout_s=self.readout_s, stamp_delay_s=self.delay_s,
+            stamp_error_s=max(3 * self.scatter_s, 1e-4),
+        )  # fmt: skip
+
 
 class TwoLights:
     """Tells how much of each of two lights is in the row bands of a picture."""

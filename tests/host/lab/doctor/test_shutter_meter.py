@@ -34,10 +34,7 @@ def test_it_measures_the_shutter_on_the_emulated_board(monkeypatch: pytest.Monke
     assert found.exposure_s == pytest.approx(0.008, abs=5e-4)
     assert found.readout_s == pytest.approx(0.012, abs=1e-3)
     assert found.delay_s == pytest.approx(-late_s, abs=7e-4)
-    timing = CameraTiming(
-        exposure_s=found.exposure_s, readout_s=found.readout_s, stamp_delay_s=found.delay_s,
-        stamp_error_s=max(3 * found.scatter_s, 1e-4),
-    )  # fmt: skip
+    timing = found.timing(CameraTiming())
     assert timing.span_s(100.0)[0] <= 100.0 - late_s + 1e-4
     camera.close()
 
