@@ -67,6 +67,7 @@ OPTIONS_GONE = {
     **{f"{verb} --threads": "is no more: one thread trains" for verb in ("calibrate", "fit", "channels")},
     "--trainer": "is no more: NumPy trains; `python -m gelnet.train --trainer` has the others, in a checkout",
     "calibrate --folder": "is no more: the state of a calibration is OUT.state, beside its --out",
+    "calibrate --pin-pitch-mm": "is no more: `gellight calibrate lens` measures the lens on the finished bundle",
     "channels --width": "is no more: the network is as wide as any",
     "channels --epochs": "is no more: the --recipe has them",
     "adapt --frames": "is no more: 30 pictures are averaged",

@@ -19,9 +19,10 @@ from gellight.reconstruction.integration import far_from_touch
 from gellight.reconstruction.perspective import Perspective, depth_seen
 
 RAMP = 0.2
-"""radii of the contact over which the share of the slopes that counts falls: its rim is known to less"""
+"""radii of the contact over which the share of the slopes that counts falls. A step at the rim, which is not known so
+well, makes normals in a real Mini's circles 0.8 degrees worse, one at 0.1 radii none"""
 _SLOPING = 0.03
-"""slope above which gel is not at rest: twice what is felt of untouched gel on real sensors"""
+"""slope above which gel is not at rest; from 0.01 to 0.1 presses of three real sensors differ by 1.5 % in depth"""
 
 
 def with_true_skirts(

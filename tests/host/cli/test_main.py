@@ -195,6 +195,7 @@ def test_a_verb_that_is_not_here_is_named_with_its_remedy() -> None:
         ("run --host=0.0.0.0", "give --set dashboard.host=VALUE"),
         ("run --port 8421", "give --set dashboard.port=VALUE"),
         ("calibrate --folder state", "OUT.state, beside its --out"),
+        ("calibrate --pin-pitch-mm 2", "`gellight calibrate lens`"),
         ("calibrate fit --trainer torch", "NumPy trains"),
         ("calibrate adapt --frames 9", "30 pictures are averaged"),
         ("calibrate force forces.csv --gel-thickness-mm 5", "the setting geometry.gel_thickness_mm"),

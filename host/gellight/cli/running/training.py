@@ -22,6 +22,7 @@ from gellight.lab.training.labelling.ball_size import felt_ball
 from gellight.lab.training.labelling.pixel_ratio import PixelRatio, pixel_ratio
 from gellight.lab.training.level_light import lights_of_unit
 from gellight.lab.training.presses import Ball, Press
+from gellight.lab.training.skirts import skirt_words
 from gellight.lab.training.training import Learning, Reference, like_words, read_reference
 from gellight.lab.training.validation import AngleFigures, ImageFigures, IndentationFigures, PressFigures
 from gellight.lab.training.wrong_labels import contradicted_lines, sorted_out
@@ -141,7 +142,7 @@ def _fit_lines(written: Bundle) -> list[str]:
         if judged
         else "one press is all learnt from: how large the errors are, nobody knows",
         *(indentation_lines(_indentation(judged)) if judged else []),
-        *skirt_line(written),
+        *skirt_words(metrics),
         *light_line(written),
         *like_words(metrics),
         f"balls {Ball.seen_by(written, metrics['ball_radius_mm']).seen_from()}",
@@ -160,17 +161,6 @@ def indentation_lines(found: IndentationFigures | None) -> list[str]:
     if found is None:
         return ["how deep presses are felt was not judged: tell how thick the gel is, geometry.gel_thickness_mm"]
     return found.lines()
-
-
-def skirt_line(written: Bundle) -> list[str]:
-    """Return how much of the slopes beside contacts counts; nothing where all of it does."""
-    share = written.manifest.skirt_share
-    if share == 1:
-        return []
-    return [
-        f"slopes beside contacts are felt wrongly: {share:.0%} of them count, so that presses are as deep as contact "
-        "mechanics expect"
-    ]
 
 
 def _bad_verdict(written: Bundle, largest_deg: float) -> list[str]:

@@ -24,9 +24,10 @@ from gellight.lab.training.child import Check, Progress, go_on, silent
 from gellight.lab.training.folds import GIVEN, REFINED, trained_folds
 from gellight.lab.training.labelling.refinement import LEAST_PRESSES, FirstFits, refine
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
+from gellight.lab.training.skirts import Skirts, find_skirts
 from gellight.lab.training.table import drift_of_presses, images_of
 from gellight.lab.training.training import Learning, Reference, fit
-from gellight.lab.training.validation import ALIKE, IndentationFigures, PressError, frame_of, press_errors, summarised
+from gellight.lab.training.validation import PressError, frame_of, press_errors, summarised
 from gellight.lab.training.votes import votes_apart_deg
 from gellight.reconstruction.confidence import TRAINED_QUANTILE
 from gellight.reconstruction.error_bounds import (
@@ -46,8 +47,6 @@ MOST_PIXELS = 2000
 """of a press: pixels beside each other are alike"""
 _JUDGES, _CLEARLY = 4, 0.9
 """presses that decide on the plane at rest, and to which part it has to bring the error of the depth"""
-SKIRT_SHARES = 0.05, 1.5
-"""within which the share of felt slopes beside contacts may be corrected: beyond, something else is wrong"""
 _RIDGE = 1e-5
 _GOLDEN = pi * (3 - 5**0.5)
 """rad between directions of which any number is spread evenly"""
@@ -82,25 +81,22 @@ def fit_judged(
     apart = labels.refined and images - -(-images // FOLDS) >= LEAST_PRESSES
     how = replace(how, refine=apart)
     given = presses if apart else labels.presses
-    report = in_parts(progress, folds + 1)
+    report, stop = in_parts(progress, folds + 1), Event()
     found = [Found(level_plane=False), Found(level_plane=True)]
-    if folds:
-        stop = Event()
-        watched = partial(_go_on_unless, stop, check)
-        parts = trained_folds(given, reference, ball, folds, how, first=first, progress=report, check=watched)
-        for fold in one_ahead(parts, stop.set):  # one fold trains while the one before it is judged
-            judges = beside(fold.held_out[REFINED if how.refine else GIVEN], labels.place_error_px)
-            for one in found:
-                one.add(fold.bundle, judges, ball)
+    train = partial(trained_folds, first=first, progress=report, check=partial(_go_on_unless, stop, check))
+    parts = train(given, reference, ball, folds, how) if folds else iter(())
+    for fold in one_ahead(parts, stop.set):  # one fold trains while the one before it is judged
+        judges = beside(fold.held_out[REFINED if how.refine else GIVEN], labels.place_error_px)
+        for one in found:
+            one.add(fold.bundle, judges, ball)
     best = found[found[1].better_than(found[0])]
-    share, errors = skirt_share(best, ball, layer) if folds else (1.0, [])
-    figures = _figures(errors) if folds else {}
-    verdict = {"held_out": {"folds": folds, "depth_mm": _depth_errors(found), **figures}} if folds else {}
+    skirts = find_skirts(partial(best.errors, ball, layer)) if folds else Skirts(1.0, [])
+    figures = {"folds": folds, "depth_mm": _depth_errors(found), **_figures(skirts)} if folds else {}
     return fit(
         labels.presses, reference, ball, out, sensor=sensor, how=how, view=view,
-        level_plane=best.level_plane, skirt_share=share, overwrite=overwrite, progress=report, check=check,
+        level_plane=best.level_plane, skirt_share=skirts.share, overwrite=overwrite, progress=report, check=check,
         extra_files={**(extra_files or {}), **(errors_file(fit_errors(best.samples)) if best.samples else {})},
-        extra_metrics={**(extra_metrics or {}), **labels.record, **verdict},
+        extra_metrics={**(extra_metrics or {}), **labels.record, **({"held_out": figures} if folds else {})},
     )  # fmt: skip
 
 
@@ -144,23 +140,6 @@ class Found:
 
 def _changed(bundle: Bundle, **manifest: object) -> Bundle:
     return replace(bundle, manifest=bundle.manifest.model_copy(update=manifest))
-
-
-def skirt_share(found: Found, ball: Ball, layer: Layer | None) -> tuple[float, list[PressError]]:
-    """Return the share of the slopes beside contacts with which presses are felt as deep as they are, and their errors.
-
-    The median of felt over expected indentation is nearly linear in it. 1 where they are felt alike within `ALIKE`, by
-    which thickness and circles may be off, where nobody knows the gel, and where few presses judge.
-    """
-    errors = found.errors(ball, layer)
-    as_felt = IndentationFigures.of([one.indentation for one in errors])
-    if as_felt is None or len(errors) < _JUDGES or abs(as_felt.felt_over_expected - 1) <= ALIKE:
-        return 1.0, errors
-    halved = IndentationFigures.of([one.indentation for one in found.errors(ball, layer, 0.5)])
-    assert halved is not None
-    per_share = 2 * (as_felt.felt_over_expected - halved.felt_over_expected)
-    share = float(np.clip(1 - (as_felt.felt_over_expected - 1) / max(per_share, 1e-3), *SKIRT_SHARES).round(2))
-    return share, found.errors(ball, layer, share)
 
 
 def _depth_errors(found: Sequence[Found]) -> dict[str, float]:
@@ -217,11 +196,12 @@ def in_parts(progress: Progress, parts: int) -> Progress:
     return report
 
 
-def _figures(errors: Sequence[PressError]) -> dict[str, object]:
+def _figures(skirts: Skirts) -> dict[str, object]:
     """What the metrics say: of how many presses, and the errors inside their circles."""
-    found = summarised(errors)
+    found = summarised(skirts.errors)
     return {
-        "presses": len(errors),
+        **skirts.record(),
+        "presses": len(skirts.errors),
         "normal_error_deg": asdict(found.normal_error_deg),
         "depth_mae_mm": found.depth_mae_mm,
         "contact_iou": found.contact_iou,

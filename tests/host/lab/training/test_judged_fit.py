@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -17,14 +16,13 @@ from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.training import judged_fit
 from gellight.lab.training.folds import REFINED, Fold, trained_folds
-from gellight.lab.training.indentation import Indentation
 from gellight.lab.training.judged_fit import Samples, fit_errors, fit_judged, in_parts
 from gellight.lab.training.polynomial import powers_up_to, terms_of
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
+from gellight.lab.training.skirts import Skirts
 from gellight.lab.training.training import Learning, Reference, TrainingOptions, fit
 from gellight.lab.training.validation import PressError, press_errors
 from gellight.reconstruction.error_bounds import DEG_FLOOR, MM_FLOOR, ErrorRecord, quadratic, read_errors
-from gellight.reconstruction.force import Layer
 from tests.helpers.linear_sensor import GREY_PER_SLOPE
 
 RANDOM = np.random.default_rng(3)
@@ -168,46 +166,11 @@ def test_the_bundle_remembers_the_plane(better: bool, tmp_path: Path, monkeypatc
     assert set(bundle.metrics["held_out"]["depth_mm"]) == {"as_integrated", "without_the_plane_at_rest"}
 
 
-class Skirted(judged_fit.Found):
-    """Presses felt `felt` times as deep as they are, of which `skirt` comes from beside the contact."""
-
-    def __init__(self, felt: Sequence[float], skirt: float) -> None:
-        super().__init__(level_plane=False)
-        self.felt, self.skirt = felt, skirt
-
-    def errors(self, ball: Ball, layer: Layer | None, share: float = 1.0) -> list[Any]:
-        shares = [one - (1 - share) * self.skirt for one in self.felt]
-        found = [Indentation(felt_mm=share, expected_mm=1.0) if layer else None for share in shares]
-        return [SimpleNamespace(indentation=one) for one in found]
-
-
-@pytest.mark.parametrize(
-    ("felt", "skirt", "share"),
-    [
-        ([1.76] * 5, 1.0, 0.24),
-        ([1.149] * 5, 0.5, 1.0),
-        ([1.151] * 5, 0.5, 0.70),
-        ([0.851] * 5, 0.5, 1.0),
-        ([0.84] * 5, 0.5, 1.32),
-        ([0.6] * 5, 0.5, 1.5),
-        ([3.0] * 5, 1.0, 0.05),
-        ([1.76] * 3, 1.0, 1.0),
-        ([1.76] * 4, 1.0, 0.24),
-    ],
-)
-def test_skirts_count_so_much_that_presses_are_felt_as_deep_as_they_are(
-    felt: list[float], skirt: float, share: float
-) -> None:
-    found, errors = judged_fit.skirt_share(Skirted(felt, skirt), BALL, Layer(4.0))
-    assert found == share
-    assert errors[0].indentation.felt_mm == pytest.approx(felt[0] - (1 - share) * skirt)
-    assert judged_fit.skirt_share(Skirted(felt, skirt), BALL, None)[0] == 1.0, "nobody knows the gel"
-
-
 def test_the_bundle_remembers_the_share_and_feels_by_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(judged_fit, "skirt_share", lambda found, ball, layer: (0.2, found.errors(ball, layer)))
+    monkeypatch.setattr(judged_fit, "find_skirts", lambda errors_at: Skirts(0.2, errors_at(0.2), 1.76))
     bundle = kept(3, tmp_path)
     assert bundle.manifest.skirt_share == 0.2
+    assert bundle.metrics["held_out"]["skirts"] == {"share": 0.2, "felt_with_all": 1.76}
     frame = CameraFrame(image=read_image(tmp_path / "0.png"), time_s=0.0, sequence=0, source="")
     all_of_it = replace(bundle, manifest=bundle.manifest.model_copy(update={"skirt_share": 1.0}))
     shares = [Reconstructor(one).reconstruct(frame) for one in (bundle, all_of_it)]
