@@ -230,10 +230,22 @@ def free_and_far(free: NDArray[np.bool_], far: NDArray[np.bool_], side: int) -> 
 
 
 def far_cells(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mark the farthest quarter of the free (h, w) cells; all of them where no cell is touched."""
+    """Mark the farthest quarter of the free (h, w) cells; all of them where no cell is touched.
+
+    What a touch encloses shows no slope and is no gel at rest: it lies under the flat end of a body, or within a ring.
+    """
     if free.all() or not free.any():
         return free
-    distance = cv2.distanceTransform(np.ascontiguousarray(free).view(np.uint8), cv2.DIST_C, 3)
-    distances = distance[free]
+    cells = np.ascontiguousarray(free).view(np.uint8)
+    distance = cv2.distanceTransform(cells, cv2.DIST_C, 3)
+    distance[_enclosed(cells)] = 0
+    distances = distance[distance > 0]
     place = -(-3 * (distances.size - 1) // 4)  # of the upper quartile among them, in ascending order
     return np.asarray(distance >= max(1, np.partition(distances, place)[place]))
+
+
+def _enclosed(free: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Mark the free (h, w) cells with no free way to the border of the view; none of them where no cell has one."""
+    parts = cv2.connectedComponents(free, connectivity=4)[1]
+    border = np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]])
+    return np.asarray((free != 0) & ~np.isin(parts, border)) if border.any() else np.zeros(free.shape, np.bool_)

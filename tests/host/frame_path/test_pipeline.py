@@ -87,6 +87,29 @@ def test_rest_is_the_far_quarter_of_the_untouched_view_and_always_a_part_of_it(s
         assert far.all() == (not touched.any())
 
 
+def test_what_a_touch_encloses_is_not_at_rest() -> None:
+    touched = np.zeros((240, 320), np.bool_)
+    touched[40:200, 80:240] = True
+    touched[56:184, 96:224] = False  # a square end, whose middle is farther from its walls than any other free pixel
+    far = far_from_touch(touched)
+    assert far.any()
+    assert not far[56:184, 96:224].any()
+    touched[:, :] = True
+    touched[56:184, 96:224] = False  # nothing else is free: then it is the best that there is
+    assert far_from_touch(touched)[100:140, 140:180].any()
+
+
+@pytest.mark.parametrize("native", [True, False])
+def test_a_flat_end_that_fills_the_view_is_felt_as_deep_as_it_is(tmp_path: Path, native: bool) -> None:
+    rows, columns = np.indices(SHAPE)
+    inside = 100 - np.maximum(np.abs(rows - 119.5), np.abs(columns - 159.5))
+    depth = np.clip(inside, 0, 10) * 0.8
+    slopes = np.stack(np.gradient(depth)[::-1], axis=2)
+    frame = Reconstructor(linear_bundle(tmp_path / "b", SHAPE), native=native).reconstruct(photograph(slopes))
+    assert frame.depth_mm[100:140, 140:180].mean() == pytest.approx(8 * SIZE, rel=0.05)
+    assert np.abs(frame.depth_mm[:12]).max() < 0.02
+
+
 def test_results_have_the_promised_types_and_stages(tmp_path: Path) -> None:
     reconstructor = Reconstructor(linear_bundle(tmp_path / "b", SHAPE))
     camera_frame = photograph(gaussian(SHAPE, 18, (0, 0), height=9).gradient_map)
