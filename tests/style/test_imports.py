@@ -32,7 +32,7 @@ DOORS = {
         "frames/video_files.py", "frames/view.py",
         "reconstruction/confidence.py", "reconstruction/force.py",
         "reconstruction/integration.py", "reconstruction/lens/undistortion.py", "reconstruction/skirt.py",
-        "reconstruction/cast_shadows.py", "reconstruction/smoothing.py", "tracking/registration.py", "tracking/view.py",
+        "reconstruction/cast_shadows.py", "reconstruction/smoothing.py",
         "series/reconstructor.py", "lab/report/pictures.py",
         "sensor/opencv_camera.py", "sensor/v4l2/decoding.py",
         "recording/frame_record.py",

@@ -17,10 +17,10 @@ from gellight.frames.frames import TactileFrame
 from gellight.frames.maps_file import maps_file
 from gellight.frames.point_cloud import ply
 from gellight.lab.report.pictures import VideoFile, encode_png, four_panels
+from gellight.reconstruction.following import object_follower
 from gellight.recording.array_files import write_arrays
 from gellight.recording.kinds import ONE_FILE, Kind
 from gellight.recording.recording_file import Recording
-from gellight.tracking.following import ObjectFollower
 
 VIDEO = "video.mp4"
 FPS_FRAMES = 30
@@ -38,11 +38,15 @@ def export(
     track: bool,
     as_json: bool,
 ) -> None:
-    """Write every n-th frame of a recording into the folder `out`, and show how many; scale_um: of the colours."""
+    """Write every n-th frame of a recording into the folder `out`, and show how many; scale_um: of the colours.
+
+    Raises InputError where `track` asks for poses and nothing that tracks is installed; then nothing is written.
+    """
+    follow = object_follower() if track else None
     recording = Recording(file)
     bundle = load_bundle(calibration) if calibration else None
     felt, used = tactile_frames(recording, bundle), bundle or recording.bundle
-    frames = islice(map(ObjectFollower(on=track).follow, felt), 0, None, every)
+    frames = islice(map(follow, felt) if follow else felt, 0, None, every)
     known: dict[str, Any] = {"pixel_size_mm": used.pixel_size_mm, "calibration": used.identity, "source": file.name}
     with _emptied(out):
         match kind:
