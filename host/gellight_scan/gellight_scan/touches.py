@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.frames import TactileFrame
-from gellight.frames.over_gel import over_gel
+from gellight.frames.pixel_grid import over_gel
 from gellight.reconstruction.integration import surface_gradient
 from gellight_scan.contact_view import ContactView
 from gellight_scan.tracking.following import ObjectFollower
