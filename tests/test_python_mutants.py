@@ -74,7 +74,7 @@ def test_a_file_is_judged_by_the_tests_that_import_it_its_own_first() -> None:
     assert "tests/host/daemon/test_calibration_service.py" in tests.outside
     assert judges(HOST / "cli/ring.py").named == ["tests/host/cli/test_ring.py"], "by the command line"
     assert "tests/host/cli/test_signals.py" in judges(HOST / "cli/demo.py").room, "a verb by what types it"
-    assert "tests/host/cli/test_calibrate_lens.py" in judges(HOST / "cli/calibrate/lens.py").room
+    assert "tests/host/cli/test_calibrate_lens.py" in judges(HOST / "cli/calibrate/optics.py").room
     through_a_helper = judges(HOST / "lab/simulator/shutter.py").outside
     assert "tests/host/daemon/test_installing.py" in through_a_helper
     assert not any(test.startswith("tests/vm/") for test in tests.outside + through_a_helper)

@@ -14,7 +14,7 @@ import numpy as np
 
 import gellight
 from gellight.frames.frames import CameraFrame
-from gellight.frames.over_gel import over_gel
+from gellight.frames.pixel_grid import over_gel
 from gellight.lab.report.pictures import Picture
 from gellight.lab.simulator.scene import Scene, under_light
 from gellight_scan.contact_view import ContactView

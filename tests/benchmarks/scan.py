@@ -23,11 +23,11 @@ from pathlib import Path
 
 import numpy as np
 
-from gellight.tracking.rigid import inverse, twist_of
 from gellight_scan.contact_view import ContactView
 from gellight_scan.fusion import Fused
 from gellight_scan.pairs import Joint
 from gellight_scan.scan import Scan
+from gellight_scan.tracking.rigid import inverse, twist_of
 from sim_reference.surface import Surface
 from tests.helpers.reliefs import Plate, felt, places, press
 

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from gellight.frames.frames import Provenance, TactileFrame
 from gellight.lab.simulator.bodies import BEADS, bead_radius_mm
-from gellight.tracking.rigid import carried, inverse, pose_of, twist_of
 from gellight_scan.body_scan import BodyScan
 from gellight_scan.touches import Touch, touches_in
+from gellight_scan.tracking.rigid import carried, inverse, pose_of, twist_of
 from tests.benchmarks.tracking.judge import PIXEL_MM, felt, height_mm
 from tests.benchmarks.tracking.sequences import SEQUENCES, Moving, press, rolled
 

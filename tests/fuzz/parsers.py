@@ -33,8 +33,8 @@ from gellight.recording.recording_file import Recording, RecordingWriter
 from gellight.ring import protocol
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import Packet, decode, encode
-from gellight.sensor.v4l2.decoding import decode as decode_picture
 from gellight.sensor.v4l2.formats import Mode
+from gellight.sensor.v4l2.formats import decode as decode_picture
 from gellight.stream import wire
 from tests.fuzz.of_users import of_networks, of_other_files, of_tables, of_urls
 from tests.fuzz.parser import Parser, by_file

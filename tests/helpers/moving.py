@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gellight.tracking.rigid import carried, inverse, pose_of
-from gellight.tracking.view import View, eroded
+from gellight_scan.tracking.rigid import carried, inverse, pose_of
+from gellight_scan.tracking.view import View, eroded
 
 Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
 PIXEL_MM = 0.1176

@@ -19,7 +19,7 @@ from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, CaptureStamp
 from gellight.frames.image_files import read_image
-from gellight.frames.over_gel import over_gel
+from gellight.frames.pixel_grid import over_gel
 from gellight.lab.simulator.scene import Scene, under_light
 from gellight.recording.recording_file import RecordingWriter
 from gellight_scan.contact_view import ContactView

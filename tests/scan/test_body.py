@@ -8,10 +8,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from gellight.base.errors import InputError
-from gellight.tracking.rigid import inverse, pose_of
 from gellight_scan.body import Mesh, fused, step_for
 from gellight_scan.contact_view import ContactView
 from gellight_scan.pictures import mesh_picture
+from gellight_scan.tracking.rigid import inverse, pose_of
 from tests.helpers.ply import open_edges, read_ply, read_stl
 
 PIXEL_MM = 0.06

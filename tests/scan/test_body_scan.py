@@ -10,14 +10,14 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.lab.simulator.bodies import BEADS, bead_radius_mm
-from gellight.tracking.information import Agreement
-from gellight.tracking.rigid import carried, inverse, pose_of, twist_of
 from gellight_scan import body_scan
 from gellight_scan.body_scan import BodyScan, TouchReport
 from gellight_scan.contact_view import ContactView
 from gellight_scan.scan import Scan
 from gellight_scan.scan_files import alone, path_of, write_press
 from gellight_scan.touches import Touch, touches_in
+from gellight_scan.tracking.information import Agreement
+from gellight_scan.tracking.rigid import carried, inverse, pose_of, twist_of
 from tests.benchmarks.scan_bodies import fitted, frames
 from tests.benchmarks.tracking.sequences import Moving, press
 from tests.helpers.command_line import invoke, refused

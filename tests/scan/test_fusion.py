@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gellight.tracking.rigid import inverse, pose_of
 from gellight_scan.contact_view import ContactView
 from gellight_scan.fusion import Fused, fuse
+from gellight_scan.tracking.rigid import inverse, pose_of
 
 PIXEL_MM = 0.12
 SHAPE = (120, 160)

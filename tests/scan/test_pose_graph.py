@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from gellight.tracking.rigid import inverse, pose_of, twist_of
 from gellight_scan import pairs
 from gellight_scan.contact_view import ContactView
 from gellight_scan.levelling import Laid, levelled
 from gellight_scan.pairs import Fit, Joint, joined
 from gellight_scan.pose_graph import connected, solve
+from gellight_scan.tracking.rigid import inverse, pose_of, twist_of
 from tests.helpers.reliefs import Plate
 
 COVARIANCE = np.diag([0.01, 0.01, 0.005, 0.002, 0.002, 0.001]) ** 2

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
-from gellight.tracking.rigid import pose_of
 from gellight_scan import scan as scan_module
 from gellight_scan import scan_files
 from gellight_scan.contact_view import ContactView
@@ -18,6 +17,7 @@ from gellight_scan.height_map import HeightMap, load_height_map
 from gellight_scan.pairs import Joint
 from gellight_scan.pose_graph import Solved
 from gellight_scan.scan import MAP, PressReport, Scan
+from gellight_scan.tracking.rigid import pose_of
 from sim_reference.surface import press_object, sample
 from tests.benchmarks.scan import Part, errors_mm
 from tests.helpers.children import GELLIGHT, gellight, started

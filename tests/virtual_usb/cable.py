@@ -17,7 +17,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from gellight.ring.usb_numbers import PRODUCT, VENDOR
+from gellight.ring.transport import PRODUCT, VENDOR
 from tests.virtual_usb.descriptors import COMPOSITE, INTERFACES, RELEASE
 
 VERSION = 0x0111

@@ -8,7 +8,7 @@ bulk endpoint: an isochronous one would have to be served every 125 us.
 import struct
 from dataclasses import dataclass
 
-from gellight.ring.usb_numbers import PRODUCT, VENDOR
+from gellight.ring.transport import PRODUCT, VENDOR
 
 RELEASE = 0x0100
 MANUFACTURER, NAME = "GelLight", "GelLight virtual sensor"

@@ -14,10 +14,10 @@ from gellight.base.errors import BoardError, CameraError, GellightError, InputEr
 from gellight.frames.camera import Camera
 from gellight.lab.simulator.simulated_camera import built, open_simulated
 from gellight.lab.simulator.simulated_url import SimulatedUrl
-from gellight.ring import usb_numbers as numbers
 from gellight.ring.heat import HeardHeat
 from gellight.ring.light_ring import LightRing
 from gellight.ring.wire import LED_COUNT
+from tests.helpers import usb_numbers as numbers
 from tests.helpers.terminal_board import TerminalBoard
 from tests.virtual_usb import descriptors
 from tests.virtual_usb.cable import CablePulledError, Urb, UsbCable, pack_import, read_import

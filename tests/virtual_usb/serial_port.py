@@ -10,7 +10,7 @@ import struct
 import threading
 import time
 
-from gellight.ring.usb_numbers import DTR, GET_LINE_CODING, SEND_BREAK, SET_CONTROL_LINE_STATE, SET_LINE_CODING
+from tests.helpers.usb_numbers import DTR, GET_LINE_CODING, SEND_BREAK, SET_CONTROL_LINE_STATE, SET_LINE_CODING
 from tests.virtual_usb.cable import UsbCable
 from tests.virtual_usb.descriptors import SERIAL_ENDPOINT
 

@@ -1,6 +1,7 @@
 """What a pydantic model allows, in a user's words: for messages and for the reference of the settings."""
 
 import difflib
+import re
 from collections.abc import Iterable
 from typing import Annotated, Any, TypeVar
 from urllib.parse import SplitResult, parse_qsl, urlsplit
@@ -12,6 +13,8 @@ from gellight.base.errors import InputError
 Model = TypeVar("Model", bound=BaseModel)
 Byte = Annotated[int, Field(ge=0, le=255)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NAME = "[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
+ALLOWED = "at most 64 letters, digits, '-', '_' and '.', the first a letter or a digit"
 
 
 class StrictModel(BaseModel):
@@ -134,3 +137,10 @@ def query_of(url: str, model: type[Model]) -> Model:
         return model.model_validate(given)
     except ValidationError as error:
         raise InputError(f"{url}: {refusals(error, model, 'parameter')}") from None
+
+
+def check_name(name: str) -> str:
+    """Return `name`; InputError where no sensor can be called so."""
+    if not re.fullmatch(NAME, name):
+        raise InputError(f"--name {name!r} is not possible: give {ALLOWED}")
+    return name

@@ -1,4 +1,10 @@
-"""The errors of the host. Every message says what was wrong, with which value, and what to do about it."""
+"""The errors of the host. Every message says what was wrong, with which value, and what to do about it.
+
+Among them: that a package is missing which not every user has.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 class GellightError(Exception):
@@ -49,3 +55,14 @@ def first_line(error: Exception) -> str:
 def printable(name: object) -> str:
     """Return the name of a file with U+FFFD for what is no UTF-8, so that it can be drawn, stored and sent."""
     return str(name).encode(errors="surrogateescape").decode(errors="replace")
+
+
+@contextmanager
+def needed(remedy: str, kind: type[GellightError] = InputError) -> Iterator[None]:
+    """Import a package inside: an error of `kind` says the remedy where it is missing, else why it does not load."""
+    try:
+        yield
+    except ModuleNotFoundError:
+        raise kind(remedy) from None
+    except ImportError as error:  # as where no memory is left
+        raise kind(f"a package is there and cannot be loaded: {first_line(error)}") from error

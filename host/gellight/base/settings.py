@@ -17,10 +17,9 @@ from typing import Any, Literal
 import platformdirs
 from pydantic import Field, ValidationError
 
-from gellight.base.allowed import StrictModel, allowed, nearest
+from gellight.base.allowed import ALLOWED, NAME, StrictModel, allowed, nearest
 from gellight.base.errors import ConfigError
 from gellight.base.logs import LogForm
-from gellight.base.names import ALLOWED, NAME
 
 PREFIX = "GELLIGHT_"
 TOKEN = "^([A-Za-z0-9_-]{16,200})?$"

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from gellight.cli.advice import activation
-from gellight.cli.options import AsJson, simulated_settings, with_options
-from gellight.cli.run_options import RunOptions
+from gellight.cli.ending import activation
+from gellight.cli.options import AsJson, RunOptions, simulated_settings, with_options
 from gellight.cli.showing import show
 
 FRAME_TIMEOUT_S = 20.0

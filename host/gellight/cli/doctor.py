@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gellight.cli.advice import with_program_path
-from gellight.cli.ending import Ending
+from gellight.cli.ending import Ending, with_program_path
 from gellight.cli.options import AsJson
 from gellight.cli.showing import show
 from gellight.sensor.findings import Finding, Level

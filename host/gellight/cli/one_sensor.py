@@ -14,12 +14,11 @@ from typing import Any
 
 from gellight.base import logs
 from gellight.base.errors import CameraError
-from gellight.base.large_arrays import give_back_large_arrays
-from gellight.base.service_manager import ServiceManager
+from gellight.base.process import ServiceManager, give_back_large_arrays
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
-from gellight.cli.advice import with_program_path
-from gellight.cli.run_options import RunOptions
+from gellight.cli.ending import with_program_path
+from gellight.cli.options import RunOptions
 from gellight.cli.showing import show
 from gellight.daemon.assembly import open_session
 from gellight.daemon.calibration_service import CalibrationService

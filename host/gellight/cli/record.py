@@ -6,8 +6,7 @@ from typing import Annotated
 import typer
 
 from gellight.base.settings import load_settings
-from gellight.cli.options import AsJson, Seconds, check_out, with_options
-from gellight.cli.run_options import RunOptions
+from gellight.cli.options import AsJson, RunOptions, Seconds, check_out, with_options
 from gellight.frames.measures import MapOnRequest
 from gellight.recording.kinds import DepthKind
 

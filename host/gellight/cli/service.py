@@ -8,8 +8,8 @@ from typing import Annotated
 import platformdirs
 import typer
 
+from gellight.base.allowed import check_name
 from gellight.base.errors import InputError
-from gellight.base.names import check_name
 from gellight.base.writing import make_folder, write_file
 from gellight.cli.options import Overwrite, name_option
 

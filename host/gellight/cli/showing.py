@@ -10,7 +10,7 @@ from dataclasses import fields, is_dataclass
 
 from pydantic import BaseModel
 
-from gellight.cli.advice import with_program_path
+from gellight.cli.ending import with_program_path
 
 LOG_S = 10.0
 """between two lines of a log on how far the work is"""

@@ -7,9 +7,8 @@ from math import isnan
 from gellight.base.settings import ReconstructionSettings
 from gellight.bundle.bundle import Bundle
 from gellight.daemon.configuration import ModeConfig, PathKind, photometric_groups
-from gellight.frame_path.picture_path import PicturePath
 from gellight.frame_path.pipeline import FramePath, Reconstructor
-from gellight.frame_path.sequence_path import SequencePath
+from gellight.frame_path.sequence_path import PicturePath, SequencePath
 from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, Provenance, TactileFrame
 from gellight.frames.status import ForceStatus, TouchStatus
@@ -18,8 +17,8 @@ from gellight.reconstruction.force_file import read_force
 from gellight.series.reconstructor import PhotometricReconstructor
 from gellight.series.single_light_path import SingleLightPath
 from gellight.series.window import WindowReconstructor
+from gellight.watch.findings import gel_thickness_mm, impossible_depth
 from gellight.watch.monitor import SensorWatch
-from gellight.watch.possible import gel_thickness_mm, impossible_depth
 
 VERIFIED = ("presses", "depth_mm", "true_depth_mm", "normal_deg")
 """what the status says of the verification of the bundle: see `calibration.records.Verification`"""

@@ -30,12 +30,10 @@ from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.frames.picture import PictureSteps
 from gellight.frames.status import SensorStatus, TouchStatus
-from gellight.reconstruction.following import ContactFollower
+from gellight.reconstruction.following import ContactFollower, object_follower
 from gellight.reconstruction.shear.slip import SlipFollower
-from gellight.tracking.following import ObjectFollower
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 
-"""of one core: a check takes as long as ten frames"""
 CALIBRATING_PAUSE_S = 0.3
 """between two reconstructions while a calibration goes on: it needs the processor, and under its light depth means
 nothing"""
@@ -56,12 +54,14 @@ class SensorSession:
         """Take over `camera`, set and lit as `bundle` says (it is closed at the end), and build what `settings` say.
 
         pipeline: run this first instead. every: the pictures of files wait until `next_frame` asks for them. Raises
-        BundleError, ConfigError or InputError where bundle, settings and camera do not go together, and what the camera
-        raises that cannot take its frames so.
+        BundleError, ConfigError or InputError where bundle, settings and camera do not go together or nothing installed
+        tracks, and what the camera raises that cannot take its frames so.
         """
         self._camera = SwitchedCamera(camera)
         self._settings = settings
         """as it was opened: a mode that uses no light sequence does not forget how the next one moves it on"""
+        self._follow_object = object_follower() if settings.tracking.enabled else None
+        """what gives frames the pose of their object; None: nobody asks for it"""
         self._calibration: SensorState | None = None
         """how the sensor was set before a calibration; None while none goes on"""
         self.recording: str | None = None
@@ -72,11 +72,10 @@ class SensorSession:
         prepared = self._camera.prepared(config)
         self._active = pipeline or build_pipeline(config, prepared)
         self._camera.switch(prepared, config.light, None)
-        contacts, slips = ContactFollower(), SlipFollower()
-        self._objects = ObjectFollower(on=settings.tracking.enabled)
+        self._contacts, self._slips = ContactFollower(), SlipFollower()
         self._threads = FrameThreads(
             self._camera,
-            lambda frame: self._objects.follow(slips.follow(contacts.follow(self._active.reconstruct(frame)))),
+            self._felt,
             lambda: self.zeroed_bundle,
             every=every,
             realtime=settings.service.realtime,
@@ -221,8 +220,13 @@ class SensorSession:
             self._switch(self._active, SensorState(controls=bundle.controls, colours=shown))
 
     def track(self, on: bool) -> None:
-        """Give frames the pose of the object that touches from now on, or no more."""
-        self._objects.switch(on=on)
+        """Give frames the pose of the object that touches from now on, or no more; where nothing changes, go on.
+
+        Raises InputError where nothing that tracks is installed.
+        """
+        with self._changing:
+            if on != (self._follow_object is not None):
+                self._follow_object = object_follower() if on else None
 
     def begin_calibration(self) -> None:
         """Let a calibration set camera and LEDs: the watch rests, and few frames are reconstructed.
@@ -344,12 +348,18 @@ class SensorSession:
             },
             "watch": used.watch.status() if used.watch else None,
             "ring": ring.heat.known() if ring else None,
-            "tracking": self._objects.on,
+            "tracking": self._follow_object is not None,
             "recording": self.recording,
             "priority": "real time" if self._settings.service.realtime else "as other programs",
             "error": self._threads.problem or camera.get("why"),
             "camera": camera,
         }
+
+    def _felt(self, frame: CameraFrame) -> TactileFrame:
+        """Return what a camera frame feels, with what the frames before say of it."""
+        felt = self._slips.follow(self._contacts.follow(self._active.reconstruct(frame)))
+        follow = self._follow_object
+        return felt if follow is None else follow(felt)
 
     def _watch_now_and_then(self, frame: TactileFrame) -> None:
         """Let the watch look at a frame, and let the zero follow slow drift."""

@@ -23,8 +23,8 @@ from gellight.daemon.calls import Scanning
 from gellight.daemon.session import SensorSession
 from gellight.dashboard.messages import without_nan
 from gellight.dashboard.view import ReferenceViews, jpeg
-from gellight.frames.maps_file import maps_file
 from gellight.frames.point_cloud import ply
+from gellight.recording.array_files import maps_file
 
 logger = logging.getLogger(__name__)
 FOR_EVER = "public, max-age=31536000, immutable"

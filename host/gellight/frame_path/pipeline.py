@@ -9,10 +9,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import BundleError
+from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.numpy_path import NumpyPath
-from gellight.frame_path.picture_path import check_image
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.status import PathStatus
 from gellight.photometric.directions import FILE_NAME
@@ -136,4 +135,17 @@ def _refuse_series(bundle: Bundle) -> None:
         raise BundleError(
             f"{bundle.source} is of lights shown one after the other ({FILE_NAME}), a single picture says nothing: "
             "give `gellight run` or `reconstruct` a series of them, or the bundle of a calibration by colours"
+        )
+
+
+def check_image(camera_frame: CameraFrame, bundle: Bundle) -> None:
+    """Raise InputError unless an image is of the size and type of a calibration."""
+    image, name = camera_frame.image, camera_frame.source or "the image"
+    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+        raise InputError(f"{name} is {image.shape} {image.dtype}: give (H, W, 3) uint8, RGB")
+    if image.shape[:2] != bundle.image_shape:
+        height, width = bundle.image_shape
+        raise InputError(
+            f"{name} is {image.shape[1]} x {image.shape[0]} px, the calibration {bundle.source} is for "
+            f"{width} x {height} px: set the camera to that size or use the calibration of this sensor"
         )

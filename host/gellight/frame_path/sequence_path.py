@@ -1,14 +1,50 @@
-"""GelNet for frames of the light that it was trained for, the picture alone for those of a sequence's other lights."""
+"""The picture alone, for light or sensors that no network was trained for, and the path of a sequence of lights.
+
+That is GelNet for frames of the light that it was trained for, and the picture alone for those of the others.
+"""
 
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.frame_path.picture_path import PicturePath
-from gellight.frame_path.pipeline import Reconstructor
-from gellight.frames.frames import CameraFrame, LightState, TactileFrame
+from gellight.bundle.bundle import Bundle
+from gellight.frame_path.pipeline import Reconstructor, check_image
+from gellight.frames.frames import CameraFrame, Contact, LightState, TactileFrame
 from gellight.frames.status import PathStatus
+from gellight.reconstruction.stages import Stages
+
+
+class PicturePath:
+    """Passes pictures on and feels nothing; what was not measured is NaN: depth, slopes, normals, area and indentation.
+
+    The contact patch is empty. All frames share these maps, read-only.
+    """
+
+    def __init__(self, bundle: Bundle) -> None:
+        """Pass on pictures of the size of `bundle`."""
+        self.bundle = bundle
+        shape = bundle.image_shape
+        self._no_slopes = np.full((*shape, 2), np.nan, np.float32)
+        self._no_depth, self._nowhere = np.full(shape, np.nan, np.float32), np.zeros(shape, np.bool_)
+        for array in (self._no_slopes, self._no_depth, self._nowhere):
+            array.flags.writeable = False
+
+    def status(self) -> PathStatus:
+        """Return the mode, and that nothing is computed, ready for JSON."""
+        return {"mode": "network", "computed_by": "nothing: the sensor is not calibrated"}
+
+    def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
+        """Return the tactile frame; InputError for an image of another size or type than the bundle's."""
+        check_image(camera_frame, self.bundle)
+        stages = Stages()
+        difference = np.subtract(camera_frame.image, self.bundle.reference, dtype=np.float32)
+        stages.end("difference")
+        nowhere = Contact(mask=self._nowhere, area_mm2=np.nan, indentation_mm=np.nan, centroid_mm=None)
+        return TactileFrame(
+            camera_frame=camera_frame, difference=difference, gradient_map=self._no_slopes,
+            depth_mm=self._no_depth, contact=nowhere, stage_seconds=stages.seconds,
+        )  # fmt: skip
 
 
 class SequencePath:

@@ -1,13 +1,15 @@
-"""Contacts from frame to frame: which one is which, since when, and how it moves."""
+"""Contacts from frame to frame: which one is which, since when, and how it moves; and who follows the object."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from importlib.metadata import entry_points
 from math import inf, isnan
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.errors import InputError
 from gellight.frames.frames import Patch, TactileFrame
 
 Array = NDArray[np.float64]
@@ -92,6 +94,20 @@ class ContactFollower:
         one.note(patch, now_s)
         age_s = max(now_s - one.since_s, 0.0)
         return replace(patch, number=one.number, age_s=age_s, velocity_mm_s=one.velocity_mm_s)
+
+
+def object_follower() -> Callable[[TactileFrame], TactileFrame]:
+    """Return what gives the frames of one sensor the pose of their object, one after the other.
+
+    Another distribution has it (entry point `gellight.trackers`); InputError where none is installed.
+    """
+    for found in entry_points(group="gellight.trackers"):
+        follow: Callable[[TactileFrame], TactileFrame] = found.load()().follow
+        return follow
+    raise InputError(
+        'tracking comes with gellight_scan, which is not installed: pip install "gellight[scan]", or '
+        "./host/gellight_scan from a clone of GelLight"
+    )
 
 
 def _matched(

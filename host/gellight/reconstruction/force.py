@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from gellight.base.errors import InputError
-from gellight.frames.over_gel import over_gel
-from gellight.frames.pixel_grid import block_means, bounding_box
+from gellight.frames.pixel_grid import block_means, bounding_box, over_gel
 from gellight.reconstruction.contact import THRESHOLD_MM, find_contact
 
 Array = NDArray[np.float64]

@@ -1,7 +1,8 @@
-"""Tactile frames in one HDF5 file of arrays, written by its library.
+"""Tactile frames as arrays: many in one HDF5 file, written by its library, or one in an .npz file.
 
-A picture or a map is a chunk, so that a program reads one frame without the others. Depth and slopes are rounded to
-`STEP`, which lets them be packed; nothing else is lost. All figures are arrays of one number, or two, a frame.
+In HDF5 a picture or a map is a chunk, so that a program reads one frame without the others. Depth and slopes are
+rounded to `STEP`, which lets them be packed; nothing else is lost. All figures are arrays of one number, or two, a
+frame.
 """
 
 import io
@@ -13,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import InputError
-from gellight.base.packages import needed
+from gellight.base.errors import InputError, needed
 from gellight.base.writing import whole
 from gellight.frames.frames import TactileFrame
 
@@ -173,3 +173,22 @@ class _Patient(io.RawIOBase):
         self._file.close()
         self.close()
         self.check()
+
+
+def maps_file(frame: TactileFrame, findings: Sequence[str] = ()) -> bytes:
+    """Return the content of an .npz file with the maps of a frame and what is known against it."""
+    content = io.BytesIO()
+    maps: dict[str, NDArray[Any]] = {
+        "gradient_map": frame.gradient_map,
+        "normal_map": frame.normal_map,
+        "depth_mm": frame.depth_mm,
+        "contact": frame.contact.mask,
+        "findings": np.array(findings, np.str_),
+    }
+    maps |= frame.maps_on_request()
+    if bounds := frame.error_bounds:
+        maps |= {"normal_error_deg": bounds.normal_deg, "shape_error_mm": bounds.shape_mm}
+    if frame.force:
+        maps |= {"force_n": np.array(frame.force.normal_n), "force_error_n": np.array(frame.force.error_n)}
+    np.savez(content, **maps)  # type: ignore[arg-type]
+    return content.getvalue()

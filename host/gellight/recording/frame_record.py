@@ -16,8 +16,7 @@ from gellight.frames.frames import CameraFrame, CaptureStamp, ExposureSeries, Li
 from gellight.frames.jpeg import CorruptPictureError
 from gellight.frames.shear import DotFigures, DotsSeen
 from gellight.recording.ros_messages import RosImage, decode_compressed, encode_compressed
-from gellight.sensor.v4l2.decoding import decode
-from gellight.sensor.v4l2.formats import Mode
+from gellight.sensor.v4l2.formats import Mode, decode
 
 MOST_PX = 8192
 NO_SERIES = (

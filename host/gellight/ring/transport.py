@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Protocol
 
 from gellight.base.errors import BoardError, first_line
 from gellight.base.holders import holders_text
-from gellight.ring import usb_numbers as numbers
 from gellight.ring.wire import LED_COUNT
 
 if TYPE_CHECKING:
@@ -20,6 +19,10 @@ if TYPE_CHECKING:
 
 SIMULATED = r"(leds=\d{1,2}|ring_c=-?\d{1,3}(\.\d+)?)"
 """what a simulated board is told"""
+VENDOR, PRODUCT = 0x1209, 0x0001
+"""by which the board is known on USB"""
+NAME = "GelLight"
+"""how the product string of every board begins, also of one that its maker gave a number of his own"""
 
 
 class SilentError(BoardError):
@@ -64,7 +67,7 @@ def board_ports() -> "list[ListPortInfo]":
     """Return the serial ports of all boards that are plugged in."""
     from serial.tools import list_ports
 
-    return [port for port in list_ports.comports() if numbers.is_board(port.vid, port.pid, port.product)]
+    return [port for port in list_ports.comports() if is_board(port.vid, port.pid, port.product)]
 
 
 def find_port(which: str) -> str:
@@ -125,3 +128,8 @@ def _why_closed(port: str, error: Exception) -> str:
     if number in (errno.EBUSY, errno.EAGAIN) or "lock" in str(error):
         return f"{port} is in use by {holders_text(port)}: end that programme"
     return f"cannot open {port} ({error}): unplug the light ring and plug it in again"
+
+
+def is_board(vendor: int | None, product: int | None, name: str | None) -> bool:
+    """Whether a device with these numbers and this product string is a board of ours."""
+    return (vendor, product) == (VENDOR, PRODUCT) or (name or "").startswith(NAME)

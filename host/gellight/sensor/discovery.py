@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gellight.base.errors import CameraError
-from gellight.ring.usb_numbers import is_board
+from gellight.ring.transport import is_board
 from gellight.sensor.v4l2.errors import UnpluggedError
 
 SYSFS, DEV = Path("/sys"), Path("/dev")

@@ -17,9 +17,18 @@ from gellight.frames.status import WatchStatus
 from gellight.watch.cells import Cells, cell_means, spread
 from gellight.watch.expected import ErrorEstimate, ExpectedError
 from gellight.watch.explanation import Explanation, explain
-from gellight.watch.findings import WatchFinding, advice, light_findings, never_at_rest, other_unit, spot_finding
+from gellight.watch.findings import (
+    WatchFinding,
+    advice,
+    impossible_depth,
+    learnt_elsewhere,
+    light_findings,
+    never_at_rest,
+    other_unit,
+    spot_finding,
+    unseen_contact,
+)
 from gellight.watch.other_unit import UnitCheck
-from gellight.watch.possible import impossible_depth, learnt_elsewhere, unseen_contact
 from gellight.watch.rezero import Situation, refusal
 from gellight.watch.spots import SpotTracker
 from gellight.watch.untouched_model import Mask, UntouchedModel

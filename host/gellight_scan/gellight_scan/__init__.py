@@ -1,5 +1,6 @@
 """Surfaces larger than the view: presses side by side become a map of heights, which can be measured, or a mesh.
 
+tracking/        where the object in the gel has gone, from frame to frame
 contact_view.py  one press as the tracker sees it, and its height
 presses.py       settled presses in a stream of frames
 search.py        where two presses may lie beside each other

@@ -14,7 +14,6 @@ from gellight.base.errors import GellightError, InputError
 from gellight.frames.camera import EndOfStream, PressStage
 from gellight.frames.frames import TactileFrame
 from gellight.lab.report.pictures import encode_png
-from gellight.tracking.rigid import carried
 from gellight_scan.contact_view import ContactView
 from gellight_scan.fusion import corners_mm
 from gellight_scan.map_files import content_of
@@ -22,6 +21,7 @@ from gellight_scan.pictures import coloured_heights
 from gellight_scan.presses import Phase, ahead, presses_in
 from gellight_scan.scan import Scan
 from gellight_scan.scan_files import alone
+from gellight_scan.tracking.rigid import carried
 
 logger = logging.getLogger(__name__)
 

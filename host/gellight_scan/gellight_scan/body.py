@@ -16,8 +16,8 @@ from scipy.ndimage import map_coordinates
 from gellight.base.errors import InputError
 from gellight.frames.point_cloud import mesh_stl, ply_file
 from gellight.reconstruction.integration import surface_gradient
-from gellight.tracking.rigid import carried, inverse
 from gellight_scan.contact_view import ContactView
+from gellight_scan.tracking.rigid import carried, inverse
 
 Array = NDArray[np.float64]
 NOTHING = "the gel reached too little of the body for a surface: press it deeper"

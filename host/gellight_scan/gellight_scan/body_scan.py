@@ -19,17 +19,17 @@ from numpy.typing import NDArray
 
 from gellight.base.writing import write_file
 from gellight.lab.report.pictures import write_png
-from gellight.tracking.information import Agreement, agreement, information
-from gellight.tracking.registration import SCALE, Keyframe, guesses, register, spins
-from gellight.tracking.rigid import inverse
-from gellight.tracking.tracker import COARSE_POINTS, TRIED_STEPS, agrees, score
-from gellight.tracking.view import View
 from gellight_scan.body import Mesh, fused
 from gellight_scan.pairs import Joint
 from gellight_scan.pictures import mesh_picture
 from gellight_scan.pose_graph import LEFT_OUT, Solved, solve
 from gellight_scan.scan_files import KeptPresses
 from gellight_scan.touches import Touch, covered, view_of
+from gellight_scan.tracking.information import Agreement, agreement, information
+from gellight_scan.tracking.registration import SCALE, Keyframe, guesses, register, spins
+from gellight_scan.tracking.rigid import inverse
+from gellight_scan.tracking.tracker import COARSE_POINTS, TRIED_STEPS, agrees, score
+from gellight_scan.tracking.view import View
 
 Array = NDArray[np.float64]
 MESH, PRINTED, PICTURE = "body.ply", "body.stl", "body.png"

@@ -14,7 +14,16 @@ from scipy.ndimage import gaussian_filter
 
 from gellight.frames.pixel_grid import between_blocks
 from gellight.reconstruction.integration import surface_gradient
-from gellight.tracking.view import COATING_MM, LEAST_MM, THICKNESS_MM, WORKING_PX, View, eroded, pressure_of, reduced
+from gellight_scan.tracking.view import (
+    COATING_MM,
+    LEAST_MM,
+    THICKNESS_MM,
+    WORKING_PX,
+    View,
+    eroded,
+    pressure_of,
+    reduced,
+)
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]

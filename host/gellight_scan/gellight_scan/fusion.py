@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from gellight.tracking.rigid import carried, inverse
 from gellight_scan.contact_view import BASE_MM, ContactView
 from gellight_scan.height_map import HeightMap
 from gellight_scan.levelling import OUTLIER, Laid, levelled, overlaps
+from gellight_scan.tracking.rigid import carried, inverse
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]

@@ -11,7 +11,7 @@ from gellight.base.errors import InputError, first_line
 from gellight.base.writing import write_file
 from gellight.bundle.contents import UNZIPPING, arrays_of, read_file
 from gellight.frames.frames import TactileFrame
-from gellight.frames.over_gel import over_gel
+from gellight.frames.pixel_grid import over_gel
 from gellight_scan.contact_view import reached_by
 
 FIELDS = ("height_mm", "error_mm", "pixel_mm")

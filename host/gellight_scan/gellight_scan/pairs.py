@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.tracking.information import Agreement, agreement, information
-from gellight.tracking.registration import MOST_STEPS, SCALE, Keyframe, Registration, register
-from gellight.tracking.rigid import carried, inverse
-from gellight.tracking.view import View, at_pixels
 from gellight_scan.contact_view import ContactView
 from gellight_scan.search import LEAST_MM2, starts
+from gellight_scan.tracking.information import Agreement, agreement, information
+from gellight_scan.tracking.registration import MOST_STEPS, SCALE, Keyframe, Registration, register
+from gellight_scan.tracking.rigid import carried, inverse
+from gellight_scan.tracking.view import View, at_pixels
 
 Array = NDArray[np.float64]
 POINTS, COARSE_POINTS = 3000, 600

@@ -17,8 +17,8 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import spsolve
 from scipy.special import chdtri
 
-from gellight.tracking.rigid import inverse, moved_twists, orthonormal, pose_of, twist_of
 from gellight_scan.pairs import Joint
+from gellight_scan.tracking.rigid import inverse, moved_twists, orthonormal, pose_of, twist_of
 
 Array = NDArray[np.float64]
 LIMIT = float(chdtri(6, 0.001))

@@ -11,7 +11,7 @@ import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.frames.frames import TactileFrame
-from gellight.frames.over_gel import over_gel
+from gellight.frames.pixel_grid import over_gel
 from gellight_scan.contact_view import ContactView, Floats
 
 LEAST_MM = 0.08

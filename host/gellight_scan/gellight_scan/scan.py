@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.lab.report.pictures import write_png
-from gellight.tracking.rigid import carried, inverse
 from gellight_scan.contact_view import ContactView
 from gellight_scan.fusion import Fused, fuse
 from gellight_scan.pairs import Joint, joined
 from gellight_scan.pictures import height_picture
 from gellight_scan.pose_graph import LEFT_OUT, Solved, solve
 from gellight_scan.scan_files import KeptPresses, path_of
+from gellight_scan.tracking.rigid import carried, inverse
 
 Array = NDArray[np.float64]
 MAP, PICTURE = "map.npz", "map.png"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import affine_transform, maximum_filter
 
 from gellight.frames.pixel_grid import block_means
-from gellight.tracking.view import View
+from gellight_scan.tracking.view import View
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.frames import TactileFrame
-from gellight.frames.over_gel import over_gel
+from gellight.frames.pixel_grid import over_gel
 from gellight.reconstruction.integration import surface_gradient
-from gellight.tracking.following import ObjectFollower
-from gellight.tracking.rigid import carried, inverse
-from gellight.tracking.view import WORKING_PX, View, at_pixels, reduced
 from gellight_scan.contact_view import ContactView
+from gellight_scan.tracking.following import ObjectFollower
+from gellight_scan.tracking.rigid import carried, inverse
+from gellight_scan.tracking.view import WORKING_PX, View, at_pixels, reduced
 
 Array = NDArray[np.float64]
 ROLLED_ON = 0.85
@@ -57,7 +57,7 @@ def covered(one: View, other: View, motion: Array) -> float:
 
 def touches_in(frames: Iterator[TactileFrame]) -> Iterator[Touch]:
     """Yield touches of an object that is followed through frames; InputError for a frame without depth."""
-    follower, last, last_view = ObjectFollower(on=True, doubts=False), None, None
+    follower, last, last_view = ObjectFollower(doubts=False), None, None
     for frame in frames:
         if isnan(frame.contact.indentation_mm) or frame.provenance is None:
             raise InputError("the sensor has no calibration, so there is no depth to scan: calibrate it first")

@@ -20,9 +20,9 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.lab.training.training import TrainingOptions
-from gellight.tracking.rigid import twist_of
-from gellight.tracking.tracker import Tracker
-from gellight.tracking.view import View
+from gellight_scan.tracking.rigid import twist_of
+from gellight_scan.tracking.tracker import Tracker
+from gellight_scan.tracking.view import View
 from tests.benchmarks.real_judging import fitted
 from tests.benchmarks.real_sets import gelslam
 

@@ -24,10 +24,10 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.frames.pose import ObjectPose
-from gellight.tracking.registration import SCALE
-from gellight.tracking.rigid import inverse, twist_of
-from gellight.tracking.tracker import UNTELLABLE_MM, Tracker
-from gellight.tracking.view import View
+from gellight_scan.tracking.registration import SCALE
+from gellight_scan.tracking.rigid import inverse, twist_of
+from gellight_scan.tracking.tracker import UNTELLABLE_MM, Tracker
+from gellight_scan.tracking.view import View
 from tests.benchmarks.tracking.sequences import HELD_OUT, SEQUENCES, TUNED_ON, press
 
 Array = NDArray[np.float64]

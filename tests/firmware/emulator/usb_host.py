@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from gellight.ring import usb_numbers as numbers
 from tests.firmware.emulator.usb_rules import AVAILABLE, DATA1, STALL, BufferRules, endpoint_kinds, is_descriptor
+from tests.helpers import usb_numbers as numbers
 
 SET_INTERFACE = 11
 ENDPOINT0_BYTES, ENDPOINTS = 64, 16

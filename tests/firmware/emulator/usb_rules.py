@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from gellight.ring import usb_numbers as numbers
+from tests.helpers import usb_numbers as numbers
 
 AVAILABLE, STALL, DATA1 = 1 << 10, 1 << 11, 1 << 13
 CYCLE_NS = 1e9 / 48e6

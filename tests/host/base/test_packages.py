@@ -2,8 +2,7 @@
 
 import pytest
 
-from gellight.base.errors import InputError
-from gellight.base.packages import needed
+from gellight.base.errors import InputError, needed
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.cli import ending
-from gellight.cli.advice import activation, program, with_program_path
-from gellight.cli.ending import MEANINGS, Ending, end, until_interrupted
+from gellight.cli.ending import MEANINGS, Ending, activation, end, program, until_interrupted, with_program_path
 from tests.helpers.children import run
 from tests.helpers.places import CHECKOUT
 

@@ -13,7 +13,7 @@ from unittest.mock import Mock
 import pytest
 
 from gellight.base.errors import ConfigError, InputError
-from gellight.base.service_manager import ServiceManager
+from gellight.base.process import ServiceManager
 from gellight.base.settings import load_settings
 from gellight.cli.service import unit
 from gellight.sensor import udev
@@ -145,7 +145,7 @@ def test_the_udev_rule_names_our_devices_and_no_others_and_comes_before_the_seat
     ours = [rule for rule in rules if '"2e8a"' not in rule]
     assert len(ours) == 3
     assert all('{product}=="GelLight*"' in rule and '{idVendor}=="1209"' in rule for rule in ours)
-    from gellight.ring.usb_numbers import PRODUCT, VENDOR
+    from gellight.ring.transport import PRODUCT, VENDOR
 
     text = udev.RULE.read_text()
     assert text.count(f'{{idVendor}}=="{VENDOR:04x}"') == text.count(f'{{idProduct}}=="{PRODUCT:04x}"') == 3

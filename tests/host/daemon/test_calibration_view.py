@@ -13,7 +13,7 @@ from gellight.daemon.calibration_service import CalibrationRequest as Request
 from gellight.daemon.calibration_service import CalibrationService as Service
 from gellight.daemon.calibration_service import ViewFile
 from gellight.daemon.session import SensorSession
-from gellight.frame_path.picture_path import PicturePath
+from gellight.frame_path.sequence_path import PicturePath
 from gellight.frames.camera import Camera
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View

@@ -17,10 +17,10 @@ from gellight.frames.dot_following import DotFollower
 from gellight.frames.dots import Dots, find_dots
 from gellight.frames.frames import CameraFrame
 from gellight.frames.view import View
-from gellight.tracking.tracker import Tracker
-from gellight.tracking.view import View as TrackedView
 from gellight.watch.monitor import SensorWatch
 from gellight.watch.other_unit import UnitCheck
+from gellight_scan.tracking.tracker import Tracker
+from gellight_scan.tracking.view import View as TrackedView
 
 HEIGHT, WIDTH, PITCH = 480, 640, 16.0
 MOST_BYTES, MOST_CPU_S = 100e6, 1.0

@@ -9,9 +9,8 @@ import pytest
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import extend_bundle, load_bundle
 from gellight.frames.dots import find_dots
-from gellight.frames.over_gel import over_gel
 from gellight.frames.picture import FILE_NAME, PictureSteps, steps_of
-from gellight.frames.pixel_grid import block_means, gel_points_mm, plane_means, spread_blocks
+from gellight.frames.pixel_grid import block_means, gel_points_mm, over_gel, plane_means, spread_blocks
 from gellight.frames.point_cloud import ply, points_of
 from gellight.frames.view import View, read_view
 from gellight.lab.optics.lens.lattice import view_of_grid

@@ -18,7 +18,7 @@ from gellight.bundle.bundle import REFERENCE, Bundle, load_bundle, packed_bundle
 from gellight.bundle.contents import encoded_reference
 from gellight.frames.frames import CaptureStamp
 from gellight.recording.recording_file import Recording, RecordingWriter
-from gellight.tracking.rigid import inverse, pose_of, twist_of
+from gellight_scan.tracking.rigid import inverse, pose_of, twist_of
 from tests.helpers.drawn_frames import check_same, tactile_frames
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.recorded import read_all

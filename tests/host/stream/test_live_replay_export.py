@@ -11,7 +11,7 @@ import gellight
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle
-from gellight.cli.running.tactile import tactile_frames
+from gellight.cli.running.export import tactile_frames
 from gellight.daemon.assembly import open_session
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame

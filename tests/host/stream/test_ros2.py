@@ -28,7 +28,7 @@ from gellight.frames.shear import DotsSeen, Shear, Unseen
 from gellight.recording.ros_messages import DEFINITIONS, HASHES, POSE, TF
 from gellight.stream.ros2 import QOS, Ros2Publisher
 from gellight.stream.ros_topics import RosTopics, covariance_of, wrench_of
-from gellight.tracking.rigid import pose_of
+from gellight_scan.tracking.rigid import pose_of
 from tests.helpers.cdr import decoded
 from tests.helpers.children import run
 from tests.helpers.places import CHECKOUT

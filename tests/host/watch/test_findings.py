@@ -9,8 +9,14 @@ import pytest
 from gellight.frames.measures import STEEP
 from gellight.watch.expected import ExpectedError
 from gellight.watch.explanation import Explanation
-from gellight.watch.findings import advice, light_findings, spot_finding
-from gellight.watch.possible import guessed_contact, impossible_depth, unseen_contact
+from gellight.watch.findings import (
+    advice,
+    guessed_contact,
+    impossible_depth,
+    light_findings,
+    spot_finding,
+    unseen_contact,
+)
 from gellight.watch.spots import Spot, SpotKind, SpotTracker
 
 CELLS = (30, 40)

@@ -15,8 +15,8 @@ from gellight.frames.image_files import read_image
 from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.training import Learning, TrainingOptions, fit
+from gellight.watch.findings import gel_thickness_mm, guessed_contact, impossible_depth
 from gellight.watch.monitor import PERIOD_S, SensorWatch
-from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth
 from tests.benchmarks.real_sets import SETS
 from tests.helpers.linear_sensor import linear_bundle
 from tests.helpers.places import real

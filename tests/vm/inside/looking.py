@@ -11,7 +11,7 @@ import cv2
 
 from gellight.base.errors import CameraError, GellightError
 from gellight.lab.doctor.sensor_checks import check_stamps
-from gellight.sensor.v4l2.decoding import decode
+from gellight.sensor.v4l2.formats import decode
 from gellight.sensor.v4l2.options import CaptureOptions
 from gellight.sensor.v4l2.video_camera import V4l2Camera
 from tests.virtual_usb.encoding import read_mark

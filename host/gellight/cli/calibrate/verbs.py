@@ -42,8 +42,8 @@ VERBS = lazy_group(
         "fit": ("calibrate.training:fit", "Train on presses of a ball, and write a calibration bundle."),
         "evaluate": ("calibrate.training:evaluate", "Measure the error of a bundle on labelled presses."),
         "adapt": ("calibrate.adapt:command", "Adapt a bundle to light that has changed, without a press."),
-        "lens": ("calibrate.lens:command", "Measure the distortion of the lens and write the bundle with it."),
-        "lights": ("calibrate.lights:command", "Measure the light of each LED on the untouched gel."),
+        "lens": ("calibrate.optics:lens", "Measure the distortion of the lens and write the bundle with it."),
+        "lights": ("calibrate.optics:lights", "Measure the light of each LED on the untouched gel."),
         "channels": (
             "calibrate.channels:command",
             "Train GelNet on balls under three or more lights, a channel for each.",

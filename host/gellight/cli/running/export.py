@@ -1,26 +1,61 @@
-"""A recording as files that other programs read."""
+"""A recording as tactile frames, computed from its pictures, and as files that other programs read."""
 
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from importlib.metadata import entry_points
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from gellight.base.errors import InputError
+from gellight.base.settings import Settings
 from gellight.base.writing import whole, write_file
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.cli.running.tactile import tactile_frames
 from gellight.cli.showing import show
-from gellight.frames.frames import TactileFrame
-from gellight.frames.maps_file import maps_file
+from gellight.daemon.active_pipeline import path_for
+from gellight.daemon.configuration import mode_config
+from gellight.frame_path.pipeline import FramePath
+from gellight.frames.camera import EndOfStream
+from gellight.frames.frames import CaptureStamp, Provenance, TactileFrame
+from gellight.frames.picture import prepared
 from gellight.frames.point_cloud import ply
 from gellight.lab.report.pictures import VideoFile, encode_png, four_panels
-from gellight.recording.array_files import write_arrays
+from gellight.reconstruction.following import object_follower
+from gellight.recording.array_files import maps_file, write_arrays
 from gellight.recording.kinds import ONE_FILE, Kind
 from gellight.recording.recording_file import Recording
-from gellight.tracking.following import ObjectFollower
+from gellight.recording.replay_camera import ReplayCamera, ReplayUrl
+from gellight.watch.findings import gel_thickness_mm
+
+
+def tactile_frames(recording: Recording, bundle: Bundle | None) -> Iterator[TactileFrame]:
+    """Yield the tactile frames of a recording, by `bundle` or by the one that was in use at each frame.
+
+    They are those of a replay, with the times of the recording.
+    """
+    camera = ReplayCamera(recording, url=str(recording.path), chosen=ReplayUrl(speed=0, start=0))
+    shown = prepared(camera, bundle or recording.bundle)
+    path: FramePath | None = None
+    with suppress(EndOfStream):
+        while True:
+            frame, info = shown.read(), camera.record.info
+            wanted = bundle or recording.bundles[info.zero]
+            if path is None or path.bundle is not wanted:
+                path = path_for(mode_config(wanted, Settings()), wanted)
+            stamp = CaptureStamp(zeroed=wanted, unix_s=info.unix_s)
+            provenance = Provenance(
+                calibration=(bundle or recording.bundle).identity,
+                zero=wanted.identity,
+                pixel_size_mm=wanted.pixel_size_mm,
+                unix_s=info.unix_s,
+                ages_s={},
+                gel_thickness_mm=gel_thickness_mm(wanted),
+                camera_height_mm=wanted.manifest.camera_height_mm,
+            )
+            yield replace(path.reconstruct(replace(frame, time_s=info.time_s, stamp=stamp)), provenance=provenance)
+
 
 VIDEO = "video.mp4"
 FPS_FRAMES = 30
@@ -38,11 +73,15 @@ def export(
     track: bool,
     as_json: bool,
 ) -> None:
-    """Write every n-th frame of a recording into the folder `out`, and show how many; scale_um: of the colours."""
+    """Write every n-th frame of a recording into the folder `out`, and show how many; scale_um: of the colours.
+
+    Raises InputError where `track` asks for poses and nothing that tracks is installed; then nothing is written.
+    """
+    follow = object_follower() if track else None
     recording = Recording(file)
     bundle = load_bundle(calibration) if calibration else None
     felt, used = tactile_frames(recording, bundle), bundle or recording.bundle
-    frames = islice(map(ObjectFollower(on=track).follow, felt), 0, None, every)
+    frames = islice(map(follow, felt) if follow else felt, 0, None, every)
     known: dict[str, Any] = {"pixel_size_mm": used.pixel_size_mm, "calibration": used.identity, "source": file.name}
     with _emptied(out):
         match kind:

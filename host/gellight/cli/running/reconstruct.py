@@ -20,13 +20,19 @@ from gellight.cli.showing import show
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import TactileFrame
 from gellight.frames.image_files import ImageCamera, image_files
-from gellight.frames.maps_file import maps_file
 from gellight.frames.picture import prepared
 from gellight.lab.report.pictures import encode_png, four_panels
 from gellight.reconstruction.light_drift import light_drift
+from gellight.recording.array_files import maps_file
 from gellight.series.single_light_path import frame_of_lights, has_single_lights
-from gellight.watch.findings import WatchFinding, other_light
-from gellight.watch.possible import gel_thickness_mm, guessed_contact, impossible_depth, learnt_elsewhere
+from gellight.watch.findings import (
+    WatchFinding,
+    gel_thickness_mm,
+    guessed_contact,
+    impossible_depth,
+    learnt_elsewhere,
+    other_light,
+)
 
 
 @dataclass(frozen=True)

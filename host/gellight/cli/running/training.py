@@ -18,13 +18,12 @@ from gellight.frames.view import View, read_view
 from gellight.lab.training import validation
 from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.label_file import read_presses
-from gellight.lab.training.labelling.ball_size import felt_ball
 from gellight.lab.training.labelling.pixel_ratio import PixelRatio, pixel_ratio
 from gellight.lab.training.level_light import lights_of_unit
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.skirts import skirt_words
 from gellight.lab.training.training import Learning, Reference, like_words, read_reference
-from gellight.lab.training.validation import AngleFigures, ImageFigures, IndentationFigures, PressFigures
+from gellight.lab.training.validation import AngleFigures, ImageFigures, IndentationFigures, PressFigures, felt_ball
 from gellight.lab.training.wrong_labels import contradicted_lines, sorted_out
 from gellight.photometric.lights_file import has_lights
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from gellight.base.errors import BoardError, GellightError, InputError
 from gellight.base.holders import holders
 from gellight.lab.doctor.sensor_checks import check_sensor
-from gellight.ring.usb_numbers import is_board
+from gellight.ring.transport import is_board
 from gellight.sensor import udev
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.discovery import NOTHING, SEE_SIMULATED, Discovery, Node, Sensor, attribute

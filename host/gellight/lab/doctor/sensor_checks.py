@@ -15,7 +15,7 @@ from gellight.ring.light_ring import LightRing
 from gellight.sensor.connection import Surroundings
 from gellight.sensor.discovery import Sensor
 from gellight.sensor.findings import Finding, Level, failure, judged, ok, problem, warning
-from gellight.sensor.v4l2.decoding import decode
+from gellight.sensor.v4l2.formats import decode
 from gellight.sensor.v4l2.stamps import StampMeaning, cadence
 from gellight.sensor.v4l2.stream import Picture
 from gellight.sensor.v4l2.video_camera import V4l2Camera

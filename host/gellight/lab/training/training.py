@@ -20,10 +20,16 @@ from gellight.frames.dots import Dots, find_dots
 from gellight.frames.picture import PictureSteps, PreparedCamera
 from gellight.frames.view import View
 from gellight.lab.training.child import Check, Progress, TrainerName, checked_trainer, go_on, run_module, silent
-from gellight.lab.training.gel_at_rest import rest_of_presses
 from gellight.lab.training.level_light import at_rest_depth
 from gellight.lab.training.presses import Ball, Press
-from gellight.lab.training.table import PressTable, TableOptions, build_table, drift_of_presses, under_light_of
+from gellight.lab.training.table import (
+    PressTable,
+    TableOptions,
+    build_table,
+    drift_of_presses,
+    rest_of_presses,
+    under_light_of,
+)
 from gellight.opening import open_camera
 from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import lights_file

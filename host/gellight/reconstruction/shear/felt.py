@@ -19,8 +19,7 @@ from gellight.frames.pixel_grid import block_means, spread_blocks
 from gellight.frames.shear import FEW_DOTS, FRICTION, PERSPECTIVE, DotsSeen, Shear
 from gellight.reconstruction.force import Layer, cell_side_px
 from gellight.reconstruction.force_file import ForceRecord
-from gellight.reconstruction.shear.inverse import Pull, find_pull
-from gellight.reconstruction.shear.layer import kernels
+from gellight.reconstruction.shear.traction import Pull, find_pull, kernels
 
 Array = NDArray[np.float64]
 NO_CONSTANT = "the bundle has no constant for the force: find it with `gellight calibrate force`"

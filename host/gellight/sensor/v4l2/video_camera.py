@@ -11,10 +11,9 @@ from gellight.frames.frames import CameraFrame, EncodedImage
 from gellight.frames.jpeg import CorruptPictureError
 from gellight.frames.status import CameraStatus
 from gellight.sensor.v4l2.controls import V4l2Controls
-from gellight.sensor.v4l2.decoding import decode
 from gellight.sensor.v4l2.device import Device
 from gellight.sensor.v4l2.errors import LINUX, Kernel, StalledError
-from gellight.sensor.v4l2.formats import Offer
+from gellight.sensor.v4l2.formats import Offer, decode
 from gellight.sensor.v4l2.options import CaptureOptions
 from gellight.sensor.v4l2.stamps import STAMP_ERROR_S, StampMeaning, hardware_stamps
 from gellight.sensor.v4l2.stream import BAD_LIMIT, Picture

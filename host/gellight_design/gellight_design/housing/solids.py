@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from gellight.base.packages import needed
+from gellight.base.errors import needed
 from gellight_design.parts import Point
 
 Solid = Any

@@ -6,7 +6,7 @@ from pathlib import Path
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import Bundle, load_bundle
-from gellight.cli.running.tactile import tactile_frames
+from gellight.cli.running.export import tactile_frames
 from gellight.cli.showing import show
 from gellight.frames.frames import TactileFrame
 from gellight.recording.recording_file import Recording

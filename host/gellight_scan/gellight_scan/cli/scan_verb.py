@@ -7,8 +7,7 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
-from gellight.cli.options import AsJson, with_options
-from gellight.cli.run_options import RunOptions
+from gellight.cli.options import AsJson, RunOptions, with_options
 
 
 @with_options

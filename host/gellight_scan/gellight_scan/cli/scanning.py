@@ -15,7 +15,7 @@ from gellight.base.settings import Settings
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.ending import Ending, until_interrupted
 from gellight.cli.one_sensor import frames_of, opened
-from gellight.cli.running.tactile import tactile_frames
+from gellight.cli.running.export import tactile_frames
 from gellight.cli.showing import show
 from gellight.frames.frames import TactileFrame
 from gellight.recording.recording_file import Recording

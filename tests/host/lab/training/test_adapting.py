@@ -15,9 +15,8 @@ from gellight.frames.frames import CameraFrame
 from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training import adapting
-from gellight.lab.training.adapting import adapt, rows_of_now
+from gellight.lab.training.adapting import adapt, light_change, rows_of_now
 from gellight.lab.training.level_light import at_rest_depth
-from gellight.lab.training.light_change import light_change
 from gellight.lab.training.table import LIKE_UNIT, PressTable
 from gellight.lab.training.training import Reference, TrainingOptions, train
 from gellight.photometric.light_model import LightGroups

@@ -9,10 +9,10 @@ from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
-from gellight.lab.training.gel_at_rest import rest_of_presses
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling.circle import find_circle
 from gellight.lab.training.presses import Ball, Press, distance_px
+from gellight.lab.training.table import rest_of_presses
 from gellight.reconstruction.gelnet import GradientNetwork
 from gellight.reconstruction.image_noise import noise_of_one
 from gellight.reconstruction.light_drift import difference_of

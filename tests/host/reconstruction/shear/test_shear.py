@@ -14,8 +14,7 @@ from gellight.lab.simulator.scene import Press, Printed, Scene
 from gellight.reconstruction.force import Layer
 from gellight.reconstruction.force_file import FILE_NAME, ForceRecord, force_file
 from gellight.reconstruction.measures import BundleMeasures
-from gellight.reconstruction.shear.inverse import find_pull
-from gellight.reconstruction.shear.layer import kernels
+from gellight.reconstruction.shear.traction import find_pull, kernels
 from gellight.reconstruction.stages import Stages, tactile_frame
 from sim_reference.camera import CameraResponse
 from sim_reference.fem.tangential import Layer as ReferenceLayer

@@ -8,9 +8,8 @@ import pytest
 from gellight.base.errors import CameraError, InputError
 from gellight.frames.jpeg import CorruptPictureError
 from gellight.sensor.v4l2 import structures as v
-from gellight.sensor.v4l2.decoding import decode
 from gellight.sensor.v4l2.errors import StalledError
-from gellight.sensor.v4l2.formats import Mode, Wanted
+from gellight.sensor.v4l2.formats import Mode, Wanted, decode
 from gellight.sensor.v4l2.options import parse_url
 from gellight.sensor.v4l2.stamps import hardware_stamps
 from gellight.sensor.v4l2.video_camera import V4l2Camera

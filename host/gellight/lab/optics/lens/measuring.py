@@ -12,7 +12,7 @@ from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
-from gellight.frames.over_gel import over_gel
+from gellight.frames.pixel_grid import over_gel
 from gellight.lab.optics.lens.lens_fit import Floats, LensFit, fit_lens, read_pins, spacing_px
 from gellight.lab.optics.lens.pins import dimples, marked, spots
 from gellight.lab.report.pictures import Picture, write_png

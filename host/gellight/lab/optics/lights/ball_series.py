@@ -11,9 +11,9 @@ from gellight.base.errors import CameraError, InputError
 from gellight.frames.camera import Camera, controls_of
 from gellight.frames.image_files import read_grey
 from gellight.lab.simulator.virtual_hand import hand_of
-from gellight.lab.training.labelling.ball_size import radius_by_slopes_px
 from gellight.lab.training.labelling.circle import find_circle
 from gellight.lab.training.presses import Ball, Press, distance_px, sphere_gradient
+from gellight.lab.training.validation import radius_by_slopes_px
 from gellight.photometric.directions import levels_of
 from gellight.reconstruction.image_noise import noise_of_one
 from gellight.reconstruction.integration import angle_deg, normals

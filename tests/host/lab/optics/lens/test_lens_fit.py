@@ -11,7 +11,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
-from gellight.frames.over_gel import over_gel
+from gellight.frames.pixel_grid import over_gel
 from gellight.lab.optics.lens import lens_fit
 from gellight.lab.optics.lens.lattice import Lattice, find_lattice
 from gellight.lab.optics.lens.lens_fit import LensFit, check_pins, fit_lens, read_pins, spacing_px

@@ -13,8 +13,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from gellight.frames.over_gel import over_gel
-from gellight.frames.pixel_grid import bounding_box
+from gellight.frames.pixel_grid import bounding_box, over_gel
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]

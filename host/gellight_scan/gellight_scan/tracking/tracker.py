@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.pose import DOUBTFUL_MM, DOUBTFUL_RAD, ObjectPose
-from gellight.tracking.information import VAGUE_MM, Agreement, Information, agreement, information, looks_alike
-from gellight.tracking.registration import (
+from gellight_scan.tracking.information import VAGUE_MM, Agreement, Information, agreement, information, looks_alike
+from gellight_scan.tracking.registration import (
     LEAST_POINTS,
     SCALE,
     Keyframe,
@@ -26,8 +26,8 @@ from gellight.tracking.registration import (
     register,
     spins,
 )
-from gellight.tracking.rigid import carried, inverse, moved_twists, orthonormal, pose_of, twist_of
-from gellight.tracking.view import View, at_pixels
+from gellight_scan.tracking.rigid import carried, inverse, moved_twists, orthonormal, pose_of, twist_of
+from gellight_scan.tracking.view import View, at_pixels
 
 Array = NDArray[np.float64]
 GIVE_UP = 5

@@ -1,11 +1,20 @@
-"""What systemd is told of a service: that it is ready, and that it lives. Elsewhere nobody is told anything."""
+"""This process: what systemd is told of it, and the memory of large arrays, given back as soon as they are gone."""
 
+import ctypes
 import os
 import socket
+import sys
+
+M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8
+"""of `mallopt`, glibc's malloc.h"""
+ARENAS = 2
+"""else each of some twenty threads keeps its own"""
+LARGE_BYTES = 1 << 20
+"""smaller than any map of a picture"""
 
 
 class ServiceManager:
-    """The manager that started this process, where there is one (`sd_notify` of systemd): it is told that we live."""
+    """The manager that started this process, where there is one (`sd_notify` of systemd); else nobody is told."""
 
     def __init__(self) -> None:
         """Find the manager's socket, which the environment names."""
@@ -30,3 +39,17 @@ class ServiceManager:
         if self._address:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as wire:
                 wire.sendto(message.encode(), self._address)
+
+
+def give_back_large_arrays() -> None:
+    """Let the C library take large arrays from the system one by one; a no-op where it is not glibc.
+
+    Else it learns from the first that is freed to keep up to 32 MB of such memory in the arena of each thread, in
+    pieces that no later array fits.
+    """
+    if sys.platform != "linux":
+        return
+    c_library = ctypes.CDLL(None)
+    if hasattr(c_library, "mallopt"):
+        c_library.mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)
+        c_library.mallopt(M_ARENA_MAX, ARENAS)

@@ -1,19 +1,25 @@
-"""`gellight calibrate lens`: measure the distortion of the camera with a pin grid, and add it to a bundle."""
+"""`gellight calibrate lens` and `lights`: measure the camera's distortion or the light of each LED for a bundle."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from gellight.base.settings import load_settings
 from gellight.bundle.bundle import load_bundle
-from gellight.cli.options import AsJson, NewBundle, with_options
+from gellight.cli.options import AsJson, NewBundle, Sensor, with_options
 from gellight.cli.showing import show
+from gellight.daemon.assembly import chosen_bundle
 from gellight.frames.image_files import image_files
 from gellight.lab.optics.lens.measuring import LensFigures, add_lens, figures, measure_lens, write_overlay
+from gellight.lab.optics.lights.adding import add_lights
+
+FRAMES = 8
+"""averaged under each light"""
 
 
 @with_options
-def command(
+def lens(
     images: Annotated[list[str], typer.Argument(metavar="IMAGE...", help="pictures of the grid: files or folders")],
     pitch_mm: Annotated[float, typer.Option(help="distance of two neighbouring pins of the square grid, mm")],
     calibration: Annotated[str, typer.Option(help="bundle that the lens is added to")],
@@ -57,3 +63,21 @@ def _text(lens: LensFigures, out: Path) -> str:
             f"wrote {out}",
         ]
     )
+
+
+@with_options
+def lights(
+    new: NewBundle,
+    sensor: Sensor = None,
+    calibration: Annotated[
+        str | None, typer.Option(help="bundle that the lights are added to.", show_default="that of the sensor")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure the light of each LED on the untouched gel.
+
+    Lift everything off the gel before.
+    """
+    settings = load_settings({"sensor.url": sensor, "sensor.calibration": calibration})
+    found = add_lights(chosen_bundle(settings), settings, new.out, frames=FRAMES, overwrite=new.overwrite)
+    show(found, as_json)

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.pixel_grid import bounding_box
-from gellight.tracking.rigid import carried, inverse, orthonormal, pose_of, twist_of
-from gellight.tracking.view import View, at_pixels
+from gellight_scan.tracking.rigid import carried, inverse, orthonormal, pose_of, twist_of
+from gellight_scan.tracking.view import View, at_pixels
 
 
 class Loss(StrEnum):

@@ -6,10 +6,19 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from gellight.frames.pose import ObjectPose
-from gellight.tracking.information import Agreement, agreement, information
-from gellight.tracking.registration import SCALE, Keyframe, hold, register
-from gellight.tracking.rigid import carried, inverse, moved_twists, orthonormal, pose_of, rotation_of, turn_of, twist_of
-from gellight.tracking.tracker import agrees, is_certain
+from gellight_scan.tracking.information import Agreement, agreement, information
+from gellight_scan.tracking.registration import SCALE, Keyframe, hold, register
+from gellight_scan.tracking.rigid import (
+    carried,
+    inverse,
+    moved_twists,
+    orthonormal,
+    pose_of,
+    rotation_of,
+    turn_of,
+    twist_of,
+)
+from gellight_scan.tracking.tracker import agrees, is_certain
 from tests.helpers.moving import Height, ball, bar, from_height, moved, noisy, other, relief, seen
 
 MOTIONS = [moved(0.3, -0.2, (0, 0, 0)), moved(0.1, 0.1, (2, -3, 5)), moved(0, 0, (-1, 2, -6), z=0.1)]

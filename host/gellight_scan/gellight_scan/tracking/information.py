@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.tracking.registration import HELD_STEPS, SCALE, Keyframe, Registration, jacobian_of, register
-from gellight.tracking.rigid import pose_of
-from gellight.tracking.view import View, at_pixels
+from gellight_scan.tracking.registration import HELD_STEPS, SCALE, Keyframe, Registration, jacobian_of, register
+from gellight_scan.tracking.rigid import pose_of
+from gellight_scan.tracking.view import View, at_pixels
 
 Array = NDArray[np.float64]
 SQUARE_MM = 1.0

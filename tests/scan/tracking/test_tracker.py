@@ -15,13 +15,13 @@ from gellight.frames.frames import CameraFrame, Provenance, TactileFrame
 from gellight.frames.image_files import read_image
 from gellight.frames.pose import ObjectPose, PoseFigures
 from gellight.lab.simulator.sequence import read_sequence
-from gellight.tracking.following import ObjectFollower
-from gellight.tracking.information import Agreement
-from gellight.tracking.registration import Loss
-from gellight.tracking.rigid import inverse, twist_of
-from gellight.tracking.tracker import Tracker
-from gellight.tracking.view import touching
 from gellight_design.simulating.written_sequence import write_sequence
+from gellight_scan.tracking.following import ObjectFollower
+from gellight_scan.tracking.information import Agreement
+from gellight_scan.tracking.registration import Loss
+from gellight_scan.tracking.rigid import inverse, twist_of
+from gellight_scan.tracking.tracker import Tracker
+from gellight_scan.tracking.view import touching
 from sim_reference.geometry import AS_BUILT
 from tests.helpers.moving import Height, ball, bar, faint, moved, nothing, other, relief, seen
 from tests.helpers.small_bundles import PIXEL_MM, SHAPE, ordinary
@@ -222,13 +222,12 @@ def felt(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[np.ndarray, Tac
     return found
 
 
-def test_nobody_asks_nothing_happens(felt: list[tuple[np.ndarray, TactileFrame]]) -> None:
+def test_nobody_asks_nothing_happens() -> None:
     assert not Settings().tracking.enabled
-    assert ObjectFollower().follow(felt[0][1]) is felt[0][1]
 
 
 def test_the_pose_is_that_of_the_simulator(felt: list[tuple[np.ndarray, TactileFrame]]) -> None:
-    follower = ObjectFollower(on=True)
+    follower = ObjectFollower()
     for true, frame in felt:
         pose = follower.follow(frame).pose
         assert (pose.number, pose.since_sequence, pose.lost) == (1, 0, False)
@@ -241,14 +240,8 @@ def test_the_pose_is_that_of_the_simulator(felt: list[tuple[np.ndarray, TactileF
 def test_after_a_gap_or_with_another_calibration_it_is_another_object(
     felt: list[tuple[np.ndarray, TactileFrame]],
 ) -> None:
-    follower, (_, frame) = ObjectFollower(on=True), felt[0]
+    follower, (_, frame) = ObjectFollower(), felt[0]
     begun_s = frame.camera_frame.time_s
     soon, later = (replace(frame, camera_frame=replace(frame.camera_frame, time_s=begun_s + s)) for s in (0.99, 2.0))
     other = replace(later, provenance=replace(later.provenance, calibration="b"))
     assert [follower.follow(one).pose.number for one in (frame, soon, later, other, other)] == [1, 1, 2, 3, 3]
-    follower.switch(on=True)
-    assert follower.follow(other).pose.number == 3, "it goes on"
-    follower.switch(on=False)
-    assert follower.follow(other).pose is None
-    follower.switch(on=True)
-    assert follower.follow(other).pose.number == 1
