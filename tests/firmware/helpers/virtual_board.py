@@ -79,7 +79,6 @@ class VirtualBoard(Core):
         self._sequence = 0
         self.packets: list[Packet] = []
         self._partial = bytearray()
-        self.garbage = 0
         self.led_count = LED_COUNT
         if opened:
             self.link(True)

@@ -32,7 +32,6 @@ def test_a_good_frame_passes(judge: SelfCheck, frame: TactileFrame) -> None:
     result = judge.compare(frame)
     assert result.bounds == SMALLEST == dict(zip(KINDS, (0.020, 0.28, 0.005, 2.0), strict=True))
     assert result.passed
-    assert result.true_indentation_mm == pytest.approx(0.997, abs=0.01)
 
 
 def test_a_wrong_scale_of_the_depth_fails(judge: SelfCheck, frame: TactileFrame) -> None:
