@@ -14,8 +14,6 @@ BESIDE := --editable host/gellight_design --editable host/gellight_scan --editab
 
 # the emulator of the firmware that others wrote
 SECOND := tests/firmware/second_emulator
-# a real press, beside the simulated ones
-REAL   := tests/data/real/three_lights
 
 # Tests start hundreds of programs and a machine that emulates its processor: nothing is compiled at each start.
 unexport PYTHONDONTWRITEBYTECODE
@@ -53,7 +51,7 @@ nightly: $(VENV)/.dev | browser tools
 	$(BIN)/pytest -m nightly --numprocesses $(JOBS) --durations 20 $(ARGS)
 
 bench: $(VENV)/.test
-	$(BIN)/python -m tests.benchmarks.frame_times --press $(REAL)/press.png --untouched $(REAL)/untouched.png $(ARGS)
+	$(BIN)/python -m tests.benchmarks.frame_times $(ARGS)
 
 # The site, in build/site: strict, so a link that leads nowhere ends it.
 docs: $(VENV)/.docs

@@ -1,67 +1,25 @@
-"""Time the frame path: `python -m tests.benchmarks.frame_times [--calibration BUNDLE] [--rounds N] [--press IMAGE]`.
+"""Time the frame path: `python -m tests.benchmarks.frame_times [--calibration BUNDLE] [--rounds N]`, or `make bench`.
 
 Stages, whole frames and the other forms, all in one run on the same frames, in turn, so that a busy machine slows all
-of them down: the least processor time of the whole process over the rounds. `--press`, with `--untouched IMAGE` where
-that is not the gel of the bundle, times a picture of a press too; `make bench` gives one.
+of them down: the least processor time of the whole process over the rounds.
 """
 
 import argparse
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-import onnx
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
-from gellight.frames.image_files import read_image
-from gellight.photometric.lights_file import FILE_NAME as LIGHTS
-from gellight.reconstruction.lens.undistortion import has_lens
 from tests.helpers.analytic_surfaces import Surface, smooth_cap
 
 _GREY_PER_SLOPE = np.array([[54.0, 0.0], [-27.0, 46.8], [-27.0, -46.8]])
 _BALL_SHARE = 0.21
 _STEEP_PX = 53
 """makes waves of 37 px, steep enough that one pixel in 28 goes through the network by itself"""
-
-
-def halved(bundle: Bundle) -> Bundle:
-    """Return a bundle for every other pixel; good for times, not for depths."""
-    return over(bundle, bundle.reference[::2, ::2])
-
-
-def over(bundle: Bundle, reference: NDArray[Any]) -> Bundle:
-    """Return a bundle with another (H, W, 3) reference image of any size; good for times, not for depths.
-
-    Its network takes the picture's middle and corners for those of the bundle's: beyond what it learnt it bends more,
-    and more pixels would be asked about one by one.
-    """
-    height, width = reference.shape[:2]
-    size = {"image_width_px": width, "image_height_px": height}
-    files = {name: content for name, content in bundle.files.items() if name != LIGHTS}  # which are of its own size
-    shrink = bundle.image_shape[1] / width, bundle.image_shape[0] / height
-    files[bundle.manifest.network] = _scaled_places(bundle.network, shrink)
-    described = {**size, "light_by_depth": False}
-    other = replace(bundle, manifest=bundle.manifest.model_copy(update=described), files=files)
-    return other.with_reference(np.ascontiguousarray(reference, np.float32), frames=bundle.manifest.reference_frames)
-
-
-def _scaled_places(network: bytes, factors: tuple[float, float]) -> bytes:
-    """Return the network that multiplies x and y, the last of its five inputs, by the factors first."""
-    model = onnx.load_from_string(network)
-    layer = next(node for node in model.graph.node if node.op_type == "Gemm")
-    first = next(weights for weights in model.graph.initializer if weights.name == layer.input[1])
-    by_input = np.array([1, 1, 1, *factors], np.float32)
-    if not any(option.name == "transB" and option.i for option in layer.attribute):
-        by_input = by_input[:, None]
-    scaled = onnx.numpy_helper.to_array(first) * by_input
-    first.CopyFrom(onnx.numpy_helper.from_array(scaled, first.name))
-    return model.SerializeToString()
 
 
 def scenes(bundle: Bundle) -> dict[str, NDArray[np.uint8]]:
@@ -124,21 +82,14 @@ def lines(bundle: Bundle, scene: str, image: NDArray[np.uint8], rounds: int) -> 
 
 
 def main() -> None:
-    """Print the scenes in the bundle's size and in half of it, unless it has a lens, and the press."""
+    """Print the scenes."""
     parser = argparse.ArgumentParser("python -m tests.benchmarks.frame_times")
     parser.add_argument("--calibration", default="synthetic", help="bundle whose network is timed")
     parser.add_argument("--rounds", type=int, default=15, help="frames and plain runs, in turn")
-    parser.add_argument("--press", type=Path, help="picture of a press, timed too")
-    parser.add_argument("--untouched", type=Path, help="the same gel untouched, of any size")
     given = parser.parse_args()
     bundle = load_bundle(given.calibration)
-    tasks = [(sized, scenes(sized)) for sized in ([bundle] if has_lens(bundle) else [bundle, halved(bundle)])]
-    if given.press:
-        gel = over(bundle, read_image(given.untouched)) if given.untouched else bundle
-        tasks.append((gel, {"press": read_image(given.press)}))
-    for sized, pictures in tasks:
-        for scene, image in pictures.items():
-            print("\n".join(lines(sized, scene, image, given.rounds)), flush=True)
+    for scene, image in scenes(bundle).items():
+        print("\n".join(lines(bundle, scene, image, given.rounds)), flush=True)
 
 
 if __name__ == "__main__":

@@ -5,8 +5,8 @@ deep; `--rezero`: with the untouched gel recorded anew before.
 """
 
 import argparse
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -23,17 +23,10 @@ _SETTLE_FRAMES = 3
 _REFERENCE_FRAMES = 30
 
 
-@dataclass(frozen=True, kw_only=True)
-class ObjectError(SurfaceErrors):
-    """The errors on one object, against the simulator's truth."""
-
-    object_name: str
-
-
 def object_errors(
     source: str, url: str, press_depth_mm: float, *, geometry: Mapping[str, Any] | None = None, rezero: bool = False
-) -> list[ObjectError]:
-    """Press every object but the ball in the middle of the view and measure one frame of each.
+) -> dict[str, SurfaceErrors]:
+    """Press every object but the ball in the middle of the view and measure one frame of each; the errors by object.
 
     Camera and LEDs are set as they were when the bundle was made. rezero: the untouched gel is recorded anew before,
     nothing else of the bundle changes. Raises InputError for a sensor that knows no truth.
@@ -47,7 +40,7 @@ def object_errors(
             camera.read()
         reconstructor = Reconstructor(rezeroed(bundle, camera) if rezero else bundle)
         names = [name for name in camera.stage.objects if name != BALL]
-        return [_one(camera, reconstructor, name, press_depth_mm) for name in names]
+        return {name: _one(camera, reconstructor, name, press_depth_mm) for name in names}
 
 
 def rezeroed(bundle: Bundle, camera: Camera) -> Bundle:
@@ -56,23 +49,17 @@ def rezeroed(bundle: Bundle, camera: Camera) -> Bundle:
     return bundle.with_reference(untouched, frames=_REFERENCE_FRAMES)
 
 
-def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: float) -> ObjectError:
+def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: float) -> SurfaceErrors:
     camera.stage.press(name, depth_mm, 0.0, 0.0)
     frame = camera.read()
     assert frame.truth is not None
-    error = surface_errors(reconstructor.reconstruct(frame), frame.truth)
-    return ObjectError(object_name=name, **asdict(error))
+    return surface_errors(reconstructor.reconstruct(frame), frame.truth)
 
 
-def mean_errors(errors: Sequence[SurfaceErrors]) -> SurfaceErrors:
+def mean_errors(errors: Iterable[SurfaceErrors]) -> SurfaceErrors:
     """Return the means over presses."""
-    names = [field.name for field in fields(SurfaceErrors)]
-    return SurfaceErrors(**{name: float(np.mean([getattr(error, name) for error in errors])) for name in names})
-
-
-def summary(errors: list[ObjectError]) -> ObjectError:
-    """Return the means over the objects."""
-    return ObjectError(object_name="mean", **asdict(mean_errors(errors)))
+    rows = [asdict(error) for error in errors]
+    return SurfaceErrors(**{name: float(np.mean([row[name] for row in rows])) for name in rows[0]})
 
 
 def main() -> None:
@@ -85,9 +72,9 @@ def main() -> None:
     errors = object_errors(given.bundle, given.sensor, given.press_depth_mm, rezero=given.rezero)
     print(f"{'':10}{'normals °':>20}{'depth mm':>22}")
     print(f"{'object':10}{'whole':>10}{'contact':>10}{'whole':>11}{'contact':>11}")
-    for row in [*errors, summary(errors)]:
+    for name, row in {**errors, "mean": mean_errors(errors.values())}.items():
         angles = f"{row.normal_deg:10.3f}{row.contact_normal_deg:10.3f}"
-        print(f"{row.object_name:10}{angles}{row.depth_mm:11.4f}{row.contact_depth_mm:11.4f}")
+        print(f"{name:10}{angles}{row.depth_mm:11.4f}{row.contact_depth_mm:11.4f}")
 
 
 if __name__ == "__main__":

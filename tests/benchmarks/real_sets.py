@@ -49,11 +49,6 @@ class RealSet:
         """The circles that judge: by hand where somebody drew some."""
         return list(self.hand) or self.own
 
-    @property
-    def circles(self) -> tuple[str, ...]:
-        """Which there are."""
-        return (HAND, OWN) if self.hand else (OWN,)
-
     def labelled(self, circles: str) -> list[Press]:
         """Return the presses with circles of HAND or OWN."""
         return list(self.hand) if circles == HAND else self.own

@@ -34,7 +34,6 @@ def counts(scene: Scene, runs: int) -> None:
         false += bool(sensor.told)
     print(f"sound sensors with a finding: {false} of {runs} ({looks} looks, {15 * runs} presses)")
     right = dict.fromkeys(("led_dimmed", "led_dead", "camera_moved", "tear", "dirt"), 0)
-    light_error, shift_error = [], []
     for run in range(runs):
         for kind in right:
             sensor = sound(scene, 4000 + run)
@@ -44,14 +43,8 @@ def counts(scene: Scene, runs: int) -> None:
             told = [f for f in sensor.watch.findings() if f.kind == kind]
             others = set(sensor.told) - {kind, "zero_off", "recalibrate"}
             right[kind] += len(told) == 1 and not others and told[0].figures.get("led", expected) == expected
-            if kind == "led_dimmed" and told:
-                light_error.append(abs(float(str(told[0].figures["light"])) - sensor.leds[expected]))
-            if kind == "camera_moved" and told:
-                off = [float(str(told[0].figures[f"{axis}_px"])) - sensor.shift_px["xy".index(axis)] for axis in "xy"]
-                shift_error.append(np.hypot(*off))
     for kind, count in right.items():
         print(f"{kind:14} told, and nothing else: {count} of {runs}")
-    print(f"light of a dimmed LED within {max(light_error):.3f}, shift within {max(shift_error):.2f} px")
 
 
 def sound(scene: Scene, seed: int) -> WatchedSensor:

@@ -23,10 +23,8 @@ def core_library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
 
 
 @pytest.fixture
-def core(core_library: ctypes.CDLL) -> Iterator[object]:
-    board = VirtualBoard(core_library)
-    yield board
-    board.close()
+def core(core_library: ctypes.CDLL) -> VirtualBoard:
+    return VirtualBoard(core_library)
 
 
 @pytest.fixture(scope="session")

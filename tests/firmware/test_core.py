@@ -7,13 +7,11 @@ import pytest
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Dark, Status, SyncMode
 from gellight.ring.wire import Packet, encode
-from tests.firmware.helpers.virtual_board import VirtualBoard
+from tests.firmware.helpers.virtual_board import BLACK, BLUE, GREEN, RED, WHITE, VirtualBoard
 
-RED = bytes([200, 0, 0] + [0] * 33)
-GREEN = bytes([0, 200, 0] + [0] * 33)
-BLACK = bytes(36)
-WHITE = bytes([255] * 36)
 WIRE_US, LATCH_US = 360, 300
+TWO_STEPS = [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)]
+BY_EDGES = [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 1, 0, 0)]
 
 
 def keep_alive(core: VirtualBoard, duration_us: int) -> None:
@@ -21,12 +19,6 @@ def keep_alive(core: VirtualBoard, duration_us: int) -> None:
         core.advance(min(duration_us, 500_000))
         core.ok("CLOCK", p.ClockRequest(0))
         duration_us -= 500_000
-
-
-def counters(core: VirtualBoard) -> p.CountersReply:
-    reply = core.ok("COUNTERS")
-    assert isinstance(reply, p.CountersReply)
-    return reply
 
 
 # ---- life ----
@@ -38,7 +30,6 @@ def test_the_first_light_is_darkness(core: VirtualBoard) -> None:
 
 def test_hello_names_the_schema(core: VirtualBoard) -> None:
     hello = core.ok("HELLO")
-    assert isinstance(hello, p.HelloReply)
     assert hello.schema_crc == p.schema_crc()
     assert (hello.led_count, hello.group_count, hello.step_count) == (12, 16, 32)
 
@@ -46,7 +37,6 @@ def test_hello_names_the_schema(core: VirtualBoard) -> None:
 def test_the_clock_answers_with_both_times(core: VirtualBoard) -> None:
     core.advance(1234)
     reply = core.ok("CLOCK", p.ClockRequest(2**64 - 1))
-    assert isinstance(reply, p.ClockReply)
     assert reply.host_us == 2**64 - 1
     assert reply.received_us == reply.sent_us == core.now_us
 
@@ -66,14 +56,14 @@ def test_colours_reach_the_leds_and_an_event_says_when(core: VirtualBoard) -> No
 def test_a_repeated_request_is_answered_but_not_executed_again(core: VirtualBoard) -> None:
     first = core.ask("SET_LEDS", p.SetLeds(RED), sequence=9)
     assert core.ask("SET_LEDS", p.SetLeds(RED), sequence=9) == first
-    assert counters(core).repeated == 1
+    assert core.ok("COUNTERS").repeated == 1
     assert core.ask("SET_LEDS", p.SetLeds(RED), sequence=10) != first
 
 
 def test_hello_never_comes_from_the_cache(core: VirtualBoard) -> None:
     core.ask("HELLO", sequence=1)
     core.ask("HELLO", sequence=1)
-    assert counters(core).repeated == 0
+    assert core.ok("COUNTERS").repeated == 0
 
 
 @pytest.mark.parametrize(
@@ -101,7 +91,7 @@ def test_what_cannot_be_is_refused_with_its_value(
 ) -> None:
     got, said, _ = core.ask(name, record)
     assert (got, said) == (expected, value)
-    assert counters(core).refused == 1
+    assert core.ok("COUNTERS").refused == 1
 
 
 def test_unknown_commands_and_wrong_lengths_are_counted(core: VirtualBoard) -> None:
@@ -109,7 +99,7 @@ def test_unknown_commands_and_wrong_lengths_are_counted(core: VirtualBoard) -> N
     core.receive(encode(Packet(p.COMMANDS["SET_LEDS"].code, 2, b"short")))
     answers = core.collect()
     assert [(a.payload[0], a.payload[1]) for a in answers] == [(Status.UNKNOWN_COMMAND, 0x3F), (Status.BAD_LENGTH, 5)]
-    counted = counters(core)
+    counted = core.ok("COUNTERS")
     assert (counted.unknown_command, counted.bad_length) == (1, 1)
 
 
@@ -147,11 +137,11 @@ def test_free_steps_fall_on_their_microsecond(core: VirtualBoard) -> None:
     expected.append((start + 32_000, BLACK))
     assert [(at, colours) for at, _, colours in core.lights()[1:]] == expected
     assert core.status().dark == Dark.SEQUENCE_ENDED
-    assert counters(core).late_steps == 0
+    assert core.ok("COUNTERS").late_steps == 0
 
 
 def test_trim_shifts_once_and_stretches_without_drift(core: VirtualBoard) -> None:
-    core.play([RED, GREEN], [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)])
+    core.play([RED, GREEN], TWO_STEPS)
     start = core.now_us + 2000
     core.ok("TRIM", p.Trim(250, round(3.3e-5 * 2**32)))
     for _ in range(10):
@@ -177,9 +167,8 @@ def test_trims_within_a_step_add_up_to_a_minute(core: VirtualBoard, phases: tupl
 
 
 def test_the_trigger_lights_after_its_delay_at_every_nth_edge(core: VirtualBoard) -> None:
-    core.sync(SyncMode.EXT, divider=2, delay_us=750)
-    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 2000, 0), p.SetStep(1, 1, 1, 2000, 0)])
-    core.ok("START")
+    steps = [p.SetStep(k, k, 1, 2000, 0) for k in range(2)]
+    core.play([RED, GREEN], steps, mode=SyncMode.EXT, divider=2, delay_us=750)
     edges = []
     for number in range(8):
         core.advance(10_000)
@@ -190,56 +179,49 @@ def test_the_trigger_lights_after_its_delay_at_every_nth_edge(core: VirtualBoard
     core.advance(10_000)
     lit = [(at, colours) for at, _, colours in core.lights()[1:] if colours != BLACK]
     assert lit == [(edge + 750, (RED, GREEN)[k % 2]) for k, edge in enumerate(edges)]
-    assert counters(core).triggers == 4
-    assert counters(core).triggers_missed == 0
+    assert core.ok("COUNTERS").triggers == 4
+    assert core.ok("COUNTERS").triggers_missed == 0
 
 
 def test_without_a_trigger_the_ring_is_dark_until_the_next_one(core: VirtualBoard) -> None:
-    core.sync(SyncMode.EXT, timeout_us=50_000)
-    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 1, 0, 0)])
-    core.ok("START")
+    core.play([RED, GREEN], BY_EDGES, mode=SyncMode.EXT, timeout_us=50_000)
     core.edge()
     core.advance(40_000)
-    assert core.lights()[-1][2] == RED
+    assert core.light == RED
     core.advance(40_000)
-    assert core.lights()[-1][2] == BLACK
-    assert counters(core).trigger_timeouts == 1
+    assert core.light == BLACK
+    assert core.ok("COUNTERS").trigger_timeouts == 1
     assert core.status().dark == Dark.TRIGGER_MISSED
     core.edge()
     core.advance(2000)
-    assert core.lights()[-1][2] == GREEN
+    assert core.light == GREEN
 
 
 @pytest.mark.parametrize("divider", [1, 2])
 @pytest.mark.parametrize("reads", range(1, 8))
 def test_an_edge_at_any_look_at_the_clock_is_no_timeout(core: VirtualBoard, reads: int, divider: int) -> None:
     """Whether it lights the next step or is only the first of two."""
-    core.sync(SyncMode.EXT, divider=divider, timeout_us=50_000, delay_us=300)
-    core.load_sequence([RED, GREEN], [p.SetStep(0, 0, 1, 0, 0), p.SetStep(1, 1, 1, 0, 0)])
-    core.ok("START")
+    core.play([RED, GREEN], BY_EDGES, mode=SyncMode.EXT, divider=divider, timeout_us=50_000, delay_us=300)
     for _ in range(divider):
         core.edge()
     core.advance(20_000)
     core.edge_after_reads(reads)
     core.advance(30_000)
     core.edge_after_reads(0)
-    assert core.lights()[-1][2] == (GREEN if divider == 1 else RED)
-    assert counters(core).trigger_timeouts == 0
+    assert core.light == (GREEN if divider == 1 else RED)
+    assert core.ok("COUNTERS").trigger_timeouts == 0
 
 
 def test_a_commit_while_running_waits_for_the_end_of_the_pass(core: VirtualBoard) -> None:
-    steps = [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0), p.SetStep(2, 0, 1, 10_000, 0)]
-    core.play([RED, GREEN], steps)
+    core.play([RED, GREEN], [*TWO_STEPS, p.SetStep(2, 0, 1, 10_000, 0)])
     core.advance(3000)
-    blue = bytes([0, 0, 200] + [0] * 33)
-    core.load_sequence([blue], [p.SetStep(0, 0, 1, 5000, 0)])
+    core.load_sequence([BLUE], [p.SetStep(0, 0, 1, 5000, 0)])
     core.advance(40_000)
-    assert [colours for _, _, colours in core.lights()[1:6]] == [RED, GREEN, RED, blue, blue]
+    assert [colours for _, _, colours in core.lights()[1:6]] == [RED, GREEN, RED, BLUE, BLUE]
 
 
 def test_a_light_is_refused_while_a_sequence_runs(core: VirtualBoard) -> None:
-    core.load_sequence([RED], [p.SetStep(0, 0, 1, 10_000, 0)])
-    core.ok("START")
+    core.play([RED], [p.SetStep(0, 0, 1, 10_000, 0)])
     for name, record in (("SET_LEDS", p.SetLeds(RED)), ("START", None), ("SAVE_CONFIG", None),
                          ("SELFTEST", None)):  # fmt: skip
         assert core.ask(name, record)[0] == Status.BUSY
@@ -250,10 +232,10 @@ def test_stop_leaves_the_light_and_blank_takes_it(core: VirtualBoard) -> None:
     core.advance(5000)
     core.ok("STOP")
     core.advance(100_000)
-    assert core.lights()[-1][2] == RED
+    assert core.light == RED
     core.ok("BLANK")
     core.advance(2000)
-    assert core.lights()[-1][2] == BLACK
+    assert core.light == BLACK
 
 
 # ---- safety ----
@@ -263,24 +245,24 @@ def test_a_silent_host_leaves_the_leds_dark_after_a_second(core: VirtualBoard) -
     core.ok("SET_LEDS", p.SetLeds(RED))
     heard = core.now_us
     core.advance(990_000)
-    assert core.lights()[-1][2] == RED
+    assert core.light == RED
     core.advance(3_000_000)
     at, _, colours = core.lights()[-1]
     assert colours == BLACK
     assert 1_000_000 < at - heard <= 1_010_000
-    assert counters(core).dark_faults == 1
+    assert core.ok("COUNTERS").dark_faults == 1
     assert any(packet.type == 0x41 for packet in core.packets)
 
 
 def test_a_sequence_dies_with_its_host(core: VirtualBoard) -> None:
-    core.play([RED, GREEN], [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)])
+    core.play([RED, GREEN], TWO_STEPS)
     keep_alive(core, 3_000_000)
     assert core.status().state == 1
     core.advance(1_100_000)
     count = len(core.lights())
     core.advance(1_000_000)
     assert len(core.lights()) == count
-    assert core.lights()[-1][2] == BLACK
+    assert core.light == BLACK
 
 
 @pytest.mark.parametrize("reason", [Dark.PORT_CLOSED, Dark.SUSPENDED])
@@ -289,7 +271,7 @@ def test_a_closed_port_darkens_at_once(core: VirtualBoard, reason: Dark) -> None
     core.advance(5000)
     core.link(False, reason)
     core.advance(700)
-    assert core.lights()[-1][2] == BLACK
+    assert core.light == BLACK
     core.link(True)
     assert core.status().dark == reason
 
@@ -298,7 +280,7 @@ def test_rubbish_is_counted_and_the_next_packet_is_heard(core: VirtualBoard) -> 
     good = encode(Packet(p.COMMANDS["STATUS"].code, 1, b""))
     core.receive(b"\x05\x01\0" + b"\x01" * 300 + b"\0" + bytes([good[0], good[1] ^ 1]) + good[2:] + good)
     assert len(core.collect()) == 1
-    counted = counters(core)
+    counted = core.ok("COUNTERS")
     assert (counted.bad_framing, counted.oversize, counted.bad_crc) == (1, 1, 1)
 
 
@@ -308,19 +290,18 @@ def test_a_deaf_host_costs_replies_but_nothing_hangs(core: VirtualBoard) -> None
         core.receive(encode(Packet(p.COMMANDS["SET_LEDS"].code, sequence, RED)))
         core.advance(1000)
     core.faults()
-    counted = counters(core)
+    counted = core.ok("COUNTERS")
     assert counted.replies_dropped == 100
     assert counted.events_dropped >= 90
 
 
 def test_a_backlog_of_events_leaves_room_for_a_reply(core: VirtualBoard) -> None:
     """The host takes nothing for a while: events are dropped, the reply that it waits for is not."""
-    core.load_sequence([RED], [p.SetStep(0, 0, 1, p.DWELL_MIN_US, 0)])
-    core.ok("START")
+    core.play([RED], [p.SetStep(0, 0, 1, p.DWELL_MIN_US, 0)])
     core.faults(room=1000)
     core.advance(2_000_000)
     assert core.ask("CLOCK", p.ClockRequest(0))[0] == Status.OK
     core.faults()
-    counted = counters(core)
+    counted = core.ok("COUNTERS")
     assert counted.events_dropped > 100
     assert counted.replies_dropped == 0

@@ -10,10 +10,7 @@ from gellight.lab.core_board.core import FLASH_BYTES
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Status
 from gellight.ring.wire import COLOUR_BYTES, MOST_LEDS
-from tests.firmware.helpers.virtual_board import VirtualBoard
-
-RED = bytes([200, 0, 0] + [0] * 33)
-BLACK = bytes(36)
+from tests.firmware.helpers.virtual_board import BLACK, RED, VirtualBoard
 
 
 def named(name: str) -> p.Configuration:
@@ -35,19 +32,17 @@ def test_the_configuration_survives_many_saves(core: VirtualBoard) -> None:
     for number in range(100):
         core.advance(p.SAVE_EVERY_US)
         assert save(core, f"sensor {number}") == Status.OK
-    again = VirtualBoard(core.library, core.flash())
+    again = core.restarted()
     assert again.ok("GET_CONFIG") == named("sensor 99")
     assert again.status().config_saves == 100
-    again.close()
 
 
 def test_the_bundle_of_the_sensor_is_remembered_without_power(core: VirtualBoard) -> None:
     marked = dataclasses.replace(named("finger 3"), bundle=bytes(range(8)))
     core.ok("SET_CONFIG", marked)
     core.ok("SAVE_CONFIG")
-    again = VirtualBoard(core.library, core.flash())
+    again = core.restarted()
     assert again.ok("GET_CONFIG") == marked
-    again.close()
 
 
 @pytest.mark.parametrize(
@@ -59,7 +54,6 @@ def test_a_record_of_firmware_that_knew_less_still_counts(
     """Pins and LEDs are then those of a board as it comes."""
     board = VirtualBoard(core.library, flash_of(named("veteran").pack()[:-unknown_bytes]))
     assert board.ok("GET_CONFIG") == dataclasses.replace(named("veteran"), bundle=bundle)
-    board.close()
 
 
 def test_saves_are_limited_in_rate(core: VirtualBoard) -> None:
@@ -108,7 +102,6 @@ def test_a_record_that_undercuts_every_led_keeps_the_rest(core: VirtualBoard) ->
     old = dataclasses.replace(named("veteran"), unused=1, external_supply=1, limit_ma=2000, channel_ua=1_000)
     board = VirtualBoard(core.library, flash_of(old.pack()))
     assert board.ok("GET_CONFIG") == dataclasses.replace(old, channel_ua=p.CHANNEL_EXTERNAL_UA)
-    board.close()
 
 
 def test_a_power_cut_at_any_byte_loses_at_most_the_record_being_written(core: VirtualBoard) -> None:
@@ -119,21 +112,18 @@ def test_a_power_cut_at_any_byte_loses_at_most_the_record_being_written(core: Vi
             core_before.advance(p.SAVE_EVERY_US)
             save(core_before, f"old {number}")
         flash = core_before.flash()
-        core_before.close()
         for cut in range(span + 1):
             victim = VirtualBoard(core.library, flash)
             victim.ok("SET_CONFIG", named("new"))
             victim.faults(cut_after=cut)
             victim.ask("SAVE_CONFIG")
-            survivor = VirtualBoard(core.library, victim.flash())
+            survivor = victim.restarted()
             expected = "new" if cut >= span else f"old {saves - 1}"
             found = survivor.ok("GET_CONFIG")
             assert found in (named(expected), named("new")), cut
             assert save(survivor, "later") == Status.OK
-            after = VirtualBoard(core.library, survivor.flash())
+            after = survivor.restarted()
             assert after.ok("GET_CONFIG") == named("later")
-            for used in (victim, survivor, after):
-                used.close()
 
 
 def test_an_empty_or_ruined_flash_gives_the_built_in_configuration(core: VirtualBoard) -> None:
@@ -141,7 +131,6 @@ def test_an_empty_or_ruined_flash_gives_the_built_in_configuration(core: Virtual
         board = VirtualBoard(core.library, flash)
         assert board.ok("GET_CONFIG") == named("GelLight")
         assert save(board, "recovered") == Status.OK
-        board.close()
 
 
 def test_restarting_waits_for_the_reply_and_the_dark(core: VirtualBoard) -> None:
@@ -151,7 +140,7 @@ def test_restarting_waits_for_the_reply_and_the_dark(core: VirtualBoard) -> None
     assert core.flags & 6 == 0
     core.advance(50_000)
     assert core.flags & 6 == 6
-    assert core.lights()[-1][2] == BLACK
+    assert core.light == BLACK
 
 
 def test_there_is_room_for_the_colours_of_the_largest_ring() -> None:
@@ -165,7 +154,7 @@ def test_another_number_of_leds_counts_from_the_next_start_on(core: VirtualBoard
     core.ok("SET_CONFIG", dataclasses.replace(named("large"), led_count=leds))
     core.ok("SAVE_CONFIG")
     assert core.ask("SET_LEDS", p.SetLeds(colours))[:2] == (Status.BAD_LENGTH, 3 * leds)
-    again = VirtualBoard(core.library, core.flash())
+    again = core.restarted()
     again.led_count = leds
     assert again.ok("HELLO").led_count == leds
     assert again.ok("SET_LEDS", p.SetLeds(colours)).current_ma == -(
@@ -175,7 +164,6 @@ def test_another_number_of_leds_counts_from_the_next_start_on(core: VirtualBoard
     again.play([colours, colours[::-1]], [p.SetStep(k, k, 1, 5000, 0) for k in range(2)])
     again.advance(20_000)
     assert [light[2] for light in again.lights()[-2:]] in ([colours, colours[::-1]], [colours[::-1], colours])
-    again.close()
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The portable core on a virtual clock: the LEDs get dimmer while the chip or the ring's NTC is hot."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import exp, log
 
 import pytest
@@ -13,12 +14,7 @@ from tests.firmware.helpers.virtual_board import VirtualBoard
 SETTLED_US = 15_000_000
 """the smoothed temperature is within a hundredth of a degree, and the next dimming has come"""
 PATTERN = bytes([200, 0, 1] + [0] * 33)
-HALVED = {
-    0: PATTERN,
-    1: bytes([100, 0, 1] + [0] * 33),
-    2: bytes([50, 0, 1] + [0] * 33),
-    3: bytes([25, 0, 1] + [0] * 33),
-}
+HALVED = [bytes([red, 0, 1] + [0] * 33) for red in (200, 100, 50, 25)]
 
 
 def wait(core: VirtualBoard, duration_us: int) -> list[p.DimmedEvent]:
@@ -102,11 +98,9 @@ def test_between_the_two_limits_nothing_changes(core: VirtualBoard) -> None:
 
 
 def test_the_limit_is_that_of_the_configuration(core: VirtualBoard) -> None:
-    before = core.ok("GET_CONFIG")
-    assert isinstance(before, p.Configuration)
     core.warm(50)
     assert wait(core, SETTLED_US) == []
-    core.ok("SET_CONFIG", p.Configuration(**(vars(before) | {"hottest_c": 45})))
+    core.ok("SET_CONFIG", replace(core.ok("GET_CONFIG"), hottest_c=45))
     assert wait(core, SETTLED_US)[0].dimmed == 1
 
 
@@ -119,11 +113,10 @@ def hot(core: VirtualBoard) -> None:
 def test_a_hot_board_says_what_it_makes_of_a_light(core: VirtualBoard) -> None:
     hot(core)
     reply = core.ok("SET_LEDS", p.SetLeds(PATTERN))
-    assert isinstance(reply, p.LightReply)
     assert reply.scale == p.FULL_SCALE // 2
     assert reply.current_ma == -(-(12_000 + -(-101 * 20_000 // 255)) // 1000)
     core.advance(2_000)
-    assert core.lights()[-1][2] == HALVED[1]
+    assert core.light == HALVED[1]
     assert core.status().current_ma == reply.current_ma
     core.ok("BLANK")
     core.ok("SET_GROUP", p.SetGroup(0, PATTERN))
@@ -142,24 +135,22 @@ def test_every_sequence_is_dimmed(core: VirtualBoard, mode: SyncMode) -> None:
     if mode is SyncMode.EXT:
         core.edge()
     core.advance(3_000)
-    assert core.lights()[-1][2] == PATTERN
+    assert core.light == PATTERN
     late = core.ok("COUNTERS").late_steps
     core.warm(HOTTEST_C + 3)
     wait(core, 8_000_000)
     assert core.status().state == 1
-    assert core.lights()[-1][2] == HALVED[1]
+    assert core.light == HALVED[1]
     if mode is SyncMode.EXT:
         core.edge()
         core.advance(3_000)
         assert core.status().step == 1
-        assert core.lights()[-1][2] == HALVED[1]
+        assert core.light == HALVED[1]
     assert core.ok("COUNTERS").late_steps == late
 
 
 def test_a_step_that_is_dimmed_is_the_same_step_without_another_pulse(core: VirtualBoard) -> None:
-    core.sync(SyncMode.EXT)
-    core.load_sequence([PATTERN], [p.SetStep(0, 0, 1, 0, 0)])
-    core.ok("START")
+    core.play([PATTERN], [p.SetStep(0, 0, 1, 0, 0)], mode=SyncMode.EXT)
     core.advance(3_000)
     core.edge()
     core.advance(3_000)
@@ -185,7 +176,7 @@ def test_a_light_that_the_board_took_away_does_not_come_back_with_the_cool(core:
     core.ok("SET_LEDS", p.SetLeds(PATTERN))
     hot(core)
     core.advance(2_000_000)  # the host is silent
-    assert not any(core.lights()[-1][2])
+    assert not any(core.light)
     lights = len(core.lights())
     core.warm(20)
     wait(core, 30_000_000)
@@ -227,7 +218,7 @@ def test_a_board_without_one_says_unknown_and_lights(core: VirtualBoard) -> None
     core.ok("SET_LEDS", p.SetLeds(PATTERN))
     assert wait(core, SETTLED_US) == []
     assert core.status().ring_temperature == NO_TEMPERATURE
-    assert core.lights()[-1][2] == PATTERN
+    assert core.light == PATTERN
 
 
 @pytest.mark.parametrize("lost", [SHORT, OPEN])
@@ -243,8 +234,6 @@ def test_one_that_is_lost_while_hot_keeps_the_leds_dimmed(core: VirtualBoard, lo
 
 
 def test_no_configuration_raises_the_limit_of_the_ring(core: VirtualBoard) -> None:
-    before = core.ok("GET_CONFIG")
-    assert isinstance(before, p.Configuration)
-    core.ok("SET_CONFIG", p.Configuration(**(vars(before) | {"hottest_c": 85})))
+    core.ok("SET_CONFIG", replace(core.ok("GET_CONFIG"), hottest_c=85))
     warm_ring(core, RING_HOTTEST_C + 2)
     assert wait(core, 9_000_000)[0].dimmed == 1

@@ -6,12 +6,7 @@ from gellight.lab.core_board.core import FLASH_BYTES
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Dark, Status, SyncMode
 from gellight.ring.wire import Packet, encode
-from tests.firmware.helpers.virtual_board import VirtualBoard
-
-RED = bytes([200, 0, 0] + [0] * 33)
-GREEN = bytes([0, 200, 0] + [0] * 33)
-BLUE = bytes([0, 0, 200] + [0] * 33)
-BLACK = bytes(36)
+from tests.firmware.helpers.virtual_board import BLACK, BLUE, GREEN, RED, VirtualBoard
 
 
 def colours(core: VirtualBoard) -> list[bytes]:
@@ -23,9 +18,7 @@ def colours(core: VirtualBoard) -> list[bytes]:
 
 @pytest.mark.parametrize("mode", [SyncMode.FREE, SyncMode.EXT])
 def test_a_sequence_runs_until_its_last_light_has_ended(core: VirtualBoard, mode: SyncMode) -> None:
-    core.sync(mode)
-    core.load_sequence([RED], [p.SetStep(0, 0, 1, 500_000 if mode == SyncMode.FREE else 0, 0)], loops=1)
-    core.ok("START")
+    core.play([RED], [p.SetStep(0, 0, 1, 500_000 if mode == SyncMode.FREE else 0, 0)], loops=1, mode=mode)
     core.edge()
     core.advance(100_000)
     assert (core.status().state, core.status().dark) == (1, Dark.NOT_DARK)
@@ -41,9 +34,7 @@ def test_a_sequence_runs_until_its_last_light_has_ended(core: VirtualBoard, mode
 
 @pytest.mark.parametrize("mode", [SyncMode.FREE, SyncMode.EXT])
 def test_a_sequence_that_waits_for_its_end_can_be_stopped(core: VirtualBoard, mode: SyncMode) -> None:
-    core.sync(mode)
-    core.load_sequence([RED], [p.SetStep(0, 0, 1, 500_000 if mode == SyncMode.FREE else 0, 0)], loops=1)
-    core.ok("START")
+    core.play([RED], [p.SetStep(0, 0, 1, 500_000 if mode == SyncMode.FREE else 0, 0)], loops=1, mode=mode)
     core.edge()
     core.advance(10_000)
     core.ok("STOP")
@@ -51,13 +42,11 @@ def test_a_sequence_that_waits_for_its_end_can_be_stopped(core: VirtualBoard, mo
     core.advance(600_000)
     core.edge()
     core.advance(10_000)
-    assert colours(core)[-1] == GREEN
+    assert core.light == GREEN
 
 
 def test_a_transfer_of_a_stopped_sequence_is_no_step_of_the_next(core: VirtualBoard) -> None:
-    core.sync(SyncMode.EXT)
-    core.load_sequence([RED, GREEN, BLUE], [p.SetStep(k, k, 1, 0, 0) for k in range(3)])
-    core.ok("START")
+    core.play([RED, GREEN, BLUE], [p.SetStep(k, k, 1, 0, 0) for k in range(3)], mode=SyncMode.EXT)
     core.edge()
     core.advance(100)
     core.ok("STOP")
@@ -112,7 +101,7 @@ def test_nothing_is_lit_by_what_comes_after_the_port_closed(core: VirtualBoard) 
     core.link(False)
     core.receive(encode(Packet(p.COMMANDS["SET_LEDS"].code, 99, GREEN)))
     core.advance(5000)
-    assert colours(core)[-1] == BLACK
+    assert core.light == BLACK
 
 
 def test_half_a_packet_from_before_does_not_spoil_the_first_after_opening(core: VirtualBoard) -> None:
@@ -139,9 +128,7 @@ def test_only_a_port_that_closes_in_the_light_counts_as_a_fault(core: VirtualBoa
 
 def test_a_triggered_light_that_breaks_off_leaves_the_watchdog_unfed(core: VirtualBoard) -> None:
     """Not while it waits for its edge or its delay, however long."""
-    core.sync(SyncMode.EXT, delay_us=500_000)
-    core.load_sequence([RED], [p.SetStep(0, 0, 1, 0, 0)])
-    core.ok("START")
+    core.play([RED], [p.SetStep(0, 0, 1, 0, 0)], mode=SyncMode.EXT, delay_us=500_000)
     core.advance(10_000)
     core.faults(stuck=True)
     core.edge()
@@ -171,4 +158,3 @@ def test_saving_ends_where_the_flash_takes_nothing(core: VirtualBoard) -> None:
     board = VirtualBoard(core.library, bytes(FLASH_BYTES))
     board.faults(cut_after=0)
     assert board.ask("SAVE_CONFIG")[0] == Status.FLASH_FAILED
-    board.close()

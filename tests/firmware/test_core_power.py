@@ -2,18 +2,17 @@
 
 import dataclasses
 import itertools
-from collections.abc import Iterator
 
 import pytest
 
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Status, SyncMode
 from gellight.ring.wire import Packet, Record, encode
-from tests.firmware.helpers.virtual_board import VirtualBoard
+from tests.firmware.helpers.virtual_board import BLACK, RED, WHITE, VirtualBoard
 
 FACTORY = p.Configuration(1000, 450, 1000, 20000, 300, 0, 0, b"GelLight".ljust(16, b"\0"))
-BLACK, RED, WHITE = bytes(36), bytes([255, 0, 0] * 12), b"\xff" * 36
-LIGHTS = (BLACK, RED, bytes([255, 200, 0] * 12), WHITE)
+ALL_RED = bytes([255, 0, 0] * 12)
+LIGHTS = (BLACK, ALL_RED, bytes([255, 200, 0] * 12), WHITE)
 LATCHED_US = 3_000
 
 
@@ -41,7 +40,7 @@ def started(core: VirtualBoard, **fields: int) -> VirtualBoard:
     core.ok("SET_SUPPLY", p.SetSupply(p.SUPPLY_MAGIC, wanted.channel_ua, wanted.external_supply))
     core.ok("SET_CONFIG", wanted)
     core.ok("SAVE_CONFIG")
-    return VirtualBoard(core.library, core.flash())
+    return core.restarted()
 
 
 @pytest.mark.parametrize("start", [{}, {"limit_ma": 100}, {"external_supply": 1, "limit_ma": 500}])
@@ -51,16 +50,13 @@ def test_no_two_commands_talk_the_limit_away(core: VirtualBoard, start: dict[str
     wire = [[encode(Packet(p.COMMANDS[name].code, number, record.pack())) for name, record in commands]
             for number in (201, 202)]  # fmt: skip
     white = encode(Packet(p.COMMANDS["SET_LEDS"].code, 203, WHITE))
-    before = started(core, **start)
-    flash = before.flash()
-    before.close()
+    flash = started(core, **start).flash()
     for first, second in itertools.product(*wire):
         board = VirtualBoard(core.library, flash)
         for command in (first, second, white):
             board.receive(command)
             board.advance(LATCHED_US)
         drawn = [true_ma(colours) for _, _, colours in board.lights()]
-        board.close()
         assert max(drawn) <= start.get("limit_ma", 450), (first, second)
 
 
@@ -73,14 +69,13 @@ def test_a_supply_of_their_own_takes_a_confirmation_and_a_start(core: VirtualBoa
     assert core.ok("GET_CONFIG") == supplied
     core.ok("SAVE_CONFIG")
     assert core.ask("SET_LEDS", p.SetLeds(WHITE))[:2] == (Status.OVER_CURRENT, 732)
-    again = VirtualBoard(core.library, core.flash())
+    again = core.restarted()
     assert again.ok("SET_LEDS", p.SetLeds(WHITE)).current_ma == 732
     again.ok("BLANK")
     again.advance(LATCHED_US)
     again.ok("SET_SUPPLY", p.SetSupply(p.SUPPLY_MAGIC, 20_000, 0))
     assert again.ok("GET_CONFIG") == FACTORY
     assert again.ask("SET_LEDS", p.SetLeds(WHITE))[0] == Status.OVER_CURRENT
-    again.close()
 
 
 @pytest.mark.parametrize(("external", "least"), [(0, p.CHANNEL_USB_UA), (1, p.CHANNEL_EXTERNAL_UA)])
@@ -97,20 +92,18 @@ def test_less_than_an_led_draws_takes_a_confirmation(core: VirtualBoard, externa
     small = dataclasses.replace(modest, channel_ua=least, name=b"small LEDs".ljust(16, b"\0"))
     board.ok("SET_CONFIG", small)
     assert board.ok("GET_CONFIG") == small
-    board.close()
 
 
 def test_what_is_granted_on_a_supply_is_not_on_usb(core: VirtualBoard) -> None:
     board = started(core, external_supply=1, channel_ua=12_000)
     assert board.ask("SET_CONFIG", dataclasses.replace(FACTORY, channel_ua=12_000))[:2] == (Status.OUT_OF_RANGE, 12_000)
     board.ok("SET_CONFIG", FACTORY)
-    board.close()
 
 
 def test_a_chip_may_not_get_hotter_than_at_the_start(core: VirtualBoard) -> None:
     core.ok("SET_CONFIG", dataclasses.replace(FACTORY, hottest_c=85))
     core.warm(70)
-    lit_for(core, 10, RED)
+    lit_for(core, 10, ALL_RED)
     assert core.status().dimmed == 1
 
 
@@ -118,10 +111,8 @@ def test_a_chip_may_not_get_hotter_than_at_the_start(core: VirtualBoard) -> None
 
 
 @pytest.fixture
-def strong(core: VirtualBoard) -> Iterator[VirtualBoard]:
-    board = started(core, external_supply=1, limit_ma=2000)
-    yield board
-    board.close()
+def strong(core: VirtualBoard) -> VirtualBoard:
+    return started(core, external_supply=1, limit_ma=2000)
 
 
 def lit_for(core: VirtualBoard, seconds: float, colours: bytes) -> p.StatusReply:
@@ -170,29 +161,19 @@ def test_what_usb_gives_never_warms_the_housing_too_much() -> None:
     assert p.CURRENT_CAP_MA < p.HOUSING_MA * 5 / 6
 
 
-ONE_RED = bytes([200, 0, 0] + [0] * 33)
-SWITCH = 6
-
-
 @pytest.fixture
-def switched(core: VirtualBoard) -> Iterator[VirtualBoard]:
-    before = core.ok("GET_CONFIG")
-    assert isinstance(before, p.Configuration)
-    core.ok("SET_CONFIG", dataclasses.replace(before, switch_pin=SWITCH))
-    core.ok("SAVE_CONFIG")
-    board = VirtualBoard(core.library, core.flash())
-    yield board
-    board.close()
+def switched(core: VirtualBoard) -> VirtualBoard:
+    return started(core, switch_pin=6)
 
 
 def test_it_is_open_until_the_first_light_and_again_in_the_dark(switched: VirtualBoard) -> None:
     assert not switched.powered
     asked_us = switched.now_us
-    switched.ok("SET_LEDS", p.SetLeds(ONE_RED))
+    switched.ok("SET_LEDS", p.SetLeds(RED))
     assert switched.powered
     switched.advance(p.SUPPLY_US + 2_000)
     assert switched.lights()[-1][0] >= asked_us + p.SUPPLY_US
-    assert switched.lights()[-1][2] == ONE_RED
+    assert switched.light == RED
     switched.ok("BLANK")
     assert switched.powered  # until the darkness has come through
     switched.advance(2_000)
@@ -200,17 +181,17 @@ def test_it_is_open_until_the_first_light_and_again_in_the_dark(switched: Virtua
 
 
 def test_a_second_light_does_not_wait(switched: VirtualBoard) -> None:
-    switched.ok("SET_LEDS", p.SetLeds(ONE_RED))
+    switched.ok("SET_LEDS", p.SetLeds(RED))
     switched.advance(p.SUPPLY_US + 2_000)
     asked_us = switched.now_us
-    switched.ok("SET_LEDS", p.SetLeds(ONE_RED[::-1]))
+    switched.ok("SET_LEDS", p.SetLeds(RED[::-1]))
     switched.advance(2_000)
     assert switched.lights()[-1][0] < asked_us + 100
 
 
 @pytest.mark.parametrize("end", ["silent", "closed", "suspended"])
 def test_it_opens_when_the_board_darkens_its_leds(switched: VirtualBoard, end: str) -> None:
-    switched.ok("SET_LEDS", p.SetLeds(ONE_RED))
+    switched.ok("SET_LEDS", p.SetLeds(RED))
     switched.advance(p.SUPPLY_US + 2_000)
     if end == "silent":
         switched.advance(1_100_000)
@@ -221,7 +202,7 @@ def test_it_opens_when_the_board_darkens_its_leds(switched: VirtualBoard, end: s
 
 
 def test_a_sequence_keeps_it_closed_also_while_it_is_dark(switched: VirtualBoard) -> None:
-    switched.load_sequence([ONE_RED], [p.SetStep(0, 0, 1, 5_000, 5_000)], loops=20)
+    switched.load_sequence([RED], [p.SetStep(0, 0, 1, 5_000, 5_000)], loops=20)
     switched.sync(SyncMode.FREE)
     began_us = switched.now_us
     switched.ok("START")
@@ -229,29 +210,27 @@ def test_a_sequence_keeps_it_closed_also_while_it_is_dark(switched: VirtualBoard
         assert switched.powered
         switched.advance(1_000)
     assert switched.ok("COUNTERS").late_steps == 0
-    assert next(light for light in switched.lights() if light[2] == ONE_RED)[0] >= began_us + p.SUPPLY_US
+    assert next(light for light in switched.lights() if light[2] == RED)[0] >= began_us + p.SUPPLY_US
     switched.advance(200_000)
     assert not switched.powered
 
 
 def test_a_trigger_lights_nothing_before_the_supply_has_risen(switched: VirtualBoard) -> None:
-    switched.sync(SyncMode.EXT)
-    switched.load_sequence([ONE_RED], [p.SetStep(0, 0, 1, 0, 0)])
-    switched.ok("START")
+    switched.play([RED], [p.SetStep(0, 0, 1, 0, 0)], mode=SyncMode.EXT)
     switched.advance(p.SUPPLY_US // 2)
     switched.edge()
     switched.advance(p.SUPPLY_US // 4)
-    assert not any(switched.lights()[-1][2])
+    assert not any(switched.light)
     switched.advance(p.SUPPLY_US)
     switched.edge()
     switched.advance(2_000)
-    assert switched.lights()[-1][2] == ONE_RED
+    assert switched.light == RED
     assert switched.ok("COUNTERS").triggers_missed == 1
 
 
 def test_without_a_switch_nothing_waits(core: VirtualBoard) -> None:
     asked_us = core.now_us
-    core.ok("SET_LEDS", p.SetLeds(ONE_RED))
+    core.ok("SET_LEDS", p.SetLeds(RED))
     core.advance(2_000)
     assert core.lights()[-1][0] < asked_us + 100
     assert not core.powered

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gellight.frames.frames import CameraFrame, Contact, GroundTruth, Patch, TactileFrame
 from gellight.reconstruction.contact import find_contact, measure_patches
+from sim_reference.objects import OBJECT_NAMES
 
 HEIGHT, WIDTH, PIXEL_MM = 480, 640, 0.0588
 SIGMA_MM = 3.0
@@ -95,19 +96,7 @@ def contact(depth_mm: NDArray[np.float64], pixel_mm: float) -> Contact:
 class RecordingStage:
     """A stage that remembers what it was asked for."""
 
-    objects = (
-        "BALL",
-        "TSTEP",
-        "SCROWN",
-        "BALLVEX",
-        "BALLCAVE",
-        "WAVE",
-        "SINWAVE",
-        "BSWAVE",
-        "PCONVEX",
-        "CCONVEX",
-        "QUCAVE",
-    )
+    objects = OBJECT_NAMES
     max_depth_mm = 2.0
 
     def __init__(self) -> None:

@@ -116,10 +116,7 @@ def test_the_84_lights_of_the_paper_stand_at_54_azimuths() -> None:
 def test_the_averaged_curve_is_lowest_at_29_degrees_for_any_number_of_lights() -> None:
     for number in PAPER.numbers:
         assert degrees(study().best_angle_rad(number)) == pytest.approx(29)
-
-
-def test_the_mean_of_the_objects_best_angles_is_near_the_papers() -> None:
-    assert 29 <= degrees(study().mean_best_angle_rad()) <= 37
+    assert 29 <= degrees(study().mean_best_angle_rad()) <= 37, "each object by itself, the paper says 32.2"
 
 
 def test_more_than_twelve_lights_gain_little() -> None:

@@ -98,15 +98,14 @@ def test_a_short_wave_does_not_feel_the_support() -> None:
     assert deflection(pressure, response) == pytest.approx(pressure * 0.51 / k, rel=1e-6, abs=1e-9)
 
 
-@pytest.mark.parametrize("depth", [-0.1, 3.1, float("nan")])
-def test_an_impossible_press_is_refused(depth: float) -> None:
-    with pytest.raises(ValueError, match="press depth"):
-        press_object("BALL", depth, GEOMETRY, size=64)
-
-
-def test_an_unknown_object_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(ValueError, match=r"'CUBE'.*BALL, TSTEP"):
-        press_object("CUBE", 0.5, GEOMETRY, size=64)
+@pytest.mark.parametrize(
+    ("name", "depth", "said"),
+    [("BALL", -0.1, "press depth"), ("BALL", 3.1, "press depth"), ("BALL", np.nan, "press depth"),
+     ("CUBE", 0.5, "'CUBE'.*BALL, TSTEP")],
+)  # fmt: skip
+def test_an_impossible_press_is_refused(name: str, depth: float, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        press_object(name, depth, GEOMETRY, size=64)
 
 
 def paraboloid(at: np.ndarray, radius: float) -> np.ndarray:

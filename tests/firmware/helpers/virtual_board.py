@@ -18,6 +18,9 @@ from gellight.ring.wire import LED_COUNT, Packet, Record, decode, encode
 
 CHECKOUT = Path(__file__).parents[3]
 NO_PULSE = 0xFFFFFFFF
+RED, GREEN, BLUE = (bytes([0] * k + [200] + [0] * (35 - k)) for k in range(3))
+BLACK, WHITE = bytes(36), b"\xff" * 36
+"""of the whole ring; the first three of one LED alone"""
 FLAGS = ["-std=c11", "-g", "-O1", "-fPIC", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 
 
@@ -76,15 +79,15 @@ class VirtualBoard(Core):
         self._sequence = 0
         self.packets: list[Packet] = []
         self._partial = bytearray()
-        self.garbage = 0
         self.led_count = LED_COUNT
         if opened:
             self.link(True)
             self.advance(2000)
             self.collect()
 
-    def close(self) -> None:
-        self.free()
+    def restarted(self) -> "VirtualBoard":
+        """Another board with what the flash of this one keeps."""
+        return VirtualBoard(self.library, self.flash())
 
     def faults(self, *, room: int = OUTPUT_BYTES, stuck: bool = False, cut_after: int = -1) -> None:
         """The host takes `room` bytes more; transfers to the LEDs break off; `cut_after` bytes of flash change."""
@@ -121,6 +124,11 @@ class VirtualBoard(Core):
         """First bit and latch in us, and the colours in logical order, RGB."""
         return [(light.first_bit_us, light.latched_us, light.rgb(self.led_count).tobytes()) for light in self.latched()]
 
+    @property
+    def light(self) -> bytes:
+        """The colours that are shown."""
+        return self.lights()[-1][2]
+
     def pulses(self) -> list[bool]:
         """Of each light: whether the trigger output pulses."""
         return [light.pulse_us != NO_PULSE for light in self.latched()]
@@ -152,9 +160,7 @@ class VirtualBoard(Core):
         return protocol.COMMANDS[name].reply.unpack(payload)
 
     def status(self) -> protocol.StatusReply:
-        reply = self.ok("STATUS")
-        assert isinstance(reply, protocol.StatusReply)
-        return reply
+        return self.ok("STATUS")
 
     def load_sequence(self, groups: Sequence[bytes], steps: Sequence[protocol.SetStep], loops: int = 0) -> None:
         table = [*groups, *[bytes(3 * self.led_count)] * (protocol.GROUP_COUNT - len(groups))]
@@ -165,10 +171,13 @@ class VirtualBoard(Core):
         crc = zlib.crc32(b"".join(table) + b"".join(step.pack() for step in steps))
         self.ok("COMMIT", protocol.Commit(crc, loops, len(steps)))
 
-    def play(self, groups: Sequence[bytes], steps: Sequence[protocol.SetStep], loops: int = 0) -> None:
-        """Start a sequence that goes by the board's clock."""
+    def play(
+        self, groups: Sequence[bytes], steps: Sequence[protocol.SetStep], loops: int = 0,
+        mode: SyncMode = SyncMode.FREE, **sync: int,
+    ) -> None:  # fmt: skip
+        """Start a sequence; by the board's clock, if `mode` and `sync` do not say otherwise."""
+        self.sync(mode, **sync)
         self.load_sequence(groups, steps, loops)
-        self.sync(SyncMode.FREE)
         self.ok("START")
 
     def sync(self, mode: SyncMode, *, divider: int = 1, delay_us: int = 0, timeout_us: int = 0) -> None:

@@ -28,11 +28,6 @@ def mean(sensor: Camera) -> np.ndarray:
     return np.asarray(sensor.read().image.mean(axis=(0, 1)))
 
 
-def test_without_parameters_the_camera_is_the_plain_one() -> None:
-    assert SimulatedUrl().response() == CameraResponse()
-    assert np.array_equal(SimulatedUrl().led_gain(12), np.ones(12))
-
-
 def test_the_picture_is_proportional_to_the_exposure() -> None:
     with camera() as sensor:
         before = mean(sensor)
@@ -73,13 +68,13 @@ def test_dimmed_leds_darken_the_picture_in_proportion() -> None:
         assert mean(dim) == pytest.approx(0.9 * mean(bright), rel=0.01)
 
 
-def test_the_spread_of_the_leds_is_as_wide_as_asked_and_the_same_each_time() -> None:
+def test_leds_and_crosstalk_are_as_the_url_asks_and_the_same_each_time() -> None:
+    assert SimulatedUrl().response() == CameraResponse()
+    assert np.array_equal(SimulatedUrl().led_gain(12), np.ones(12))
     gains = np.concatenate([SimulatedUrl(led_spread=0.05, seed=seed).led_gain(12) for seed in range(40)])
     assert gains.std() == pytest.approx(0.05, rel=0.1)
     assert np.array_equal(SimulatedUrl(led_spread=0.05).led_gain(12), SimulatedUrl(led_spread=0.05).led_gain(12))
 
-
-def test_crosstalk_is_the_share_of_the_other_colours() -> None:
     rows = np.array(SimulatedUrl(crosstalk=0.2).response().crosstalk)
     assert rows.sum(axis=1) == pytest.approx(1)
     assert 1 - rows[0, 0] == pytest.approx(0.2)

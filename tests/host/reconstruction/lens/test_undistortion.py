@@ -129,13 +129,7 @@ def test_a_labelled_press_is_judged_over_the_picture_it_was_labelled_in(plain: B
     np.testing.assert_array_equal(over_picture.depth_mm, felt(plain, slopes).depth_mm)
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (b"{", "it is no JSON"),
-        (b'{"schema_version": 1}', "image_width_px"),
-    ],
-)
+@pytest.mark.parametrize(("content", "said"), [(b"{", "it is no JSON"), (b'{"schema_version": 1}', "image_width_px")])
 def test_a_damaged_lens_file_is_refused(plain: Bundle, tmp_path: Path, content: bytes, said: str) -> None:
     bundle = extend_bundle(plain, tmp_path / "broken", {FILE_NAME: content})
     with pytest.raises(BundleError, match=rf"lens.json: {said}.*gellight calibrate lens"):
