@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gellight.frame_path.picture_path import PicturePath
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.frames.frames import CameraFrame, LightState, TactileFrame
+from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.status import PathStatus
 
 
@@ -43,8 +43,6 @@ class SequencePath:
         return path.reconstruct(camera_frame)
 
     def _is_trained(self, frame: CameraFrame) -> bool:
-        label = frame.label
-        if label is None or label.group is None:
-            return label is None and self._groups is None
-        colours = frame.light if self._groups is None else self._groups[label.group]
-        return label.state is LightState.CLEAN and self._trained(colours)
+        if frame.label is None:
+            return self._groups is None
+        return frame.label.group is not None and self._trained(frame.light)
