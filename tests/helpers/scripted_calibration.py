@@ -30,10 +30,7 @@ def snapshot(step: str, **news: Any) -> dict[str, Any]:
         "progress": {},
         "problem": "",
         "figures": {},
-        "press": None,
-        "coverage": None,
         "advice": "",
-        "verdict": None,
         "bundle": "",
         "pictures": [],
     }
@@ -58,16 +55,18 @@ def pressing(**news: Any) -> dict[str, Any]:
                 "contact_radius_px": 60.0,
                 "state": "taken",
             },
-            "coverage": {
-                "places": places,
-                "slopes": slopes,
-                "steepness_deg": [0, 10, 20, 30, 40, 90],
-                "steepest_deg": 34.1,
-                "held_out": [[5, 3.4], [8, 2.2], [12, 1.7], [18, 1.45]],
-            },
             "figures": {
                 "reference": {"noise_grey": 1.02, "drift_grey": 0.004},
                 "pixel_size": {"x_mm": 0.0588, "y_mm": 0.0589, "spread_px": 0.008},
+                "presses": {
+                    "coverage": {
+                        "places": places,
+                        "slopes": slopes,
+                        "steepness_deg": [0, 10, 20, 30, 40, 90],
+                        "steepest_deg": 34.1,
+                    },
+                    "held_out": [[5, 3.4], [8, 2.2], [12, 1.7], [18, 1.45]],
+                },
             },
             "pictures": ["live", "press", "difference"],
             **news,

@@ -124,7 +124,7 @@ class Calibrating:
         if now["awaiting"] == "press":
             self._press(now["step"])
         elif now["awaiting"] == "lift":
-            self._judge_circle(now["press"])
+            self._judge_circle(now.get("press"))
             self._gel.lift()
 
     def _press(self, step: str) -> None:

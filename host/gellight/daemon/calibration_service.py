@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 import platformdirs
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field
 
 from gellight.base.allowed import StrictModel
 from gellight.base.errors import CameraError, GellightError, InputError
@@ -35,8 +35,6 @@ from gellight.photometric.ring_geometry import RingGeometry
 from gellight.photometric.window import seen_height_mm
 
 Picture = NDArray[np.uint8]
-LARGEST_MM = {"ball_radius_mm": 50.0, "cylinder_diameter_mm": 50.0, "pixel_size_mm": 1.0}
-"""of a size that the wizard takes: a larger one is in another unit"""
 RETRY_S = 1.0
 """between two attempts to set the sensor as its bundle says"""
 SETTLE_S = 5.0
@@ -68,13 +66,6 @@ class CalibrationRequest(ToolSizes, StrictModel):
     """a virtual hand presses, on a simulated sensor"""
     anew: bool = False
     """forget an interrupted calibration instead of going on with it"""
-
-    @model_validator(mode="after")
-    def _check_sizes(self) -> Self:
-        for name, largest_mm in LARGEST_MM.items():
-            if (getattr(self, name) or 0.0) > largest_mm:
-                raise ValueError(f"{name} = {getattr(self, name)} is not allowed: give {largest_mm:g} mm at most")
-        return self
 
 
 class CalibrationState(BaseModel):
@@ -189,7 +180,7 @@ class CalibrationService:
             tools = begun.sizes() if begun else {}
             picture = _in_words(begun.picture) if begun else ""
             return begun is not None, CalibrationRequest(hand=hand.hand, **tools), picture
-        except (GellightError, ValidationError):  # `begin` says what is wrong with the folder
+        except GellightError:  # `begin` says what is wrong with the folder
             return True, hand, ""
 
     def begin(self, request: CalibrationRequest) -> None:

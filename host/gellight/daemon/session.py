@@ -325,21 +325,25 @@ class SensorSession:
 
     def touch(self) -> TouchStatus | None:
         """Return what the newest frame feels, as `contact_summary`; None before the first frame."""
+        frame = self._newest()
+        return contact_summary(frame) if frame else None
+
+    def _newest(self) -> TactileFrame | None:
         try:
-            _, frame = self._threads.delivered.take(0, 0.0)
+            return self._threads.delivered.take(0, 0.0)[1]
         except Exception:  # none is there yet, or the frames ended before one was
             return None
-        return contact_summary(frame)
 
     def status(self) -> SensorStatus:
         """Return what is known of the sensor, ready for JSON."""
         camera, used = self._camera.status(), self._active
-        ring = self._camera.ring
+        ring, newest = self._camera.ring, self._newest()
         return {
             "sensor": self._camera.url,
             **used.path.status(),
             **self._threads.statistics.as_json(time.monotonic()),
-            "touch": self.touch(),
+            "touch": contact_summary(newest) if newest else None,
+            "exposures": newest.exposures.as_json() if newest and newest.exposures else None,
             "calibration": {
                 "sensor": used.bundle.manifest.sensor,
                 "identity": used.bundle.identity,

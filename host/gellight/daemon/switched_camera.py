@@ -1,6 +1,7 @@
 """The camera of a running sensor: what stands in front of it takes the planned light and is exchanged while it runs."""
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import floor
 from typing import Self
@@ -18,9 +19,8 @@ from gellight.frames.picture import PreparedCamera, are_prepared
 from gellight.photometric.light_model import LightModel
 from gellight.sensor.lighting.lock import settle_s
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera, clock_error_s
-from gellight.sensor.series_cameras import EXPOSURE, SeriesCamera
-from gellight.sensor.set_and_light import SETTLING_FRAMES
-from gellight.sensor.window_camera import WindowCamera
+from gellight.sensor.series_camera import EXPOSURE, SeriesCamera
+from gellight.sensor.set_and_light import settle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,25 +83,21 @@ def camera_for(camera: Camera, light: LightPlan) -> Camera:
     """
     if light.groups is None:
         return camera
-    if not light.joined:
-        return SequencedCamera(camera, light.groups, mode=light.light_mode)
-    if light.light_mode is LightMode.HOLD:
-        exposure = bright_exposure_us(camera, light.model) if light.model else None
-        return SeriesCamera(camera, light.groups, exposure_us=exposure, frames=light.frames)
-    exposure = _window_exposure_us(camera, light.model, light.light_mode) if light.model else None
+    exposure = _exposure_us(camera, light.model, light.light_mode) if light.model else None
     if exposure is not None and camera.ring is not None:
         camera.adopt({EXPOSURE: exposure}, camera.ring.still)
-    sequenced = SequencedCamera(camera, light.groups, mode=light.light_mode)
-    return WindowCamera(sequenced, light.groups, exposure_us=exposure)
+        settle(camera)
+    sequenced = SequencedCamera(camera, light.groups, mode=light.light_mode, frames=light.frames)
+    return SeriesCamera(sequenced, light.groups, exposure_us=exposure) if light.joined else sequenced
 
 
-def _window_exposure_us(camera: Camera, model: LightModel, light_mode: LightMode) -> float | None:
-    """Return the brightest exposure under which every frame can still be of another light."""
-    if camera.ring is None:
-        raise CameraError(f"{camera.url} has no light ring that can be driven: set reconstruction.mode = network")
+def _exposure_us(camera: Camera, model: LightModel, light_mode: LightMode) -> float | None:
+    """Return the brightest exposure under which, unless each light is held, every frame can still be of another."""
+    if light_mode is LightMode.HOLD or camera.ring is None:
+        return bright_exposure_us(camera, model)
     timing = timing_of(camera)
-    settle = settle_s(timing, clock_error_s(light_mode), leds=camera.ring.led_count)
-    left_s = timing.period_s - timing.readout_s - settle
+    dark_s = settle_s(timing, clock_error_s(light_mode), leds=camera.ring.led_count)
+    left_s = timing.period_s - timing.readout_s - dark_s
     return bright_exposure_us(camera, model, longest_us=max(left_s, timing.exposure_s) * 1e6)
 
 
@@ -179,7 +175,8 @@ class SwitchedCamera(CameraWrapper):
         try:
             self._put(prepared, state)
             if state is not None and self._bare.controls is not None and state.controls != before.controls:
-                self._settle()
+                with suppress(ReconnectingError):  # it is set anew when it is back
+                    settle(self._bare)
             self._camera, self._light = camera_for(prepared, light), light
         except Exception as error:  # also one of GelLight's own, or the camera in front would be half of each
             try:
@@ -202,14 +199,6 @@ class SwitchedCamera(CameraWrapper):
         self._camera, self._prepared, self._light, self._offset = prepared, prepared, STILL, None
         if state is not None:
             prepared.adopt(state.controls, state.colours)
-
-    def _settle(self) -> None:
-        """Read on until frames show the controls; one that is away is set anew when it is back."""
-        try:
-            for _ in range(SETTLING_FRAMES):
-                self._bare.read()
-        except ReconnectingError:
-            pass
 
     def _release(self) -> None:
         """Give back what the light plan has set and lit."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor, check_image
-from gellight.frames.frames import CameraFrame, Contact, LightState, TactileFrame
+from gellight.frames.frames import CameraFrame, Contact, TactileFrame
 from gellight.frames.status import PathStatus
 from gellight.reconstruction.stages import Stages
 
@@ -79,8 +79,6 @@ class SequencePath:
         return path.reconstruct(camera_frame)
 
     def _is_trained(self, frame: CameraFrame) -> bool:
-        label = frame.label
-        if label is None or label.group is None:
-            return label is None and self._groups is None
-        colours = frame.light if self._groups is None else self._groups[label.group]
-        return label.state is LightState.CLEAN and self._trained(colours)
+        if frame.label is None:
+            return self._groups is None
+        return frame.label.group is not None and self._trained(frame.light)

@@ -80,7 +80,6 @@ class PathStatus(TypedDict, total=False):
 
     mode: Required[str]
     computed_by: str
-    exposures: ExposuresStatus | None
     lights: int
     groups_with_depth: list[int]
 
@@ -169,6 +168,8 @@ class SensorStatus(PathStatus, FrameCounts):
     """URL"""
     touch: TouchStatus | None
     """None before the first frame, and without a calibration"""
+    exposures: ExposuresStatus | None
+    """of the newest frame; None where it is of one picture"""
     calibration: CalibrationStatus
     watch: WatchStatus | None
     ring: RingHeat | None

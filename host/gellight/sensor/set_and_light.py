@@ -44,7 +44,8 @@ def set_and_light(
     raises; CameraError where no frame of the new light comes; BoardError where the light does not stay on.
     """
     timing = timing or camera.timing or CameraTiming()
-    set_and_settle(camera, controls)
+    if set_controls(camera, controls):
+        settle(camera)
     for _ in range(MOST_ATTEMPTS):
         ring = camera.ring
         light_id = ring.light(colours) if ring else 0
@@ -56,11 +57,10 @@ def set_and_light(
     raise BoardError(f"the light did not stay on in {MOST_ATTEMPTS} attempts: does another program use the ring?")
 
 
-def set_and_settle(camera: Camera, controls: Mapping[str, float]) -> None:
-    """Set controls by name and read on until frames show them; raises as `Camera.adopt`."""
-    if set_controls(camera, controls):
-        for _ in range(SETTLING_FRAMES):
-            camera.read()
+def settle(camera: Camera) -> None:
+    """Read on until frames show the controls that were set; raises what the camera raises."""
+    for _ in range(SETTLING_FRAMES):
+        camera.read()
 
 
 def _first_after(camera: Camera, lit_s: float, timing: CameraTiming) -> CameraFrame:

@@ -88,12 +88,11 @@ class PhotometricReconstructor:
         self._references = references.astype(np.float32).reshape(len(model.colours), -1)
         self._flat_rows = light_rows(self._points, self._references, model.ring)
         self._projection, self._slope_noise = _flat_solution(self._flat_rows)
-        self._last: ExposureReport | None = None
         self._measures = BundleMeasures(bundle, from_network=False)
 
     def status(self) -> PathStatus:
-        """Return the mode and what the last series said about its scene, ready for JSON."""
-        return {"mode": "photometric", "exposures": self._last.as_json() if self._last else None}
+        """Return the mode, ready for JSON."""
+        return {"mode": "photometric"}
 
     def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
         """Reconstruct gradient, normal and depth map and the contact from one series.
@@ -114,7 +113,7 @@ class PhotometricReconstructor:
         stages.end("signals")
         gradient_map, depth, used, predicted = self._solved(signals, stages)
         gradient_map, depth = self._enlarged(gradient_map), self._enlarged(depth)
-        self._last = report = self._report(series, signals, used, predicted)
+        report = self._report(series, signals, used, predicted)
         stages.end("still")
         size_mm, maps = self.bundle.pixel_size_mm, (difference, gradient_map, depth)
         return tactile_frame(

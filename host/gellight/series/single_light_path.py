@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import CameraFrame, ExposureReport, ExposureSeries, TactileFrame
+from gellight.frames.frames import CameraFrame, ExposureSeries, TactileFrame
 from gellight.frames.image_files import read_grey
 from gellight.frames.status import PathStatus
 from gellight.photometric.directions import FILE_NAME, LightDirections, levels_of, lights_of
@@ -96,13 +96,11 @@ class SingleLightPath:
         self._smoother = Smoother(smoothing_px)
         self._perspective = Perspective.of_bundle(bundle)
         self._measures = BundleMeasures(bundle, from_network=mode == "network")
-        self._last: ExposureReport | None = None
 
     def status(self) -> PathStatus:
-        """Return the mode, "single_light" for GelNet, and what the last series said about its scene, ready for JSON."""
-        lights = len(lights_of(self._lights.groups))
+        """Return the mode, "single_light" for GelNet, and how many lights there are, ready for JSON."""
         mode = "single_light" if self.mode == "network" else self.mode
-        return {"mode": mode, "lights": lights, "exposures": self._last.as_json() if self._last else None}
+        return {"mode": mode, "lights": len(lights_of(self._lights.groups))}
 
     def reconstruct(self, camera_frame: CameraFrame) -> TactileFrame:
         """Reconstruct one series; its picture shows the lights, in three groups, as red, green and blue.
@@ -126,7 +124,7 @@ class SingleLightPath:
         gradient_map = surface_seen(self._smoother, depth_mm, size, gradient_map, noise, self._perspective)
         stages.end("depth")
         lit = (levels > 0).sum(axis=0, dtype=np.uint8)
-        self._last = report = exposure_report(series, lit, noise_grey=self.bundle.manifest.noise_grey)
+        report = exposure_report(series, lit, noise_grey=self.bundle.manifest.noise_grey)
         stages.end("still")
         maps = difference, gradient_map, depth_mm
         return tactile_frame(frame, *maps, size, stages, report, measures=self._measures, perspective=self._perspective)

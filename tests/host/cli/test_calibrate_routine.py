@@ -16,7 +16,7 @@ from gellight.frames.picture import PictureSteps, chosen_steps, steps_in
 from gellight.frames.view import View
 from gellight.lab.calibration.choices import ToolSizes
 from gellight.lab.calibration.display import Display, Progress
-from gellight.lab.calibration.records import LiveCoverage, ShownCircle
+from gellight.lab.calibration.records import BallPresses, Coverage, ShownCircle
 from tests.helpers.begun_calibration import begun_in, identity
 from tests.helpers.children import gellight
 from tests.helpers.command_line import invoke
@@ -160,16 +160,15 @@ def test_a_keyboard_that_is_closed_stops_the_calibration(monkeypatch: pytest.Mon
 def test_the_screen_shows_the_step_the_circle_the_map_and_the_advice() -> None:
     from rich.console import Console
 
-    shown = Display(
-        instruction="Press the ball.",
-        coverage=LiveCoverage.model_construct(places=[[0, 1], [12, 0]]),
-    )
+    shown = Display()
+    coverage = Coverage.model_construct(places=[[0, 1], [12, 0]])
+    shown.add_figures(BallPresses.model_construct(coverage=coverage))
     circle = ShownCircle(center_x_px=10.0, center_y_px=20.0, contact_radius_px=7.5, state="taken")
     shown.begin_step("presses")
     shown.update(progress=Progress(done=3, wanted=40, unit="presses"), awaiting="lift", press=circle)
-    shown.update(advice="12 more presses on the left edge", problem="it moved")
+    shown.update(instruction="Press the ball.", advice="12 more presses on the left edge", problem="it moved")
     console = Console(record=True, width=100)
-    console.print(screen(shown, "", keys=True))
+    console.print(screen(shown.shown, "", keys=True))
     text = console.export_text()
     for words in ("● prepare", "◐ presses", "3 of 40 presses", "10.0, 20.0, 7.5 px (taken)", "· 1", "9 ·", "lift"):
         assert words in text

@@ -13,8 +13,7 @@ from gellight.frames.camera import Camera, CameraTiming
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.picture import PictureSteps, PreparedCamera
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
-from gellight.sensor.series_cameras import SeriesCamera
-from gellight.sensor.window_camera import WindowCamera
+from gellight.sensor.series_camera import SeriesCamera
 from tests.helpers.scripted_camera import ScriptedCamera, ScriptedControls
 from tests.helpers.scripted_ring import ScriptedRing
 from tests.helpers.simulated_gel import RING
@@ -23,17 +22,16 @@ GROUPS = np.stack([RING.colours, RING.colours // 2])
 WRAPPERS: dict[type[CameraWrapper], Callable[[Camera], CameraWrapper]] = {
     SharedCamera: lambda camera: SharedCamera(camera, Mailbox()),
     SequencedCamera: lambda camera: SequencedCamera(camera, GROUPS, mode=LightMode.HOLD, timing=CameraTiming()),
-    WindowCamera: lambda camera: WindowCamera(
+    SeriesCamera: lambda camera: SeriesCamera(
         SequencedCamera(camera, GROUPS, mode=LightMode.HOLD, timing=CameraTiming()), GROUPS, exposure_us=None
     ),
     PreparedCamera: lambda camera: PreparedCamera(camera, PictureSteps(image_width_px=48, image_height_px=32)),
     SwitchedCamera: SwitchedCamera,
-    SeriesCamera: lambda camera: SeriesCamera(camera, GROUPS, exposure_us=None, frames=1),
 }
 ITS_OWN = {
     "read": set(WRAPPERS),
-    "timing": {SequencedCamera, WindowCamera},  # what its labels go by
-    "status": {SequencedCamera, WindowCamera},  # what became of the frames of the sequence, too
+    "timing": {SequencedCamera, SeriesCamera},  # what its labels go by
+    "status": {SequencedCamera, SeriesCamera},  # what became of the frames of the sequence, too
     "bundle_files": {PreparedCamera},  # what it does to the pictures
     "close": {SharedCamera},  # the daemon closes its camera
 }

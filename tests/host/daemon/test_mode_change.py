@@ -27,7 +27,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
 from gellight.photometric.light_model import LightGroups
-from gellight.sensor.series_cameras import SeriesCamera
+from gellight.sensor.series_camera import SeriesCamera
 from gellight.stream.publisher import Publisher
 from gellight.stream.subscription import subscribe
 from sim_reference.geometry import AS_BUILT

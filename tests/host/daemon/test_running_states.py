@@ -21,7 +21,7 @@ from gellight.daemon.installing import install, restore
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.camera import ReconnectingError
 from gellight.frames.frames import CameraFrame
-from gellight.sensor.series_cameras import SeriesCamera
+from gellight.sensor.series_camera import SeriesCamera
 from gellight.watch.monitor import SensorWatch
 from tests.helpers.linear_sensor import verified_bundle, with_lights_of_its_own
 from tests.helpers.scripted_camera import LitCamera

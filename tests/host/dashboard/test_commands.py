@@ -153,7 +153,7 @@ def test_what_is_nonsense_is_refused_in_words(server: DashboardServer, calibrati
                  {"type": "calibrate", "request": {"ball_radius_mm": -4}},
                  {"type": "calibrate", "request": {"presses": 1}},
                  {"type": "calibrate", "request": {"pixel_size_mm": -1}},
-                 {"type": "calibrate", "request": {"ball_radius_mm": 51}},
+                 {"type": "calibrate", "request": {"ball_radius_mm": 101}},
                  {"type": "act", "action": "correct", "contact_radius_px": 0}):  # fmt: skip
         status, answer = post(server.base, body)
         assert status in (400, 409)

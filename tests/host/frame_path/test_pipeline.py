@@ -172,13 +172,18 @@ def bundle() -> Bundle:
 
 @pytest.fixture(scope="module")
 def path(bundle: Bundle) -> SequencePath:
-    colours = bundle.colours
-    return SequencePath(Reconstructor(bundle), np.stack([colours // 2, colours]))
+    return SequencePath(Reconstructor(bundle), groups_of(bundle))
+
+
+def groups_of(bundle: Bundle) -> np.ndarray:
+    return np.stack([bundle.colours // 2, bundle.colours])
 
 
 def frame(bundle: Bundle, label: LightLabel | None, **changes: Any) -> CameraFrame:
     image = np.clip(np.rint(bundle.reference), 0, 255).astype(np.uint8)
-    return CameraFrame(**{"image": image, "time_s": 1.0, "sequence": 3, "source": "test", "label": label, **changes})
+    light = groups_of(bundle)[label.group] if label and label.group is not None else None
+    same = {"image": image, "time_s": 1.0, "sequence": 3, "source": "test", "label": label, "light": light}
+    return CameraFrame(**{**same, **changes})
 
 
 def test_under_the_light_of_the_calibration_there_is_depth(bundle: Bundle, path: SequencePath) -> None:

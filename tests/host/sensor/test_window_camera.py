@@ -10,9 +10,9 @@ from gellight.base.errors import CameraError
 from gellight.frames.camera import CameraTiming, ReconnectingError
 from gellight.frames.frames import CameraFrame, LightLabel, LightState
 from gellight.ring.light_groups import colour_triples
-from gellight.sensor import window_camera
+from gellight.sensor import series_camera
 from gellight.sensor.lighting.sequenced import LightMode, SequencedCamera
-from gellight.sensor.window_camera import WindowCamera
+from gellight.sensor.series_camera import SeriesCamera
 from tests.helpers.scripted_camera import ScriptedCamera, ScriptedControls
 from tests.helpers.simulated_gel import GROUPS
 from tests.helpers.virtual_sensor import RING, virtual_sensor
@@ -43,9 +43,9 @@ class ScriptedSequence(ScriptedCamera):
         return {"light_sequence": "counts"}
 
 
-def window(script: str, exposure_us: float | None = None) -> tuple[WindowCamera, ScriptedSequence]:
+def window(script: str, exposure_us: float | None = None) -> tuple[SeriesCamera, ScriptedSequence]:
     inner = ScriptedSequence(script)
-    return WindowCamera(inner, TRIPLES, exposure_us=exposure_us), inner
+    return SeriesCamera(inner, TRIPLES, exposure_us=exposure_us), inner
 
 
 def taken(series: Any) -> tuple[int, list[int], int]:
@@ -94,13 +94,13 @@ def test_after_the_sensor_was_away_and_after_other_settings_the_window_begins_an
 
 
 def test_a_sequence_that_gives_no_window_ends_with_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(window_camera, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(series_camera, "PATIENCE_S", 0.0)
     camera, inner = window("A?C?")
     with pytest.raises(CameraError, match=r"no frame of each light within 0 s \(counts\): set lighting\.light_mode = "):
         camera.read()
     inner.mode = LightMode.EXT
     with pytest.raises(CameraError, match="strobe"):
-        WindowCamera(inner, TRIPLES, exposure_us=None).read()
+        SeriesCamera(inner, TRIPLES, exposure_us=None).read()
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_on_the_firmware_a_window_comes_with_every_frame(
     inner.shutter = replace(inner.shutter, exposure_us=exposure_us)
     timing = CameraTiming(exposure_s=exposure_us * 1e-6, pulse_period_s=0.0005)
     sequenced = SequencedCamera(inner, triples, mode=mode, timing=timing)
-    with WindowCamera(sequenced, triples, exposure_us=None) as camera:
+    with SeriesCamera(sequenced, triples, exposure_us=None) as camera:
         series = [camera.read() for _ in range(30)][-12:]
         steps = np.diff([each.closing.sequence for each in series])
     assert (steps == 1).mean() > 0.9, "a camera of 30 frames a second gives 30 windows a second"

@@ -63,7 +63,8 @@ def test_a_ball_is_felt_as_it_is(
     assert felt.contact.indentation_mm == pytest.approx(1.0, abs=0.02)
     assert felt.contact.centroid_mm == pytest.approx((4.0, -3.0), abs=0.1)
     assert tuple(felt.stage_seconds) == STAGES
-    assert paths[kind].status()["exposures"]["exposures"] == {"triples": 4, "singles": 12}[kind]  # type: ignore[index]
+    assert felt.exposures is not None
+    assert felt.exposures.exposures == {"triples": 4, "singles": 12}[kind]
     assert felt.depth_mm.dtype == felt.gradient_map.dtype == felt.normal_map.dtype == np.float32
 
 

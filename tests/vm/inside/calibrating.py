@@ -30,7 +30,7 @@ def calibrate(url: str, folder: str, presses: int) -> dict[str, Any]:
             if "next" in now["actions"] and now["step"] in confirmed:
                 confirmed.remove(now["step"])
                 routine.act("next")
-            if now["step"] == "presses" and now["press"]:
+            if now["step"] == "presses" and "press" in now:
                 circles[now["press"]["number"]] = now["press"]
             due = now["step"], now["awaiting"], now["problem"], now["progress"].get("done")
             if due != told:

@@ -83,17 +83,17 @@ def _calibrate(
             routine.join()
     if routine.error:
         raise routine.error
-    if routine.display.step == "aborted":
+    if routine.shown.step == "aborted":
         raise InputError(f"stopped; what was measured is kept in {target.state}: go on with --resume")
     return routine
 
 
 def _report(routine: Routine, target: Target, seconds: float, as_json: bool) -> None:
-    verdict, snapshot = routine.display.verdict, routine.snapshot()
+    verdict, snapshot = routine.shown.verdict, routine.snapshot()
     assert verdict is not None  # it has ended well
     kept = {name: snapshot[name] for name in ("figures", "verdict", "bundle")}
-    figures = _figures_text(routine.display.figures)
-    wrote = _written(Path(out), target.install) if (out := routine.display.bundle) else []
+    figures = _figures_text(routine.shown.figures)
+    wrote = _written(Path(out), target.install) if (out := routine.shown.bundle) else []
     text = "\n".join([verdict.text, *wrote, *figures, f"{seconds:.0f} s from start to end"])
     show({**kept, "seconds": round(seconds, 1)}, as_json, text)
     if not verdict.passed:

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from gellight.base.errors import InputError
 from gellight.cli.showing import how_far, lines_in_log
-from gellight.lab.calibration.display import Display
+from gellight.lab.calibration.display import Shown
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.report.pictures import write_png
 
@@ -31,24 +31,25 @@ def follow(routine: Routine, place: Path, *, interactive: bool, quiet: bool) -> 
     shown: dict[str, object] = {}
     with (
         Live(console=console, auto_refresh=False, transient=False) as live,
-        lines_in_log(lambda: line(routine.display)),
+        lines_in_log(lambda: line(routine.shown)),
     ):
         while not routine.ended:
-            if routine.display.version != version:
-                version = routine.display.version
-                live.update(screen(routine.display, refusal, keys=interactive), refresh=console.is_terminal)
+            now = routine.shown
+            if now.version != version:
+                version = now.version
+                live.update(screen(now, refusal, keys=interactive), refresh=console.is_terminal)
                 if interactive:
                     _show_pictures(routine, place, shown)
             try:
                 refusal = obey(routine, typed.get(timeout=POLL_S))
             except Empty:
                 continue
-        live.update(screen(routine.display, "", keys=False), refresh=True)
+        live.update(screen(routine.shown, "", keys=False), refresh=True)
     if not console.is_terminal:
         console.print()  # only a terminal is left on a new line
 
 
-def line(shown: Display) -> str:
+def line(shown: Shown) -> str:
     """Return what a log says of how far the routine is."""
     progress = shown.progress
     return how_far(shown.step.replace("_", " "), progress.done, progress.wanted, progress.unit)
@@ -83,20 +84,20 @@ def _show_pictures(routine: Routine, place: Path, shown: dict[str, object]) -> N
                 write_png(place / f"{name}.png", pictures[name])
 
 
-def screen(shown: Display, refusal: str, *, keys: bool) -> RenderableType:
+def screen(shown: Shown, refusal: str, *, keys: bool) -> RenderableType:
     """Return what the routine shows, with what was refused last; keys: explain the keys."""
     marks = {"done": "●", "now": "◐", "to do": "○"}
     head = "  ".join(f"{marks[step['state']]} {step['name'].replace('_', ' ')}" for step in shown.step_states())
     lines: list[RenderableType] = [Text(head, style="bold"), Text(shown.instruction)]
-    progress, press, coverage = shown.progress, shown.press, shown.coverage
+    progress, press, presses = shown.progress, shown.press, shown.figures.presses
     if progress.done is not None:
         lines.append(Text(f"{progress.done} of {progress.wanted} {progress.unit}", style="cyan"))
     if shown.awaiting:
         lines.append(Text({"press": "▼ press", "lift": "▲ lift"}[shown.awaiting], style="bold green"))
     if press:
         lines.append(Text(f"last press: {press.place}"))
-    if coverage and shown.step == "presses":
-        rows = (" ".join("·" if count == 0 else str(min(count, 9)) for count in row) for row in coverage.places)
+    if presses and shown.step == "presses":
+        rows = (" ".join("·" if count == 0 else str(min(count, 9)) for count in row) for row in presses.coverage.places)
         lines.append(Text("\n".join(rows), style="green"))
     if shown.advice:
         lines.append(Text(shown.advice, style="yellow"))

@@ -61,7 +61,7 @@ function takeIn(state) {
   showNeeds(running || routine?.step === "finished" ? [] : state.needs);
   showRequest(state, running);
   showActions(routine, running, state);
-  showCoverage(routine?.coverage);
+  showCoverage(routine?.figures?.presses);
   showLoss(routine);
   showVerdict(routine);
   showFigures(routine?.figures);
@@ -211,18 +211,19 @@ function showActions(routine, running, state) {
   }));
 }
 
-function showCoverage(coverage) {
-  element("coverage-panel").hidden = !coverage;
-  const points = coverage?.held_out ?? [];
+function showCoverage(presses) {
+  element("coverage-panel").hidden = !presses;
+  const points = presses?.held_out ?? [];
   element("held-out-panel").hidden = points.length < 2;
-  if (!coverage) return;
+  if (!presses) return;
+  const { coverage } = presses;
   drawPlaces(element("places"), coverage.places);
   element("places-note").textContent = placesNote(coverage.places.flat());
   if (coverage.slopes) drawSlopes(element("slopes"), coverage.slopes, coverage.steepness_deg);
   element("steepest").textContent = coverage.steepest_deg ? `up to ${coverage.steepest_deg}°` : "";
   if (points.length < 2) return;
   drawCurve(element("held-out"), points, "presses");
-  const shape = coverage.held_out_um == null ? "" : `, ${coverage.held_out_um.toFixed(0)} µm`;
+  const shape = presses.held_out_um == null ? "" : `, ${presses.held_out_um.toFixed(0)} µm`;
   element("held-out-now").textContent = `${points.at(-1)[1].toFixed(2)}°${shape}`;
 }
 

@@ -9,7 +9,7 @@ from gellight.frames.image_files import read_image
 from gellight.lab.calibration.coverage import advice, coverage
 from gellight.lab.calibration.display import Picture, Progress
 from gellight.lab.calibration.live_error import LiveError
-from gellight.lab.calibration.records import BallPresses, Circle, LiveCoverage, PixelSize
+from gellight.lab.calibration.records import BallPresses, Circle, PixelSize
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.sensing import check_light, detector_of, next_press, wait_free
 from gellight.lab.calibration.state import PressRecord
@@ -169,35 +169,30 @@ class _Collector:
     def show_progress(self) -> None:
         """Show how far it is, what is covered and what is missing."""
         run = self.run
-        presses, wanted = run.folder.presses(), self.wanted
+        count, wanted = len(run.folder.state.presses), self.wanted
         self.live.update()
-        found = coverage(presses, self.ball, run.camera.image_shape)
-        words = advice(found, len(presses), wanted, settled=self.live.settled())
-        if self.live.depth_um:
-            words += f"; presses held out are felt to {self.live.depth_um[-1]:.0f} µm"
+        figures = self.figures()
+        words = advice(figures.coverage, count, wanted, settled=self.live.settled())
+        if figures.held_out_um:
+            words += f"; presses held out are felt to {figures.held_out_um:.0f} µm"
         doubtful = self.live.outliers()
         run.display.update(
             instruction=f"Press the ball of {run.options.tools.ball_radius_mm:g} mm radius, from a "
             "light touch to 2 mm deep, each time at another place, up to the edges. Hold still until it is taken, then "
             "lift. A wrong circle can be corrected or dropped.",
-            progress=Progress(done=len(presses), wanted=wanted, unit="presses"),
+            progress=Progress(done=count, wanted=wanted, unit="presses"),
             advice=words + (f"; press {doubtful[0]} contradicts the others, drop it" if doubtful else ""),
-            coverage=LiveCoverage(held_out=tuple(self.live.history), held_out_um=self.held_out_um, **dict(found)),
         )
-
-    @property
-    def held_out_um(self) -> float | None:
-        return self.live.depth_um[-1] if self.live.depth_um else None
+        run.display.add_figures(figures)
 
     def figures(self) -> BallPresses:
-        run = self.run
-        found = coverage(run.folder.presses(), self.ball, run.camera.image_shape)
+        presses = self.run.folder.presses()
         return BallPresses(
-            presses=len(run.folder.state.presses),
+            presses=len(presses),
             refused=self.refused,
-            coverage=found,
+            coverage=coverage(presses, self.ball, self.run.camera.image_shape),
             held_out=tuple(self.live.history),
-            held_out_um=self.held_out_um,
+            held_out_um=self.live.depth_um[-1] if self.live.depth_um else None,
         )
 
 

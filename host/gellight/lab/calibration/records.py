@@ -112,18 +112,6 @@ class Coverage(Record):
     steepest_deg: float
 
 
-HeldOutCurve = tuple[tuple[int, float], ...]
-"""(presses, normal error in degrees of each press by all others), as the presses came in"""
-
-
-class LiveCoverage(Coverage):
-    """The coverage while presses come in."""
-
-    held_out: HeldOutCurve
-    held_out_um: float | None
-    """error of the depth beside its contact's mean, likewise, now"""
-
-
 class BallPresses(StepFigures):
     """The ball presses to train on."""
 
@@ -131,9 +119,10 @@ class BallPresses(StepFigures):
     presses: int
     refused: int
     coverage: Coverage
-    held_out: HeldOutCurve
+    held_out: tuple[tuple[int, float], ...]
+    """(presses, normal error in degrees of each press by all others), as the presses came in"""
     held_out_um: float | None = None
-    """see `LiveCoverage`; None in records of before"""
+    """error of the depth beside its contact's mean, likewise, at the last one; None in records of before"""
 
 
 class Fit(StepFigures):

@@ -19,7 +19,7 @@ from gellight.base.errors import GellightError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera
 from gellight.lab.calibration.choices import RoutineOptions
-from gellight.lab.calibration.display import Display, Picture
+from gellight.lab.calibration.display import Picture, Shown
 from gellight.lab.calibration.fitting import fit
 from gellight.lab.calibration.preparing import prepare, prepare_again
 from gellight.lab.calibration.pressing import collect_presses
@@ -66,25 +66,17 @@ class Routine:
     @property
     def ended(self) -> bool:
         """Whether it is finished, aborted or failed."""
-        return self._calibration.display.step in ENDS and not (self._thread and self._thread.is_alive())
+        return self.shown.step in ENDS and not (self._thread and self._thread.is_alive())
 
     @property
-    def display(self) -> Display:
-        """What is to be shown; it changes while it is read, unlike a `snapshot`."""
-        return self._calibration.display
+    def shown(self) -> Shown:
+        """What is to be shown now."""
+        return self._calibration.display.shown
 
     def snapshot(self) -> dict[str, Any]:
-        """Return what is to be shown, ready for JSON.
+        """Return `shown` ready for JSON, what is unknown left out.
 
-        version: counts changes. step: "idle", one of `display.STEPS`, "finished", "aborted" or "failed". steps: list
-        of {name, state: "done" | "now" | "to do"}. instruction: what the user is to do now, a sentence or two. actions:
-        names that `act` takes now. progress: {done, wanted, unit} of the step. awaiting: "press"
-        when the gel is watched for one, "lift" when it has to become free, else empty. problem: why the last thing was
-        refused, with the remedy; empty when all is well. figures: by step, what was measured. press: the last press
-        {number, center_x_px, center_y_px, contact_radius_px, state}, or None. coverage: {places (rows
-        x columns of counts), slopes (directions x steepness of counts), held_out: [[presses, normal error in degrees],
-        ...]} or None. advice: what is missing most, or "enough". verdict: {passed, depth_um, normal_deg, text} or None.
-        bundle: path of what was written. pictures: names that `pictures` holds.
+        Beside it, steps: list of {name, state: "done" | "now" | "to do"}, and pictures: names that `pictures` holds.
         """
         return self._calibration.display.snapshot()
 
@@ -106,7 +98,7 @@ class Routine:
         """
         if action not in ACTIONS:
             raise InputError(f"no action {action!r}: choose one of {', '.join(ACTIONS)}")
-        offered = self._calibration.display.actions
+        offered = self.shown.actions
         if action not in offered:
             raise InputError(f"{action} is not possible now: choose {' or '.join(offered) or 'nothing, but wait'}")
         if action == "start":
@@ -134,7 +126,7 @@ class Routine:
             bundle = _run_steps(self._calibration)
             if self._install and bundle:
                 self._install(bundle)
-            self._end("finished", display.instruction)
+            self._end("finished", display.shown.instruction)
         except Aborted:
             self._end("aborted", "Stopped. What was measured is kept: you can go on from here.")
         except GellightError as error:
@@ -169,6 +161,6 @@ def _run_steps(run: CalibrationRun) -> Bundle | None:
         elif again:
             again(run)
         if figures := run.folder.done(step):
-            run.display.add_figures(step, figures)
+            run.display.add_figures(figures)
     run.display.begin_step("verify")
     return verify(run)

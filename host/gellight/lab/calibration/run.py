@@ -80,17 +80,16 @@ class CalibrationRun:
         """Hand an action of the user to the thread of the routine."""
         if action == "abort":
             self._stopped.set()
-        self._actions.put((action, arguments))
+        else:
+            self._actions.put((action, arguments))
 
     def next_action(self) -> tuple[str, dict[str, float]] | None:
         """Return the next action of the user, or None; raises Aborted if that is what they want."""
+        self.check_stopped()
         try:
-            action, arguments = self._actions.get_nowait()
+            return self._actions.get_nowait()
         except queue.Empty:
             return None
-        if action == "abort":
-            raise Aborted
-        return action, arguments
 
     def check_stopped(self) -> None:
         """Raise Aborted if the user wants to stop."""
@@ -131,7 +130,7 @@ class CalibrationRun:
 
     def wait_for_acceptance(self, problem: str, *, retry: bool = False) -> bool:
         """Show what looks wrong until the user accepts it (True) or, where that is offered, says next (False)."""
-        before = self.display.actions
+        before = self.display.shown.actions
         self.display.update(problem=problem)
         with self.offering("accept", *(("next",) if retry else ())):
             while (chosen := self.next_action()) is None or chosen[0] not in ("accept", "next"):

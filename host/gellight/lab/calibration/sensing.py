@@ -109,7 +109,7 @@ def wait_free(run: CalibrationRun, detector: TouchDetector, *, patience: int = P
     run.display.update(awaiting="lift")
     for count, gel in enumerate(gel for _, gel in _looks(run, detector, patience) if gel is not None):
         if gel.free and gel.still:
-            run.display.update(problem="" if complained else run.display.problem, awaiting="")
+            run.display.update(problem="" if complained else run.display.shown.problem, awaiting="")
             return
         if count >= patience and not complained:
             problem = (

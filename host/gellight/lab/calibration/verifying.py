@@ -121,7 +121,7 @@ def _check_whole(circle: Circle, shape: tuple[int, ...]) -> None:
 def _conclude(run: CalibrationRun, draft: Bundle, judge: Judge) -> Bundle | None:
     figures = summary(run.folder.state.checks)
     verdict = verdict_on(figures, run.options.limits)
-    run.display.add_figures("verify", figures)
+    run.display.add_figures(figures)
     run.display.update(verdict=verdict, instruction=verdict.text)
     if not verdict.passed:
         run.folder.want_more(MORE_PRESSES)

@@ -30,7 +30,7 @@ from gellight.base.errors import CameraError, InputError
 from gellight.frames.camera import Camera, CameraTiming
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.light_ring import Step
-from gellight.sensor.lighting.hold import Hold
+from gellight.sensor.lighting.hold import expose, ring_in_hand
 from gellight.sensor.lighting.light_watch import LightWatch
 
 Array = NDArray[np.float64]
@@ -168,8 +168,9 @@ def measure_shutter(
     Only the frame period and the pulse period of `timing` are used. Raises CameraError without a ring or a result.
     """
     known = timing or CameraTiming()
-    with Hold(camera, timing=replace(known, stamp_error_s=max(known.stamp_error_s, known.period_s))) as hold:
-        one, other = (hold.expose(group, number)[0].image for number, group in enumerate(groups))
+    doubted = replace(known, stamp_error_s=max(known.stamp_error_s, known.period_s))
+    with ring_in_hand(camera):
+        one, other = (expose(camera, group, number, timing=doubted)[0].image for number, group in enumerate(groups))
         return _watch_changes(camera, groups, known, TwoLights((one, other)), frames)
 
 

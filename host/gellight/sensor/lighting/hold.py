@@ -4,7 +4,8 @@ images = [frame.image for frame in exposures(camera, colour_triples(colours))]
 """
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -29,41 +30,45 @@ def exposures(
     ring or delivers no frame of the new light; BoardError where the board does not do it (also: a sequence is running,
     or the current limit scales a light).
     """
-    with Hold(camera, timing=timing) as hold:
-        return [hold.expose(colours, index)[0] for index, colours in enumerate(groups)]
+    with ring_in_hand(camera):
+        return [expose(camera, colours, index, timing=timing)[0] for index, colours in enumerate(groups)]
 
 
-class Hold:
-    """The light ring of a camera, in hand. As a context manager it gives back the light that was there before."""
+@contextmanager
+def ring_in_hand(camera: Camera) -> Iterator[None]:
+    """Give back the light that was there before, dark if there was none, after the block.
 
-    def __init__(self, camera: Camera, timing: CameraTiming | None = None) -> None:
-        """Remember what to use; `__enter__` takes the ring of `camera`."""
-        self._camera, self._timing = camera, timing
+    Raises CameraError without a ring, BoardError while it runs a sequence of somebody else.
+    """
+    ring = camera.ring
+    if ring is None:
+        raise CameraError(
+            f"{camera.url} has no light ring to take its exposures with: connect the ring's board, "
+            "or open the sensor that has one"
+        )
+    if ring.status().state == State.RUNNING:
+        raise BoardError("the ring is running a sequence: stop the sequence before taking single exposures")
+    before = ring.still
+    try:
+        yield
+    finally:
+        _give_back(camera, before)
 
-    def __enter__(self) -> "Hold":
-        """Remember the light; CameraError without a ring, BoardError while it runs a sequence of somebody else."""
-        ring = self._camera.ring
-        if ring is None:
-            raise CameraError(
-                f"{self._camera.url} has no light ring to take its exposures with: connect the ring's board, "
-                "or open the sensor that has one"
-            )
-        if ring.status().state == State.RUNNING:
-            raise BoardError("the ring is running a sequence: stop the sequence before taking single exposures")
-        self._before = ring.still
-        return self
 
-    def __exit__(self, *_: object) -> None:
-        """Give back the light that was there before, dark if there was none; a fault underway is not covered up."""
-        ring = self._camera.ring  # another one if the sensor was unplugged meanwhile; none while it is
-        try:
-            if ring is not None:
-                ring.light(self._before)
-        except BoardError as error:
-            logger.warning("the light of before could not be given back: %s", error)
+def _give_back(camera: Camera, light: NDArray[np.uint8] | None) -> None:
+    """Show the light of before; a fault underway is not covered up."""
+    ring = camera.ring  # another one if the sensor was unplugged meanwhile; none while it is
+    try:
+        if ring is not None:
+            ring.light(light)
+    except BoardError as error:
+        logger.warning("the light of before could not be given back: %s", error)
 
-    def expose(self, colours: NDArray[np.uint8], index: int, frames: int = 1) -> tuple[CameraFrame, ...]:
-        """Show (12, 3) uint8 and return frames taken wholly under it, labelled clean with `index`."""
-        label = LightLabel(state=LightState.CLEAN, group=index)
-        taken = set_and_light(self._camera, {}, colours, timing=self._timing, frames=frames)
-        return tuple(replace(frame, label=label) for frame in taken)
+
+def expose(
+    camera: Camera, colours: NDArray[np.uint8], index: int, *, timing: CameraTiming | None = None, frames: int = 1
+) -> tuple[CameraFrame, ...]:
+    """Show (12, 3) uint8 and return frames taken wholly under it, labelled clean with `index`."""
+    label = LightLabel(state=LightState.CLEAN, group=index)
+    taken = set_and_light(camera, {}, colours, timing=timing, frames=frames)
+    return tuple(replace(frame, label=label) for frame in taken)

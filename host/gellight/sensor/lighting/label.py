@@ -14,11 +14,9 @@ from numpy.typing import NDArray
 from gellight.frames.camera import CameraTiming
 from gellight.frames.frames import LightLabel, LightState
 from gellight.sensor.lighting.clock import ClockMap
-from gellight.sensor.lighting.timeline import UNTOLD, KnownLight
+from gellight.sensor.lighting.timeline import OTHER, UNTOLD, KnownLight
 
 Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
-MIXED, UNKNOWN = -10, -11
 UNKNOWN_LABEL = LightLabel(state=LightState.UNKNOWN)
 
 
@@ -42,39 +40,30 @@ def row_exposures(clock: ClockMap, timing: CameraTiming, time_s: float, rows: in
     return RowExposures(begins + low_us, begins + high_us, ends + low_us, ends + high_us)
 
 
-def light_of_rows(exposed: RowExposures, light: KnownLight, pulse_period_us: float) -> tuple[Rows, set[int]]:
-    """Return for each row the one light that it saw, else MIXED or UNKNOWN, (H,); and every light that some row saw.
+def label_of(exposed: RowExposures, light: KnownLight, pulse_period_us: float) -> LightLabel:
+    """Sum the rows of a frame up, as told above; light that is no group of a sequence has no label but unknown.
 
-    A light was surely seen where it had a whole cycle of the modulation to show.
+    A row surely saw a light that had a whole cycle of the modulation to show.
     """
-    sure, until, group = light.between(float(exposed.begin_low[0]), float(exposed.end_high[-1]))
-    found = np.full(len(exposed.begin_low), UNKNOWN)
-    before = np.full(len(exposed.begin_low), UNTOLD)
     seen: set[int] = set()
-    for from_us, to_us, what in zip(sure, until, group, strict=True):
+    clean = np.zeros(len(exposed.begin_low), bool)
+    for from_us, to_us, what in zip(
+        *light.between(float(exposed.begin_low[0]), float(exposed.end_high[-1])), strict=True
+    ):
         if what == UNTOLD:
             continue
+        alone = (exposed.begin_low >= from_us) & (exposed.end_high <= to_us)
         saw = np.minimum(exposed.end_low, to_us) - np.maximum(exposed.begin_high, from_us) >= pulse_period_us
-        found[saw & (before != UNTOLD) & (before != what)] = MIXED
-        before[saw] = what
-        seen |= {int(what)} if saw.any() else set()
-        found[(exposed.begin_low >= from_us) & (exposed.end_high <= to_us)] = what
-    return found, seen
-
-
-def label_of(rows: Rows, seen: set[int]) -> LightLabel:
-    """Sum the rows of a frame up, as told above. Light that is no group of a sequence has no label but unknown."""
-    known = set(rows.tolist())
-    if MIXED in known or len((known | seen) - {UNKNOWN}) > 1:
+        seen |= {int(what)} if (alone | saw).any() else set()
+        clean |= alone
+    if len(seen) > 1:
         return LightLabel(state=LightState.MIXED)
-    (only,) = known if len(known) == 1 else {UNKNOWN}
-    return LightLabel(state=LightState.CLEAN, group=int(only)) if only >= 0 else UNKNOWN_LABEL
+    (only,) = seen if clean.all() else {OTHER}
+    return UNKNOWN_LABEL if only == OTHER else LightLabel(state=LightState.CLEAN, group=only)
 
 
 def label_frame(clock: ClockMap, light: KnownLight, timing: CameraTiming, time_s: float, rows: int) -> LightLabel:
     """Label a frame by its stamp alone; unknown unless pings on both sides of it fit together."""
-    from_s, to_s = timing.span_s(time_s)
-    if not clock.covers(from_s, to_s):
+    if not clock.covers(*timing.span_s(time_s)):
         return UNKNOWN_LABEL
-    exposed = row_exposures(clock, timing, time_s, rows)
-    return label_of(*light_of_rows(exposed, light, timing.pulse_period_s * 1e6))
+    return label_of(row_exposures(clock, timing, time_s, rows), light, timing.pulse_period_s * 1e6)

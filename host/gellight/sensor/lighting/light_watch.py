@@ -3,7 +3,6 @@
 import itertools
 import threading
 import time
-from collections import deque
 from typing import NamedTuple
 
 from gellight.base.errors import BoardError
@@ -21,7 +20,6 @@ from gellight.sensor.lighting.timeline import KnownLight, Plan
 ASKED = 3
 """how often the board is asked about one frame; then it stays unknown"""
 FIRST_PINGS = 5
-KEPT_EVENTS = 16
 
 
 class Change(NamedTuple):
@@ -44,7 +42,6 @@ class LightWatch:
         self._lock = threading.Lock()
         self.clock = ClockMap()
         self.light = KnownLight(pulse_period_us=timing.pulse_period_s * 1e6, plan=plan)
-        self._events: deque[protocol.LightEvent] = deque(maxlen=KEPT_EVENTS)
         self._silenced = False
         ring.event_listeners.append(self._note_event)
         ring.ping_listeners.append(self._note_ping)
@@ -67,7 +64,6 @@ class LightWatch:
         if isinstance(event, protocol.LightEvent):
             with self._lock:
                 self.light.note_event(event)
-                self._events.append(event)
         if isinstance(event, protocol.DarkEvent) and event.dark == Dark.HOST_SILENT:
             self._silenced = True
 
@@ -82,7 +78,6 @@ class LightWatch:
             self.clock.add(ping)
             if self.clock.jumps != jumps:
                 self.light.clear()
-                self._events.clear()
 
     def label(self, time_s: float, rows: int) -> LightLabel:
         """Label a frame by its stamp, after asking which light is on; BoardError if no answer comes or it is dimmed."""
@@ -104,5 +99,5 @@ class LightWatch:
     def changes(self) -> list[Change]:
         """Return the last changes of the light that were reported, oldest first."""
         with self._lock:
-            pairs = itertools.pairwise(self._events)
+            pairs = itertools.pairwise(self.light.events)
             return [Change(old.group, new.group, self.clock.host_s(new.latched_us), new.light_id) for old, new in pairs]

@@ -5,11 +5,10 @@ are in the host's time. The period of the light is k frame periods by the board'
 the slack that k leaves is the same before and after each frame.
 
 A light has to stay for k frames, so that at least one of them is clean. With the settle time s, the readout R, the
-exposure E and the frame period P, a frame that begins when the light has settled needs R + E. Frames begin every P, so
-at an unknown phase the first one may begin as late as P after that:
+exposure E and the frame period P, a frame that begins when the light has settled needs R + E. The light changes just
+before a frame begins, so that
 
-    k = 1 + ceil((s + R + E) / P)      unknown phase
-    k = ceil((s + R + E) / P)          the light changes just before a frame begins (phase lock)
+    k = ceil((s + R + E) / P)
 """
 
 from collections import deque
@@ -45,10 +44,10 @@ def settle_s(timing: CameraTiming, clock_error_s: float = 0.0, *, leds: int = LE
     return leds * WIRE_S + LATCH_S + timing.pulse_period_s + 2 * (clock_error_s + timing.stamp_error_s)
 
 
-def hold_frames(timing: CameraTiming, *, locked: bool, clock_error_s: float = 0.0, leds: int = LED_COUNT) -> int:
-    """Return how many frame periods each light has to stay, by the equations above; at least 1."""
+def hold_frames(timing: CameraTiming, *, clock_error_s: float = 0.0, leds: int = LED_COUNT) -> int:
+    """Return how many frame periods each light has to stay, by the equation above; at least 1."""
     frames = (settle_s(timing, clock_error_s, leds=leds) + timing.readout_s + timing.exposure_s) / timing.period_s
-    return max(1, ceil(frames - EXACT)) + (0 if locked else 1)
+    return max(1, ceil(frames - EXACT))
 
 
 class Trim(NamedTuple):

@@ -6,8 +6,9 @@ with SequencedCamera(camera, colour_triples(colours)) as sequenced:
 """
 
 import logging
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
@@ -22,7 +23,7 @@ from gellight.ring import protocol
 from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import State, Status, SyncMode
 from gellight.ring.light_ring import LightRing, Step
-from gellight.sensor.lighting.hold import Hold
+from gellight.sensor.lighting.hold import expose
 from gellight.sensor.lighting.label import UNKNOWN_LABEL
 from gellight.sensor.lighting.light_watch import LightWatch
 from gellight.sensor.lighting.lock import PhaseLock, Trim, hold_frames
@@ -52,41 +53,38 @@ def clock_error_s(mode: LightMode) -> float:
     return CLOCK_ERROR_S + (REPEAT_US * 1e-6 / 2 if mode is LightMode.EXT else 0.0)
 
 
-@dataclass
-class LightCounters:
-    """What became of the frames."""
-
-    clean: int = 0
-    mixed: int = 0
-    unknown: int = 0
-    trims: int = 0
-
-
 class SequencedCamera(CameraWrapper):
     """Wraps a camera that has a ring; `read` gives its frames with their label. Closing it closes the camera."""
 
     def __init__(
         self, camera: Camera, groups: Sequence[NDArray[np.uint8]] | NDArray[np.uint8], *,
-        mode: LightMode = LightMode.FREE, timing: CameraTiming | None = None,
+        mode: LightMode = LightMode.FREE, frames: int = 1, timing: CameraTiming | None = None,
     ) -> None:  # fmt: skip
         """Show `groups` (n, 12, 3) uint8 RGB in turn, each for the fewest frame periods that can do.
 
-        `timing` is by default what `timing_of` tells. The edge of the strobe (EXT) is the start of the frame. Raises
-        CameraError without a ring, BoardError where the board refuses, InputError for a number of groups that it cannot
-        hold.
+        `frames`: of each light that HOLD takes. `timing` is by default what `timing_of` tells. The edge of the strobe
+        (EXT) is the start of the frame. Raises CameraError without a ring, BoardError where the board refuses,
+        InputError for a number of groups that it cannot hold.
         """
         super().__init__(camera)
         if not 1 <= len(groups) <= protocol.GROUP_COUNT:
             raise InputError(f"{len(groups)} light groups: the board holds 1 to {protocol.GROUP_COUNT}")
         if camera.ring is None:
-            raise CameraError(f"{camera.url} has no light ring to run a sequence on: connect the ring's board")
+            raise CameraError(
+                f"{camera.url} has no light ring to run a sequence on: connect the ring's board, or set "
+                "reconstruction.mode = network without lighting.sequence"
+            )
         self.mode = mode
+        self.frames = frames
         self._given_timing = timing
         self._groups = [np.asarray(group, np.uint8) for group in groups]
         self._before = camera.ring.still
-        self.counters = LightCounters()
+        self._counts = Counter[str]()
         self.watch: LightWatch | None = None
         self._started_on: LightRing | None = None
+        self._next, self._sequence = 0, 0
+        self._taken: list[CameraFrame] = []
+        """of the group that HOLD shows"""
         self._start()
 
     def _start(self) -> None:
@@ -97,18 +95,16 @@ class SequencedCamera(CameraWrapper):
         if ring.status().state == State.RUNNING:
             raise BoardError("the ring is running a sequence: stop the sequence before starting another one")
         self._timing = self._given_timing or timing_of(self._camera)
-        error_s = clock_error_s(self.mode)
-        self.frames = hold_frames(self._timing, locked=True, clock_error_s=error_s, leds=ring.led_count)
-        self._next, self._trim, self._trimmed_light = 0, Trim(0, 0.0), -TRIM_LIGHTS
-        self._lock = PhaseLock(self._timing, frames=self.frames, leds=ring.led_count)
-        self._hold = Hold(self._camera, timing=self._timing)
+        self._trim, self._trimmed_light = Trim(0, 0.0), -TRIM_LIGHTS
         if self.mode is not LightMode.HOLD:
             self._run(ring)
         self._started_on = ring
 
     def _run(self, ring: LightRing) -> None:
         """Load the sequence and start it, in FREE mode with the period of the camera."""
-        free = self.mode is LightMode.FREE
+        free, error_s = self.mode is LightMode.FREE, clock_error_s(self.mode)
+        self.frames = hold_frames(self._timing, clock_error_s=error_s, leds=ring.led_count)
+        self._lock = PhaseLock(self._timing, frames=self.frames, leds=ring.led_count)
         period_s = self._learn_period_s() if free else self._timing.period_s
         self._lock.dwell_us = max(round(self.frames * period_s * 1e6), protocol.DWELL_MIN_US)
         steps = [Step(group=k, dwell_us=self._lock.dwell_us if free else 0) for k in range(len(self._groups))]
@@ -169,14 +165,18 @@ class SequencedCamera(CameraWrapper):
                 raise self._why_failed(error, ring) from error
         label = frame.label
         assert label is not None
-        setattr(self.counters, label.state, getattr(self.counters, label.state) + 1)
+        self._counts[label.state] += 1
         return replace(frame, light=None if label.group is None else self._groups[label.group])
 
     def _held(self) -> CameraFrame:
-        """Show the next group and take a frame of it."""
-        (frame,) = self._hold.expose(self._groups[self._next], self._next)
-        self._next = (self._next + 1) % len(self._groups)
-        return frame
+        """Return the next frame of the group that is shown, then show the next one; what fails begins anew."""
+        if not self._taken:
+            group, self._next = self._next, 0
+            colours, timing = self._groups[group], self._timing
+            self._taken = [*expose(self._camera, colours, group, timing=timing, frames=self.frames)]
+            self._next = (group + 1) % len(self._groups)
+        self._sequence += 1  # what was passed over between two lights is not lost
+        return replace(self._taken.pop(0), sequence=self._sequence)
 
     def _labelled(self) -> CameraFrame:
         """Take the next frame and label it; begin the sequence anew where its ring is no longer the one there."""
@@ -222,7 +222,7 @@ class SequencedCamera(CameraWrapper):
             return  # another thread has just ended the sequence, and no light of it is left to be moved
         self._trimmed_light = changes[-1].light_id
         self._trim = trim
-        self.counters.trims += 1
+        self._counts["trims"] += 1
 
     def status(self) -> CameraStatus:
         """Return what is known of the camera inside, and what became of the frames of the sequence."""
@@ -230,8 +230,8 @@ class SequencedCamera(CameraWrapper):
             **super().status(),
             "light_sequence": {
                 "light_mode": str(self.mode), "groups": len(self._groups), "frames_per_light": self.frames,
-                "clean": self.counters.clean, "mixed": self.counters.mixed, "unknown": self.counters.unknown,
-                "trims": self.counters.trims,
+                "clean": self._counts["clean"], "mixed": self._counts["mixed"], "unknown": self._counts["unknown"],
+                "trims": self._counts["trims"],
             },
         }  # fmt: skip
 
@@ -254,6 +254,6 @@ class SequencedCamera(CameraWrapper):
     def _end(self) -> None:
         """End the sequence; the next `read` starts it again."""
         self._unwatch()
-        self._started_on = None
+        self._started_on, self._next, self._taken = None, 0, []
         if self.ring is not None:
             self.ring.blank()

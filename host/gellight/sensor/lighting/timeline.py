@@ -23,6 +23,7 @@ REPEAT_US = 2000.0
 anything"""
 SLACK_US = 100.0
 """a light that begins later than planned by more than this may be the repetition of a disturbed one"""
+KEPT_EVENTS = 16
 FEWEST_ON_GRID, MOST_ON_GRID = 4, 8
 """the plan goes by the earliest of this many lights, for a single light may itself have been late"""
 KEPT = 64
@@ -47,17 +48,24 @@ class KnownLight:
     def clear(self) -> None:
         """Forget everything: the board has started anew, or other groups were loaded."""
         self._lights: deque[tuple[float, float, int]] = deque(maxlen=KEPT)
-        self._last: protocol.LightEvent | None = None
+        self.events: deque[protocol.LightEvent] = deque(maxlen=KEPT_EVENTS)
+        """the last lights as they were reported, each once"""
         self._grid: deque[float] = deque(maxlen=MOST_ON_GRID)
         """when the last light was to begin, by each of the last ones"""
         self.confirmed_us = -np.inf
         """the board's time until which the light is known"""
 
+    @property
+    def _newest(self) -> protocol.LightEvent | None:
+        return self.events[-1] if self.events else None
+
     def note_event(self, event: protocol.LightEvent) -> None:
         """Take in a LIGHT event, in the order of the board."""
-        last, self._last = self._last, event
+        last = self._newest
         if last is not None and event.light_id == last.light_id:
+            self.events[-1] = event
             return
+        self.events.append(event)
         if last is None or event.light_id != last.light_id + 1:
             self._lose()
             last = None
@@ -84,9 +92,10 @@ class KnownLight:
 
         An answer that is older than the last event tells nothing: both may come in one transfer.
         """
-        if self._last is not None and status.time_us < self._last.latched_us:
+        newest = self._newest
+        if newest is not None and status.time_us < newest.latched_us:
             return
-        if self._last is None or status.light_id != self._last.light_id:
+        if newest is None or status.light_id != newest.light_id:
             self._lose()
         else:
             self.confirmed_us = max(self.confirmed_us, status.time_us - REPORT_US)

@@ -51,7 +51,8 @@ def test_a_ring_that_stands_elsewhere_than_the_settings_say_is_told_with_its_mea
     with begun(tmp_path, geometry=HIGH) as run:
         assert measure_lights(run) is None
         told = re.search(
-            r"of LEDs (\S+) mm above .* radius of (\S+) mm, \[geometry\] has (\S+) and (\S+) mm", run.display.problem
+            r"of LEDs (\S+) mm above .* radius of (\S+) mm, \[geometry\] has (\S+) and (\S+) mm",
+            run.display.shown.problem,
         )
         assert told
         assert [float(number) for number in told.groups()] == pytest.approx([25.0, 21.5, 20.0, 21.5], abs=0.5)
@@ -66,7 +67,7 @@ def test_a_ring_that_stands_as_the_settings_say_is_taken(tmp_path: Path) -> None
 def test_without_a_ring_no_lights_are_taken(tmp_path: Path) -> None:
     with begun(tmp_path, URL) as run:
         assert measure_lights(run) is None
-        assert not run.display.problem
+        assert not run.display.shown.problem
 
 
 def test_they_are_stopped_between_two_lights(tmp_path: Path) -> None:

@@ -153,7 +153,7 @@ def test_leds_that_are_dark_for_a_while_are_waited_for() -> None:
     run = DarkAtFirst(9)
     wait_free(run, TouchDetector(np.full((*SHAPE, 3), 100, np.float32), 1.0), patience=9)  # type: ignore[arg-type]
     assert run.taken == 9 + 2
-    assert run.display.problem == ""
+    assert run.display.shown.problem == ""
 
 
 def test_leds_that_stay_dark_are_told() -> None:
@@ -198,10 +198,10 @@ def test_a_ring_that_cannot_be_is_refused(colours: str, message: str) -> None:
 
 
 def test_the_pictures_that_are_shown_are_a_copy_that_nobody_changes_later() -> None:
-    shown, picture = Display(), np.zeros((2, 2, 3), np.uint8)
-    shown.show(gel=picture)
-    before, version = shown.pictures(), shown.version
-    shown.show(press=picture)
+    display, picture = Display(), np.zeros((2, 2, 3), np.uint8)
+    display.show(gel=picture)
+    before, version = display.pictures(), display.shown.version
+    display.show(press=picture)
     assert list(before) == ["gel"]
-    assert list(shown.pictures()) == ["gel", "press"]
-    assert shown.version == version + 1
+    assert list(display.pictures()) == ["gel", "press"]
+    assert display.shown.version == version + 1

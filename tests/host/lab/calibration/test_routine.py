@@ -172,8 +172,10 @@ class Person:
     def press(self, tool: str, depth_mm: float, x: float, y: float) -> dict[str, Any]:
         before = wait_for(self.routine, lambda s: s["awaiting"] == "press")
         self.stage.press(tool, depth_mm, x, y)
-        old = before["press"], before["problem"]
-        told = wait_for(self.routine, lambda s: s["press"] not in (None, old[0]) or s["problem"] not in ("", old[1]))
+        old = before.get("press"), before["problem"]
+        told = wait_for(
+            self.routine, lambda s: s.get("press") not in (None, old[0]) or s["problem"] not in ("", old[1])
+        )
         self.stage.release()
         return told
 
@@ -193,7 +195,7 @@ def test_a_guided_user_corrects_drops_aborts_and_resumes(tmp_path: Path) -> None
         first = user.press("BALL", 1.0, 5.0, 3.0)["press"]
         assert (first["center_x_px"], first["center_y_px"]) == pytest.approx((202.0, 145.0), abs=0.5)
         routine.act("correct", center_x_px=200.0, center_y_px=140.0, contact_radius_px=15.0)
-        corrected = wait_for(routine, lambda s: s["press"] and s["press"]["state"] == "corrected")["press"]
+        corrected = wait_for(routine, lambda s: "press" in s and s["press"]["state"] == "corrected")["press"]
         assert corrected["center_x_px"] == 200.0
         routine.act("correct", center_x_px=200.0, center_y_px=140.0, contact_radius_px=50.0)
         assert "is it a ball of 4 mm" in wait_for(routine, lambda s: s["problem"] != "")["problem"]

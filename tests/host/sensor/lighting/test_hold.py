@@ -182,13 +182,9 @@ def cameras() -> list[CameraTiming]:
 
 def test_a_hold_is_the_smallest_that_gives_every_light_a_clean_frame(cameras: list[CameraTiming]) -> None:
     for timing in cameras:
-        frames = hold_frames(timing, locked=False)
-        assert clean_frames(timing, frames).min() >= 1
-        assert clean_frames(timing, frames - 1).min() == 0
-    for timing in cameras:
-        frames = hold_frames(timing, locked=True)
+        frames = hold_frames(timing)
         assert clean_frames(timing, frames).max() >= 1
         assert clean_frames(timing, frames - 1).max() == 0
     timing = CameraTiming(readout_s=0.020, exposure_s=0.008)
-    assert hold_frames(timing, locked=True) == 1
-    assert hold_frames(timing, locked=True, clock_error_s=0.001) == 2
+    assert hold_frames(timing) == 1
+    assert hold_frames(timing, clock_error_s=0.001) == 2

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from gellight.ring import protocol
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.light_groups import colour_triples
 from gellight.ring.light_ring import Ping, Step
-from gellight.sensor.lighting.label import MIXED, UNKNOWN, label_of
+from gellight.sensor.lighting.label import RowExposures, label_of
 from gellight.sensor.lighting.light_watch import LightWatch
 from gellight.sensor.lighting.timeline import OTHER, UNTOLD, KnownLight
 from tests.helpers.clock_bounds import board_us
@@ -101,19 +102,30 @@ def test_an_answer_older_than_the_last_event_that_came_with_it_tells_nothing() -
 
 
 @pytest.mark.parametrize(
-    ("rows", "seen", "state", "group"),
+    ("lights", "pulse_us", "state", "group"),
     [
-        ([2, 2, 2], {2}, LightState.CLEAN, 2),
-        ([2, 2, UNKNOWN], {2}, LightState.UNKNOWN, None),
-        ([2, MIXED, 3], {2, 3}, LightState.MIXED, None),
-        ([2, UNKNOWN, 3], set(), LightState.MIXED, None),
-        ([UNKNOWN, UNKNOWN], {2, 3}, LightState.MIXED, None),
-        ([OTHER, OTHER], {OTHER}, LightState.UNKNOWN, None),
-        ([OTHER, 1], set(), LightState.MIXED, None),
+        ([(-10, 200, 2)], 10, LightState.CLEAN, 2),
+        ([(-10, 115, 2), (115, 200, 2)], 10, LightState.UNKNOWN, None),
+        ([(-10, 112, 2), (5, 200, 2)], 10, LightState.CLEAN, 2),
+        ([(5, 200, 2)], 10, LightState.UNKNOWN, None),
+        ([(-10, 60, 2), (61, 200, 3)], 10, LightState.MIXED, None),
+        ([(-10, 60, 2), (61, 200, 3)], 70, LightState.UNKNOWN, None),
+        ([(-10, 102, 2), (18, 200, 3)], 1000, LightState.MIXED, None),
+        ([(-10, 200, OTHER)], 10, LightState.UNKNOWN, None),
+        ([(-10, 60, OTHER), (61, 200, 1)], 10, LightState.MIXED, None),
+        ([(-10, 60, 2), (61, 200, UNTOLD)], 10, LightState.UNKNOWN, None),
+        ([], 10, LightState.UNKNOWN, None),
     ],
 )
-def test_rows_sum_up_to_a_frame(rows: list[int], seen: set[int], state: LightState, group: int | None) -> None:
-    assert label_of(np.array(rows), seen) == LightLabel(state=state, group=group)
+def test_rows_sum_up_to_a_frame(
+    lights: list[tuple[float, float, int]], pulse_us: float, state: LightState, group: int | None
+) -> None:
+    """Three rows: from 0, 10 and 20 us on for 100 us each."""
+    begin = np.array([0.0, 10.0, 20.0])
+    columns = np.array(lights or np.empty((0, 3))).T
+    known: Any = SimpleNamespace(between=lambda *_: columns)
+    exposed = RowExposures(begin, begin, begin + 100, begin + 100)
+    assert label_of(exposed, known, pulse_us) == LightLabel(state=state, group=group)
 
 
 # ---- on boards that really run: on virtual time, and on the clock of this computer ----

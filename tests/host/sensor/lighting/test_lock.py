@@ -40,7 +40,7 @@ def test_the_light_is_uncertain_for_wire_latch_a_pulse_and_both_errors_on_either
 @pytest.mark.parametrize("frames", [1, 2])
 @pytest.mark.parametrize("late_s", np.linspace(0, PERIOD_S, 8)[:-1])
 def test_after_a_trim_each_frame_is_in_the_middle_of_its_light(frames: int, late_s: float) -> None:
-    assert frames >= hold_frames(TIMING, locked=True)
+    assert frames >= hold_frames(TIMING)
     lock, latched_s = lock_of(frames), BEGIN_S + 1 + late_s
     trim = lock.trim(Interval(latched_s - 1e-4, latched_s + 1e-4), RESTING)
     if trim is not None:

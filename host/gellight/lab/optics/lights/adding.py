@@ -19,8 +19,8 @@ from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import write_lights
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.ring.light_groups import colour_triples, single_leds
-from gellight.sensor.lighting.hold import Hold
-from gellight.sensor.series_cameras import EXPOSURE
+from gellight.sensor.lighting.hold import expose, ring_in_hand
+from gellight.sensor.series_camera import EXPOSURE
 
 
 def add_lights(
@@ -122,10 +122,10 @@ def _take_pictures(
     singles, triples = single_leds(colours), colour_triples(colours)
     groups = [np.zeros_like(colours), *singles, *triples, colours]
     taken = []
-    with Hold(camera) as hold:
+    with ring_in_hand(camera):
         for index, group in enumerate(groups):
             taking(index, len(groups))
-            images = [frame.image for frame in hold.expose(group, index, frames)]
+            images = [frame.image for frame in expose(camera, group, index, frames=frames)]
             # The dark by its median: noise that is cut off at 0 would lift the mean.
             taken.append(np.median(images, axis=0) if index == 0 else np.mean(images, axis=0))
     return ReferencePictures(

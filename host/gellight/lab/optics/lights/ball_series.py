@@ -17,7 +17,7 @@ from gellight.lab.training.validation import radius_by_slopes_px
 from gellight.photometric.directions import levels_of
 from gellight.reconstruction.image_noise import noise_of_one
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.sensor.lighting.hold import Hold
+from gellight.sensor.lighting.hold import expose, ring_in_hand
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -201,8 +201,8 @@ def take_series(
 
 
 def _exposed(camera: Camera, groups: NDArray[np.uint8], frames: int) -> Floats:
-    with Hold(camera) as hold:
-        taken = [hold.expose(group, index, frames) for index, group in enumerate(groups)]
+    with ring_in_hand(camera):
+        taken = [expose(camera, group, index, frames=frames) for index, group in enumerate(groups)]
     return levels_of([[frame.image for frame in shown] for shown in taken], groups)
 
 

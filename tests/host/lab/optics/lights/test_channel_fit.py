@@ -22,7 +22,7 @@ from gellight.opening import open_camera
 from gellight.photometric.directions import levels_of, lights_of
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.ring.light_groups import colour_triples, single_leds
-from gellight.sensor.series_cameras import EXPOSURE
+from gellight.sensor.series_camera import EXPOSURE
 from gellight.series.single_light_path import SingleLightPath, frame_of_lights, read_directions
 from tests.helpers.command_line import invoke
 from tests.helpers.places import REAL_CROPS
