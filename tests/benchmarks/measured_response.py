@@ -2,7 +2,7 @@
 
 A table (Taxim; in half precision) says which colour a real sensor showed at each slope and place.
 Simulated surfaces are rendered through them, so neither our light model nor our camera model has a part in it. Balls
-are pressed at random, found by themselves, refined and learnt from; the error is measured on other objects, pressed
+are pressed at random, found by themselves and learnt from; the error is measured on other objects, pressed
 elsewhere.
 """
 
@@ -19,7 +19,6 @@ from gellight.lab.report.pictures import write_png
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling.circle import PressCircle
 from gellight.lab.training.labelling.detection import detect, write_presses
-from gellight.lab.training.labelling.refinement import refine
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.training import Learning, TrainingOptions, fit, read_reference
 from gellight.reconstruction.integration import angle_deg, normals
@@ -106,9 +105,8 @@ def measure(name: str) -> dict[str, float]:
         apart = [np.hypot(c.center_x_px - truth[path][0], c.center_y_px - truth[path][1]) for path, c in circles]
         write_presses(place / "presses.csv", found)
         labelled = read_presses(place / "presses.csv", ball=BALL, image_shape=GEOMETRY.image_shape)
-        refined = refine(labelled, reference.image, BALL).presses
         how = Learning(options=TrainingOptions(recipe="fast"))
-        bundle = fit(refined, reference, BALL, place / "bundle", sensor=name, how=how)
+        bundle = fit(labelled, reference, BALL, place / "bundle", sensor=name, how=how)
         whole_map_deg, contact_deg = _errors_deg(response, Reconstructor(bundle), random)
     return {
         "circles_found": float(len(circles)),

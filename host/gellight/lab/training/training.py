@@ -57,8 +57,6 @@ class Learning:
     """How a calibration learns from its presses."""
 
     options: TrainingOptions = TrainingOptions()
-    refine: bool = False
-    """refit the circles together with the light first, in `judged_fit` and `folds`"""
     like: Bundle | None = None
     """of a unit like this one, whose presses are what few own ones begin with"""
     lights: LightModel | None = None
@@ -161,8 +159,8 @@ def fit(
 
     The drift of the light is taken off each difference image where the light of the presses differs from the
     reference's by more than the noise of a pixel. What the gel at rest does is measured far from the presses
-    (`gel_at_rest`). The rim of circles whose radius no light decided weighs less. Circles are not refined here, see
-    `judged_fit`. The metrics say how well the fine pattern of the reference shows (`fine_pattern`).
+    (`gel_at_rest`). The rim of circles whose radius no light decided weighs less. The metrics say how well the fine
+    pattern of the reference shows (`fine_pattern`).
     Where the LEDs are known they go into the bundle, and the network learns colours as at the depth of the gel at rest
     (`level_light`).
     view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more, ready
