@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
-from gellight.lab.training.labelling.refinement import FirstFits, Refined, refine, refine_others
+from gellight.lab.training.labelling.refinement import refine
 from gellight.lab.training.presses import Press, cap_depth_mm, distance_px, sphere_gradient
 from gellight.lab.training.table import images_of
 from gellight.lab.training.training import Learning, TrainingOptions, fit
@@ -36,8 +36,6 @@ SURE = 0.8
 GIVEN, REFINED = "as given", "refined"
 PLAIN, REFINING, PEER = "GelLight", "GelLight, --refine", "gs_sdk"
 WAYS = (PLAIN, REFINING, PEER)
-LEAST_REFINED = 5
-"""presses that `fit --refine` asks for"""
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class Errors:
 Felt = Callable[[CameraFrame], tuple[Floats, NDArray[np.floating]]]
 """gradient map and depth, mm"""
 Judges = Mapping[str, Sequence[Press]]
-"""the presses held out, by judge: circles as given, and refined with the response of the light to training presses"""
+"""the presses held out, by judge: circles as given, and as `fit --refine` moves each to where its picture shows it"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,27 +70,18 @@ class Fold:
         """The presses trained on, as labelled."""
         return [self.known[number] for number in self.drawn]
 
-    @cached_property
-    def _first(self) -> FirstFits:
-        return FirstFits(self.images.reference.image, self.images.ball)
-
-    @cached_property
-    def _all_refined(self) -> Refined:
-        return refine(self.known, self.images.reference.image, self.images.ball, first=self._first)
-
     @property
     def refined(self) -> list[Press]:
-        """The presses trained on, refined among themselves."""
-        if len(self.drawn) == len(self.known):
-            return self._all_refined.presses
-        return refine(self.training, self.images.reference.image, self.images.ball, first=self._first).presses
+        """The presses trained on, their circles where the pictures show them."""
+        return self._refined(self.training)
 
     @cached_property
     def judges(self) -> Judges:
-        """By both judges; the light is that of all presses that may be trained on."""
-        reference, ball = self.images.reference.image, self.images.ball
-        again = refine_others(self._all_refined, self.held_out, reference, ball, first=self._first)
-        return {GIVEN: self.held_out, REFINED: again}
+        """By both judges."""
+        return {GIVEN: self.held_out, REFINED: self._refined(self.held_out)}
+
+    def _refined(self, presses: Sequence[Press]) -> list[Press]:
+        return refine(presses, self.images.reference.image, self.images.ball).presses
 
 
 def folds_of(images: RealSet, most: int | None = None, circles: str | None = None) -> Iterator[Fold]:

@@ -5,8 +5,9 @@ A row is a set, what was held out, how many presses were trained on, whose circl
 folds       the images are divided, and whatever is judged was not trained on; few presses are drawn at random in each
             fold; `first fold` is one of them: `make test` repeats some, and `--only "first fold" --seeds 5` shows
             how far networks of other seeds are apart
+halves      the images are divided in two, and the recipe is `fast`: what `--refine` is worth
 hand, own   circles that a person drew, and those that `detect` finds; those by hand judge where there are some
-refined     the training circles are refined among themselves first, as `fit --refine` does
+refined     circles that a person drew are moved first to where the pictures show them, as `fit --refine` does
 
 `real_judging` says what the figures mean. Each row that was measured is kept at once in tests/data/real_presses.json,
 a seed at a time, so a run can be ended and begun again; what is there is not measured again. Without arguments the
@@ -17,14 +18,13 @@ import argparse
 import statistics
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 from gellight.lab.training.training import TrainingOptions
 from tests.benchmarks.real_judging import (
     GIVEN,
-    LEAST_REFINED,
     PLAIN,
     REFINED,
     REFINING,
@@ -43,7 +43,7 @@ from tests.helpers.places import is_here
 
 COUNTS = (None, 2, 5, 1, 10, 20)
 """presses trained on; None: all"""
-FOLDS, FIRST = "folds", "first fold"
+FOLDS, FIRST, HALVES = "folds", "first fold", "halves"
 DRAWN = {"mini": (HAND, OWN), "gripper": (HAND, OWN), "gelslam": (OWN,), "digit": (OWN,), "dots": (OWN,),
          "skleff": (HAND, OWN), "objectfolder": (OWN,),
          "three_lights": (HAND,), "three_lights_crop": (HAND,)}  # fmt: skip
@@ -73,22 +73,22 @@ class Row:
 
     @property
     def judges(self) -> tuple[str, ...]:
-        """Who judges: circles of the light too, but where one picture shows all, or only `make test` asks."""
-        plate = self.set.startswith("three_lights")
-        return (GIVEN,) if plate or self.held_out == FIRST else (GIVEN, REFINED)
+        """Who judges: circles drawn by hand, also where pictures show them; but where only `make test` asks."""
+        return (GIVEN, REFINED) if HAND in DRAWN[self.set] and self.held_out != FIRST else (GIVEN,)
 
 
 def rows() -> list[Row]:
     """Return all rows: one fold first, where `make test` and the spread of seeds need it; then by number of presses."""
     found = [Row(name, FIRST, None, circles, way) for name, circles, way in GATE]
     found += [row for name, count in SCATTER if (row := Row(name, FIRST, count, HAND, PLAIN)) not in found]
+    found += [Row(name, HALVES, None, HAND, way) for name in SETS if HAND in DRAWN[name] for way in (PLAIN, REFINING)]
     for count in COUNTS:
         for name in SETS:
             found += [
                 Row(name, FOLDS, count, circles, way)
                 for circles in DRAWN[name]
                 for way in WAYS
-                if count is None or (count < LEAST_TRAINED[name] and (way != REFINING or count >= LEAST_REFINED))
+                if (count is None or count < LEAST_TRAINED[name]) and (way != REFINING or circles == HAND)
             ]
     return found
 
@@ -100,7 +100,8 @@ def _images(name: str) -> RealSet:
 
 def measure(row: Row, seed: int) -> tuple[Measured, int]:
     """Train and judge one row with one seed; returns mean errors by judge, and how many presses judged."""
-    images, options = _images(row.set), TrainingOptions(recipe="thorough", seed=seed)
+    images, recipe = _images(row.set), "fast" if row.held_out == HALVES else "thorough"
+    options = TrainingOptions(recipe=recipe, seed=seed)
     found: dict[str, list[Errors]] = {by: [] for by in row.judges}
     for fold in _folds(row, images):
         felt = learnt(fold.refined if row.way == REFINING else fold.training, images, row.way, options)
@@ -112,6 +113,8 @@ def measure(row: Row, seed: int) -> tuple[Measured, int]:
 def _folds(row: Row, images: RealSet) -> Iterator[Fold]:
     if row.held_out == FIRST:
         yield next(folds_of(images, row.presses, row.circles))
+    if row.held_out == HALVES:
+        yield from folds_of(replace(images, folds=2), circles=row.circles)
     if row.held_out == FOLDS:
         yield from folds_of(images, row.presses, row.circles)
 

@@ -18,7 +18,7 @@ from gellight.frames.frames import CameraFrame
 from gellight.lab.optics.lights.adding import take_lights
 from gellight.lab.simulator.printed_dots import known_force
 from gellight.lab.simulator.scene import Press, Scene
-from gellight.lab.training.child import Progress, TrainerName, checked_trainer, run_module, silent
+from gellight.lab.training.child import Progress, run_module, silent
 from gellight.opening import open_camera
 from gellight.photometric.light_model import LightModel
 from gellight.photometric.lights_file import lights_file
@@ -89,8 +89,7 @@ def make_synthetic(
     width: int,
     recipe: str = "fine",
     seed: int = 0,
-    threads: int = 1,
-    trainer: TrainerName = "numpy",
+    trainer: str = "numpy",
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> Bundle:
@@ -101,7 +100,7 @@ def make_synthetic(
     with tempfile.TemporaryDirectory(prefix="gellight-synthetic-") as folder:
         place = Path(folder)
         arguments = ["--out", folder, "--width", str(width), "--recipe", recipe, "--seed", str(seed)]
-        run_module("gelnet.synthetic", arguments, progress, trainer=checked_trainer(trainer), threads=threads)
+        run_module("gelnet.synthetic", [*arguments, "--trainer", trainer], progress)
         training = json.loads((place / "training.json").read_text())
         draft = _written(place, place / "draft", lights, {"training": training})
         # Measured through the bundle as it will be loaded, then written once with what was measured.
@@ -156,7 +155,6 @@ def main() -> None:
     parser.add_argument("--width", type=int, default=32, help="units in each hidden layer")
     parser.add_argument("--recipe", default="fine", help="fine: as of the shipped bundle; fast; thorough; paper")
     parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same network")
-    parser.add_argument("--threads", type=int, default=1, help="of its matrix products")
     parser.add_argument("--trainer", choices=("numpy", "torch"), default="numpy")
     parser.add_argument("--overwrite", action="store_true", help="replace what is there")
     written = make_synthetic(**vars(parser.parse_args()), lights=lights_of_simulated_sensor())

@@ -115,14 +115,6 @@ def test_gelnet_of_two_presses_is_right_elsewhere() -> None:
     assert helped < alone / 2
 
 
-def test_a_picture_of_another_size_is_refused(tmp_path: Path) -> None:
-    table = presses(2)
-    arrays = {"rows": table.rows, "image": table.image, "image_size": np.array(table.image_size)}
-    np.savez(tmp_path / "table.npz", **arrays, untouched=UNTOUCHED[:10])
-    with pytest.raises(TableError, match="untouched has shape"):
-        load_table(tmp_path / "table.npz")
-
-
 # ---- slopes steeper than any press ----
 
 WIDTH, HEIGHT = 160, 120

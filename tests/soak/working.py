@@ -69,7 +69,7 @@ class Calibrating:
         options = RoutineOptions(
             out=self._bundle, sensor=SERIAL, presses=request.presses, verifications=VERIFICATIONS, overwrite=True,
             cylinder_presses=CYLINDERS, reference_frames=REFERENCE_FRAMES,
-            training=TrainingOptions(recipe="fast", trainer="numpy"),
+            training=TrainingOptions(recipe="fast"),
         )  # fmt: skip
         self._current = Routine(self._daemon.camera, options, self._folder, install=self._passed)
         return self._current

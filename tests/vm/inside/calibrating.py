@@ -6,7 +6,6 @@ from typing import Any
 
 from gellight.lab.calibration.choices import RoutineOptions
 from gellight.lab.calibration.routine import Routine
-from gellight.lab.training.training import TrainingOptions
 from gellight.sensor.sensor_camera import open_sensor
 from tests.vm.inside.agent import report
 
@@ -16,11 +15,7 @@ POLL_S = 0.05
 def calibrate(url: str, folder: str, presses: int) -> dict[str, Any]:
     """Calibrate as a user at the terminal would until that many presses are taken, and stop; report what is due."""
     place, circles, confirmed = Path(folder), dict[int, dict[str, float]](), {"prepare", "reference"}
-    # The routine tries its trainer first; to import PyTorch takes minutes on the emulated processor.
-    training = TrainingOptions(trainer="numpy")
-    options = RoutineOptions(
-        out=place / "bundle", sensor="fine", cylinder_presses=2, reference_frames=8, training=training
-    )
+    options = RoutineOptions(out=place / "bundle", sensor="fine", cylinder_presses=2, reference_frames=8)
     with open_sensor(url) as camera:
         routine = Routine(camera, options, place / "state")
         routine.act("start")

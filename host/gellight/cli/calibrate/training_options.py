@@ -27,9 +27,9 @@ class Recorded:
     reference: Annotated[str, typer.Option(help="image of the untouched gel, or a folder of them, which is averaged")]
     ball_radius_mm: Annotated[float, typer.Option(help="radius of the pressed ball, mm")]
     pixel_size_mm: Annotated[float, typer.Option(help="mm per pixel on the gel")]
-    refine: Annotated[
-        bool, typer.Option("--refine", help="refit the circles together with the light before training")
-    ] = False
+    refine: Annotated[bool, typer.Option("--refine", help="move each circle to where its picture shows the edge")] = (
+        False
+    )
     like: Like = None
     lights: Annotated[
         str | None, typer.Option(help="earlier bundle of this sensor that knows the light of its LEDs (lights.json)")

@@ -19,6 +19,7 @@ from gellight.lab.training import validation
 from gellight.lab.training.judged_fit import fit_judged
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.labelling.pixel_ratio import PixelRatio, pixel_ratio
+from gellight.lab.training.labelling.refinement import refine
 from gellight.lab.training.level_light import lights_of_unit
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.skirts import skirt_words
@@ -50,6 +51,9 @@ def fit(
     extra = {**contradicted, **_pixels(presses, untouched, ball)}
     if untouched.view:
         extra[SMALLER] = untouched.view.model_dump()
+    if recorded.refine:
+        refined = refine(presses, untouched.image, ball)
+        presses, extra["refinement"] = refined.presses, refined.record()
     with progress("training") as report:
         written = fit_judged(
             presses,
@@ -85,7 +89,7 @@ def _learning(recorded: Recorded, untouched: Reference, how: SizedTraining) -> L
     """Return how is learnt from them; InputError or BundleError for a bundle that cannot be used."""
     like = load_bundle(recorded.like) if recorded.like else None
     lights = lights_of_unit(load_bundle(recorded.lights), untouched.image) if recorded.lights else None
-    return Learning(options=how.options(), refine=recorded.refine, like=like, lights=lights)
+    return Learning(options=how.options(), like=like, lights=lights)
 
 
 def _whole_view(smaller: View | None, view: View | None) -> View | None:
@@ -147,7 +151,7 @@ def _fit_lines(written: Bundle) -> list[str]:
         f"balls {Ball.seen_by(written, metrics['ball_radius_mm']).seen_from()}",
         *depth_line(written),
         *_pixel_warning(metrics.get("pixel_ratio"), written.image_shape),
-        *radius_line(metrics.get("refinement")),
+        *refinement_line(metrics.get("refinement")),
     ]
 
 
@@ -194,20 +198,13 @@ def depth_line(written: Bundle) -> list[str]:
     return []
 
 
-def radius_line(refinement: Mapping[str, Any] | None) -> list[str]:
-    """Return how far the labelled contact radii and the light disagree; nothing where labels were not refined."""
+def refinement_line(refinement: Mapping[str, Any] | None) -> list[str]:
+    """Return how far circles were moved, and which were not; nothing where labels were not refined."""
     if not refinement:
         return []
-    share, sure = refinement["radius_of_light_over_label"], refinement["radius_by_light_images"]
-    used = (
-        f"the light's are used ({sure} images show them)" if sure else "too few images show them: the labels' are kept"
-    )
-    lines = [f"the light shows contact radii {100 * (share - 1):+.1f} % from the labels'; {used}"]
-    if votes := refinement.get("votes"):
-        chosen = "refined circles" if votes["refined"] else "circles as labelled"
-        agree = f"to {votes['refined_deg']:.2f} deg by refined circles, to {votes['labelled_deg']:.2f} as labelled"
-        lines.append(f"learnt from {chosen}: pixels of presses held out agree on the ball's centre {agree}")
-    return lines
+    wider, kept = refinement["radius_of_light_over_label"] - 1, refinement["kept_images"]
+    stayed = f"; no clear ball shows, so the label stays, in {', '.join(kept)}" if kept else ""
+    return [f"circles were moved by {refinement['rms_shift_px']:.1f} px, contact radii by {wider:+.1%}{stayed}"]
 
 
 def _pixel_warning(found: Mapping[str, float] | None, image_shape: tuple[int, int]) -> list[str]:

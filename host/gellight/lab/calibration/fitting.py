@@ -30,7 +30,7 @@ def fit(run: CalibrationRun) -> None:
     presses, least = run.folder.presses(), run.options.least_presses
     if len(presses) < least:
         raise InputError(f"{len(presses)} presses are too few to fit: at least {least} are needed")
-    trainer = rehearse(run.options.training.trainer, check=run.check_stopped)
+    trainer = rehearse(check=run.check_stopped)
     lights = measure_lights(run)
     run.display.update(
         progress=Progress(),

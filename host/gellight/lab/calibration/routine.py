@@ -147,7 +147,7 @@ def _run_steps(run: CalibrationRun) -> Bundle | None:
     """Go through all steps and return the bundle that passed, None where the verdict was bad."""
     if run.folder.done("fit") is None:
         run.display.update(instruction="Whether a network can be trained here is tried out first.")
-        rehearse(run.options.training.trainer, check=run.check_stopped)
+        rehearse(check=run.check_stopped)
     for step, first, again in (
         ("prepare", prepare, prepare_again),
         ("reference", take_reference, compare_with_reference),

@@ -2,7 +2,6 @@
 
 import importlib.util
 import json
-import logging
 import os
 import select
 import subprocess
@@ -10,37 +9,22 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Literal
 
-from gellight.base.errors import InputError, TrainingError
+from gellight.base.errors import TrainingError
 
-logger = logging.getLogger(__name__)
-
-TrainerName = Literal["numpy", "torch", "cuda"]
 RECIPES = ("fast", "thorough", "fine", "paper")
-
-
-def checked_trainer(wanted: TrainerName) -> TrainerName:
-    """Return what trains; InputError for a torch that is not installed."""
-    installed = importlib.util.find_spec("torch") is not None
-    if wanted != "numpy" and not installed:
-        raise InputError("PyTorch is not installed: pip install torch, or train with numpy")
-    logger.info("%s trains the network (PyTorch installed: %s)", wanted, installed)
-    return wanted
-
-
 _BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """read by NumPy's matrix library when it is loaded; each build of NumPy heeds one of them"""
 
 
-def gelnet_environment(threads: int) -> dict[str, str]:
-    """Return the environment in which the child finds the host's `gelnet` and computes with `threads` threads."""
+def gelnet_environment() -> dict[str, str]:
+    """Return the environment in which the child finds the host's `gelnet` and computes with one thread."""
     spec = importlib.util.find_spec("gelnet")
     if spec is None or not spec.submodule_search_locations:
         raise TrainingError("the package gelnet is not installed beside gellight: reinstall gellight")
     places = [str(Path(next(iter(spec.submodule_search_locations))).parent), os.environ.get("PYTHONPATH", "")]
     path = {"PYTHONPATH": os.pathsep.join(place for place in places if place)}
-    return {**os.environ, **dict.fromkeys(_BLAS_THREADS, str(threads)), **path}
+    return {**os.environ, **dict.fromkeys(_BLAS_THREADS, "1"), **path}
 
 
 Progress = Callable[[int, int, float], None]
@@ -65,19 +49,16 @@ def go_on() -> None:
     """Let the child run to its end."""
 
 
-def run_module(
-    module: str, arguments: list[str], progress: Progress, *, trainer: str, threads: int, check: Check = go_on
-) -> None:
+def run_module(module: str, arguments: list[str], progress: Progress, *, check: Check = go_on) -> None:
     """Run a module of gelnet in a child process and report its progress.
 
-    trainer: "numpy", "torch" or "cuda". threads: of its matrix products. Raises TrainingError with the last line of the
-    child's error output unless it ends well. An interrupt ends the child as well.
+    NumPy trains, where the arguments name no other. Raises TrainingError with the last line of the child's error output
+    unless it ends well. An interrupt ends the child as well.
     """
-    how = [f"--trainer={trainer}", f"--threads={threads}", "--attached"]
-    _run_child([sys.executable, "-m", module, *how, *arguments], progress, threads=threads, check=check)
+    _run_child([sys.executable, "-m", module, "--trainer=numpy", "--attached", *arguments], progress, check=check)
 
 
-def _run_child(command: list[str], progress: Progress, *, threads: int = 1, check: Check = go_on) -> None:
+def _run_child(command: list[str], progress: Progress, *, check: Check = go_on) -> None:
     """Do as `run_module` with any command that prints its progress."""
     with (
         tempfile.TemporaryFile("w+") as complaints,
@@ -86,7 +67,7 @@ def _run_child(command: list[str], progress: Progress, *, threads: int = 1, chec
             stdin=subprocess.PIPE,  # closed when this process ends, however and whenever: then the child ends too
             stdout=subprocess.PIPE,
             stderr=complaints,
-            env=gelnet_environment(threads),
+            env=gelnet_environment(),
         ) as child,
     ):
         try:

@@ -7,10 +7,8 @@ better than what was judged.
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from math import cos, pi, sin
 from pathlib import Path
 from threading import Event
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +19,12 @@ from gellight.bundle.bundle import Bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.view import View
 from gellight.lab.training.child import Check, Progress, go_on, silent
-from gellight.lab.training.folds import GIVEN, REFINED, trained_folds
-from gellight.lab.training.labelling.refinement import LEAST_PRESSES, FirstFits, refine
+from gellight.lab.training.folds import trained_folds
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 from gellight.lab.training.skirts import Skirts, find_skirts
-from gellight.lab.training.table import drift_of_presses, images_of
+from gellight.lab.training.table import images_of
 from gellight.lab.training.training import Learning, Reference, fit
 from gellight.lab.training.validation import PressError, frame_of, press_errors, summarised
-from gellight.lab.training.votes import votes_apart_deg
 from gellight.reconstruction.confidence import TRAINED_QUANTILE
 from gellight.reconstruction.error_bounds import (
     COVERED,
@@ -48,8 +44,6 @@ MOST_PIXELS = 2000
 _JUDGES, _CLEARLY = 4, 0.9
 """presses that decide on the plane at rest, and to which part it has to bring the error of the depth"""
 _RIDGE = 1e-5
-_GOLDEN = pi * (3 - 5**0.5)
-"""rad between directions of which any number is spread evenly"""
 Array = NDArray[np.float64]
 
 
@@ -68,35 +62,26 @@ def fit_judged(
 ) -> Bundle:  # fmt: skip
     """Do as `training.fit`, and let the bundle say its errors: in `errors.json`, and in `held_out` of its metrics.
 
-    Where circles are to be refined, they are used if presses held out are felt better with them (`votes`), else those
-    that were labelled. Refined ones are judged by circles that lie beside them as far as all of them may. One press is
-    all learnt from: then nobody knows. layer: the gel, where known: indentations of presses held out are compared with
-    what it makes of their circles. progress counts the epochs of all trainings.
+    One press is all learnt from: then nobody knows. layer: the gel, where known: indentations of presses held out are
+    compared with what it makes of their circles. progress counts the epochs of all trainings.
     """
-    first = FirstFits(reference.image, ball)
-    labels = _labels(presses, reference, ball, first) if how.refine else _Labels(presses, refined=False, record={})
     images = int(images_of(presses).max(initial=-1)) + 1
     folds = min(FOLDS, images) if images > 1 else 0
-    # Where a fold has too few presses to refine each other, all of them have done it.
-    apart = labels.refined and images - -(-images // FOLDS) >= LEAST_PRESSES
-    how = replace(how, refine=apart)
-    given = presses if apart else labels.presses
     report, stop = in_parts(progress, folds + 1), Event()
     found = [Found(level_plane=False), Found(level_plane=True)]
-    train = partial(trained_folds, first=first, progress=report, check=partial(_go_on_unless, stop, check))
-    parts = train(given, reference, ball, folds, how) if folds else iter(())
+    train = partial(trained_folds, progress=report, check=partial(_go_on_unless, stop, check))
+    parts = train(presses, reference, ball, folds, how) if folds else iter(())
     for fold in one_ahead(parts, stop.set):  # one fold trains while the one before it is judged
-        judges = beside(fold.held_out[REFINED if how.refine else GIVEN], labels.place_error_px)
         for one in found:
-            one.add(fold.bundle, judges, ball)
+            one.add(fold.bundle, fold.held_out, ball)
     best = found[found[1].better_than(found[0])]
     skirts = find_skirts(partial(best.errors, ball, layer)) if folds else Skirts(1.0, [])
     figures = {"folds": folds, "depth_mm": _depth_errors(found), **_figures(skirts)} if folds else {}
     return fit(
-        labels.presses, reference, ball, out, sensor=sensor, how=how, view=view,
+        presses, reference, ball, out, sensor=sensor, how=how, view=view,
         level_plane=best.level_plane, skirt_share=skirts.share, overwrite=overwrite, progress=report, check=check,
         extra_files={**(extra_files or {}), **(errors_file(fit_errors(best.samples)) if best.samples else {})},
-        extra_metrics={**(extra_metrics or {}), **labels.record, **({"held_out": figures} if folds else {})},
+        extra_metrics={**(extra_metrics or {}), **({"held_out": figures} if folds else {})},
     )  # fmt: skip
 
 
@@ -146,41 +131,6 @@ def _depth_errors(found: Sequence[Found]) -> dict[str, float]:
     """What the metrics say of the plane."""
     names = {False: "as_integrated", True: "without_the_plane_at_rest"}
     return {names[one.level_plane]: round(float(one.depth_mm().mean()), 4) for one in found if one.samples}
-
-
-class _Labels(NamedTuple):
-    """The circles that are learnt from."""
-
-    presses: Sequence[Press]
-    refined: bool
-    record: Mapping[str, object]
-    """what the metrics say of them"""
-    place_error_px: float = 0.0
-
-
-def _labels(presses: Sequence[Press], reference: Reference, ball: Ball, first: FirstFits) -> _Labels:
-    """Refine the circles, and return those by which presses held out are felt better."""
-    refined = refine(presses, reference.image, ball, first=first)
-    follow = drift_of_presses(presses, reference.image) > reference.noise_grey
-    apart = votes_apart_deg([presses, refined.presses], reference.image, ball, follow_light=follow).mean(axis=1)
-    better = bool(apart[1] < apart[0])
-    votes = {"labelled_deg": round(float(apart[0]), 3), "refined_deg": round(float(apart[1]), 3), "refined": better}
-    record = {"refinement": {**refined.record(), "votes": votes}}
-    if not better:
-        return _Labels(presses, refined=False, record=record)
-    return _Labels(refined.presses, refined=True, record=record, place_error_px=refined.place_error_px)
-
-
-def beside(presses: Sequence[Press], distance_px: float) -> list[Press]:
-    """Return circles that lie as far beside these, each into another direction."""
-    return [
-        replace(
-            press,
-            center_x_px=press.center_x_px + distance_px * cos(_GOLDEN * number),
-            center_y_px=press.center_y_px + distance_px * sin(_GOLDEN * number),
-        )
-        for number, press in enumerate(presses)
-    ]
 
 
 def in_parts(progress: Progress, parts: int) -> Progress:

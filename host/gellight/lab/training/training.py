@@ -19,7 +19,7 @@ from gellight.frames.camera import EndOfStream
 from gellight.frames.dots import Dots, find_dots
 from gellight.frames.picture import PictureSteps, PreparedCamera
 from gellight.frames.view import View
-from gellight.lab.training.child import Check, Progress, TrainerName, checked_trainer, go_on, run_module, silent
+from gellight.lab.training.child import Check, Progress, go_on, run_module, silent
 from gellight.lab.training.level_light import at_rest_depth
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.table import (
@@ -42,8 +42,8 @@ MATCHED_PRESSES = 9
 """evenly chosen: they show how well the fine pattern of the unit can be seen"""
 HAND_DRAWN = TableOptions(rim_share=0.25)
 """what is trained on of presses whose circles a hand may have drawn"""
-_rehearsed: dict[TrainerName, str] = {}
-"""what trained, by what was asked for: a process tries it once"""
+_rehearsed: list[str] = []
+"""what trained: a process tries it once"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,8 +54,6 @@ class TrainingOptions:
     width: int = 32
     seed: int = 0
     epochs: int | None = None
-    threads: int = 1
-    trainer: TrainerName = "numpy"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +61,6 @@ class Learning:
     """How a calibration learns from its presses."""
 
     options: TrainingOptions = TrainingOptions()
-    refine: bool = False
-    """refit the circles together with the light first, in `judged_fit` and `folds`"""
     like: Bundle | None = None
     """of a unit like this one, whose presses are what few own ones begin with"""
     lights: LightModel | None = None
@@ -146,8 +142,6 @@ def train(
             "gelnet.train",
             ["--table", str(place / "table.npz"), "--out", folder, *chosen],
             progress,
-            trainer=checked_trainer(options.trainer),
-            threads=options.threads,
             check=check,
         )
         return (place / "network.onnx").read_bytes(), json.loads((place / "training.json").read_text())
@@ -167,8 +161,8 @@ def fit(
 
     The drift of the light is taken off each difference image where the light of the presses differs from the
     reference's by more than the noise of a pixel. What the gel at rest does is measured far from the presses
-    (`gel_at_rest`). The rim of circles whose radius no light decided weighs less. Circles are not refined here, see
-    `judged_fit`. The metrics say how well the fine pattern of the reference shows (`fine_pattern`).
+    (`gel_at_rest`). The rim of circles whose radius no light decided weighs less. The metrics say how well the fine
+    pattern of the reference shows (`fine_pattern`).
     Where the LEDs are known they go into the bundle, and the network learns colours as at the depth of the gel at rest
     (`level_light`).
     view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more, ready
@@ -225,21 +219,21 @@ def _match_of(presses: Sequence[Press], reference: Reference) -> float:
     return pattern_match([press.picture() for press in some], reference.image)
 
 
-def rehearse(trainer: TrainerName = "numpy", *, check: Check = go_on) -> str:
+def rehearse(*, check: Check = go_on) -> str:
     """Train a network of one unit for one epoch; return what trained it, with its version.
 
     Raises TrainingError where nothing can be trained.
     """
-    if trainer not in _rehearsed:
-        _rehearsed[trainer] = _trained_by(trainer, check)
-    return _rehearsed[trainer]
+    if not _rehearsed:
+        _rehearsed.append(_trained_by(check))
+    return _rehearsed[0]
 
 
-def _trained_by(trainer: TrainerName, check: Check) -> str:
+def _trained_by(check: Check) -> str:
     rows = np.random.default_rng(0).uniform(0, 1, (8, 7)).astype(np.float32)
     table = PressTable(rows=rows, image=np.arange(8, dtype=np.int32) % 2, image_size=(2, 2))
     try:
-        _, record = train(table, TrainingOptions(recipe="fast", width=1, epochs=1, trainer=trainer), check=check)
+        _, record = train(table, TrainingOptions(recipe="fast", width=1, epochs=1), check=check)
     except (TrainingError, OSError) as error:
         raise TrainingError(
             f"no network can be trained here ({first_line(error)}): repair what is named there"

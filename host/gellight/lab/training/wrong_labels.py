@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.lab.training.child import Check, go_on
-from gellight.lab.training.labelling.circle import ARC, PressCircle, find_circle, fit_circle
-from gellight.lab.training.labelling.pattern import LEAST_QUALITY, difference_image
+from gellight.lab.training.labelling.circle import ARC, PressCircle, find_circle
+from gellight.lab.training.labelling.pattern import LEAST_QUALITY
+from gellight.lab.training.labelling.refinement import shown_circle
 from gellight.lab.training.polynomial import powers_up_to, terms_of
 from gellight.lab.training.presses import Ball, Floats, Press, distance_px
 from gellight.lab.training.table import drift_of_presses
@@ -168,9 +169,7 @@ def _witness(press: Press, presses: Sequence[Press], reference: Floats, ball: Ba
     try:
         if sum(other.image == press.image for other in presses) == 1:
             return find_circle(press.picture(), reference, ball=ball, least_view=ARC)
-        center = press.center_x_px, press.center_y_px
-        difference = difference_image(press.picture(), reference)
-        _, circle = fit_circle(difference, center, press.contact_radius_px, ball.radius_px)
+        circle = shown_circle(press, reference, ball)
     except InputError as error:
         return error
     if circle.quality < LEAST_QUALITY:

@@ -1,9 +1,8 @@
 """A calibration that tells its errors: nine in ten pixels keep the bound; and the polynomials that tell them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -15,13 +14,11 @@ from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
 from gellight.frames.image_files import read_image
 from gellight.lab.training import judged_fit
-from gellight.lab.training.folds import REFINED, Fold, trained_folds
 from gellight.lab.training.judged_fit import Samples, fit_errors, fit_judged, in_parts
 from gellight.lab.training.polynomial import powers_up_to, terms_of
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
 from gellight.lab.training.skirts import Skirts
-from gellight.lab.training.training import Learning, Reference, TrainingOptions, fit
-from gellight.lab.training.validation import PressError, press_errors
+from gellight.lab.training.training import Learning, Reference, TrainingOptions
 from gellight.reconstruction.error_bounds import DEG_FLOOR, MM_FLOOR, ErrorRecord, quadratic, read_errors
 from tests.helpers.linear_sensor import GREY_PER_SLOPE
 
@@ -58,18 +55,17 @@ def test_nine_in_ten_pixels_of_other_presses_keep_the_bound(count: int) -> None:
         assert spearmanr(bound, error)[0] > 0.3
 
 
-def kept(count: int, folder: Path, how: Learning = SHORT, *, scatter_px: float = 0.0) -> Bundle:
-    """Of balls pressed into a sensor whose colours are linear in the slope; circles are drawn as well as that."""
-    presses, scatter = [], np.random.default_rng(5)
+def kept(count: int, folder: Path) -> Bundle:
+    """Of balls pressed into a sensor whose colours are linear in the slope."""
+    presses = []
     for number in range(count):
         x, y = RANDOM.uniform((16, 16), (48, 32)).round().tolist()
         press = Press(image=folder / f"{number}.png", center_x_px=x, center_y_px=y, contact_radius_px=11.0)
         slope = np.where(contact_circle(press, SHAPE)[..., None], sphere_gradient(press, BALL, SHAPE), 0.0)
         cv2.imwrite(str(press.image), np.clip(120 + slope @ GREY_PER_SLOPE.T, 0, 255).astype(np.uint8)[..., ::-1])
-        off_x, off_y = scatter.normal(0, scatter_px, 2)
-        presses.append(replace(press, center_x_px=x + off_x, center_y_px=y + off_y))
+        presses.append(press)
     reference = Reference(image=np.full((*SHAPE, 3), 120, np.float32), frames=1, noise_grey=1.0)
-    return fit_judged(presses, reference, BALL, folder / "bundle", sensor="S", how=how)
+    return fit_judged(presses, reference, BALL, folder / "bundle", sensor="S", how=SHORT)
 
 
 def test_each_press_is_judged_once_and_the_bundle_says_how(tmp_path: Path) -> None:
@@ -85,55 +81,6 @@ def test_of_one_press_nobody_knows_the_error(tmp_path: Path) -> None:
     bundle = kept(1, tmp_path)
     assert "held_out" not in bundle.metrics
     assert read_errors(bundle) is None
-
-
-@pytest.mark.parametrize(("count", "better"), [(6, True), (8, True), (8, False)])
-def test_refined_circles_are_learnt_from_where_presses_held_out_say_so(
-    count: int, better: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    learnt: list[Sequence[Press]] = []
-
-    def spying_fit(presses: Sequence[Press], *rest: Any, **options: Any) -> Bundle:
-        learnt.append(presses)
-        return fit(presses, *rest, **options)
-
-    monkeypatch.setattr(judged_fit, "fit", spying_fit)
-    monkeypatch.setattr(judged_fit, "votes_apart_deg", lambda *_, **__: np.array([[2.0], [1.0 if better else 3.0]]))
-    bundle = kept(count, tmp_path, replace(SHORT, refine=True))
-    assert bundle.metrics["refinement"]["votes"]["refined"] is better
-    assert bundle.metrics["held_out"]["presses"] == count
-    moved = [(press.center_x_px, press.center_y_px) for press in learnt[0]]
-    assert all(x.is_integer() for x, _ in moved) is not better
-
-
-def test_refined_circles_are_judged_as_far_beside_as_all_of_them_may_lie(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Their mean place is that of the labels, and presses held out share it."""
-    refined: list[Press] = []
-    judging: list[Press] = []
-
-    def spying_folds(*given: Any, **options: Any) -> Iterator[Fold]:
-        for fold in trained_folds(*given, **options):
-            refined.extend(fold.held_out[REFINED])
-            yield fold
-
-    def spying_errors(bundle: Bundle, presses: Sequence[Press], *rest: Any) -> list[PressError]:
-        judging.extend(presses)
-        return press_errors(bundle, presses, *rest)
-
-    monkeypatch.setattr(judged_fit, "trained_folds", spying_folds)
-    monkeypatch.setattr(judged_fit, "press_errors", spying_errors)
-    monkeypatch.setattr(judged_fit, "votes_apart_deg", lambda *_, **__: np.array([[2.0], [1.0]]))
-    told = kept(8, tmp_path, replace(SHORT, refine=True), scatter_px=1.5).metrics["refinement"]
-    assert told["place_error_px"] == pytest.approx(told["rms_shift_px"] / 8**0.5, abs=1e-3)
-    assert told["place_error_px"] > 0.3
-    off = np.array(
-        [(ours.center_x_px - theirs.center_x_px, ours.center_y_px - theirs.center_y_px)
-         for ours, theirs in zip(judging, refined, strict=True)]
-    )  # fmt: skip
-    np.testing.assert_allclose(np.hypot(*off.T), told["place_error_px"], atol=1e-3)
-    assert np.hypot(*off.mean(axis=0)) < 0.7 * told["place_error_px"], "into several directions"
 
 
 def samples(*shape_mm: float) -> list[Samples]:

@@ -1,4 +1,4 @@
-"""What trains, with PyTorch and without it: the choice, the rehearsal, and the child that computes."""
+"""What trains: the rehearsal, and the child that computes."""
 
 import os
 import subprocess
@@ -9,81 +9,57 @@ from pathlib import Path
 
 import pytest
 
-from gellight.base.errors import InputError, TrainingError
+from gellight.base.errors import TrainingError
 from gellight.lab.training import child, training
-from gellight.lab.training.child import checked_trainer
-from gellight.lab.training.training import TrainingOptions, check_trainer, rehearse
+from gellight.lab.training.training import check_trainer, rehearse
 from gellight.sensor.findings import Level
 from tests.helpers.waiting import eventually
 
 
-@pytest.fixture
-def without_torch(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "torch", None)
-
-
 @pytest.fixture(autouse=True)
 def unrehearsed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(training, "_rehearsed", {})
+    monkeypatch.setattr(training, "_rehearsed", [])
 
 
-@pytest.mark.nightly
-def test_numpy_trains_and_torch_where_it_is_asked_for(caplog: pytest.LogCaptureFixture) -> None:
-    assert TrainingOptions().trainer == "numpy"
-    with caplog.at_level("INFO", logger=child.__name__):
-        assert [checked_trainer("numpy"), checked_trainer("torch")] == ["numpy", "torch"]
-    assert "numpy trains the network" in caplog.text
-
-
-@pytest.mark.usefixtures("without_torch")
-def test_without_torch_numpy_trains_and_torch_is_refused() -> None:
-    assert checked_trainer("numpy") == "numpy"
-    with pytest.raises(InputError, match="pip install torch"):
-        checked_trainer("torch")
-
-
-@pytest.mark.parametrize("name", ["numpy", pytest.param("torch", marks=pytest.mark.nightly)])
-def test_a_rehearsal_trains_for_real_and_names_what_trained(name: child.TrainerName) -> None:
-    library, version = rehearse(name).split()
-    assert library == name
+def test_a_rehearsal_trains_for_real_and_names_what_trained() -> None:
+    library, version = rehearse().split()
+    assert library == "numpy"
     assert version[0].isdigit()
 
 
-@pytest.mark.usefixtures("without_torch")
 def test_doctor_names_what_trains() -> None:
     finding = check_trainer()
     assert finding.level is Level.OK
     assert finding.text.startswith("numpy ")
 
 
-@pytest.mark.parametrize(
-    ("library", "name"), [pytest.param("torch", "torch", marks=pytest.mark.nightly), ("onnxruntime", "numpy")]
-)
 def test_a_library_that_cannot_be_loaded_is_found_before_anybody_presses(
-    library: str, name: child.TrainerName, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One that is installed and broken: what it depends on is missing. A broken torch leaves NumPy alone."""
-    (tmp_path / f"{library}.py").write_text("raise ImportError('libgomp.so.1 is missing')")
+    """One that is installed and broken: what it depends on is missing."""
+    (tmp_path / "onnxruntime.py").write_text("raise ImportError('libgomp.so.1 is missing')")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with pytest.raises(TrainingError, match=r"libgomp.so.1 is missing.*repair"):
-        rehearse(name)
+        rehearse()
     finding = check_trainer()
-    assert finding.level is (Level.OK if library == "torch" else Level.WARNING)
-    assert ("libgomp.so.1 is missing" in finding.text) == ("repair" in finding.remedy) == (library == "onnxruntime")
+    assert finding.level is Level.WARNING
+    assert "libgomp.so.1 is missing" in finding.text
+    assert "repair" in finding.remedy
 
 
 def test_a_process_rehearses_once(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[str] = []
-    monkeypatch.setattr(training, "_trained_by", lambda name, check: calls.append(name) or "numpy 1")
-    assert [rehearse("numpy"), rehearse("numpy")] == ["numpy 1"] * 2
-    assert calls == ["numpy"]
+    monkeypatch.setattr(training, "_trained_by", lambda check: calls.append("trained") or "numpy 1")
+    assert [rehearse(), rehearse()] == ["numpy 1"] * 2
+    assert calls == ["trained"]
 
 
-def test_a_child_computes_with_as_many_threads_as_it_is_given() -> None:
+def test_a_child_computes_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "8")
     script = "import json, os; print(json.dumps({'epoch': int(os.environ['OMP_NUM_THREADS']), 'epochs': 9, 'loss': 0}))"
     seen: list[int] = []
-    child._run_child([sys.executable, "-c", script], lambda epoch, epochs, loss: seen.append(epoch), threads=3)
-    assert seen == [3]
+    child._run_child([sys.executable, "-c", script], lambda epoch, epochs, loss: seen.append(epoch))
+    assert seen == [1]
 
 
 def test_a_child_that_says_nothing_can_be_stopped() -> None:
@@ -111,7 +87,7 @@ def test_without_the_package_gelnet_it_says_what_to_do(
 ) -> None:
     monkeypatch.setattr(child.importlib.util, "find_spec", lambda name: spec)
     with pytest.raises(TrainingError, match="gelnet is not installed beside gellight: reinstall"):
-        child.gelnet_environment(1)
+        child.gelnet_environment()
 
 
 def test_a_child_ends_with_the_program_that_started_it(tmp_path: Path) -> None:
@@ -120,7 +96,7 @@ def test_a_child_ends_with_the_program_that_started_it(tmp_path: Path) -> None:
     module = [sys.executable, "-m", "gelnet.synthetic", "--trainer=numpy", "--attached", "--out", str(tmp_path / "o")]
     started = subprocess.run(
         [sys.executable, "-c", f"{starts}sys.stdout.flush(); os._exit(0)", *module],
-        env=child.gelnet_environment(1), stdout=subprocess.PIPE, text=True, check=True, timeout=60,
+        env=child.gelnet_environment(), stdout=subprocess.PIPE, text=True, check=True, timeout=60,
     )  # fmt: skip
     eventually(lambda: not Path(f"/proc/{int(started.stdout)}/cmdline").exists() or is_zombie(int(started.stdout)))
 

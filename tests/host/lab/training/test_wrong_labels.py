@@ -1,4 +1,4 @@
-"""Labels that the other presses and their picture contradict are named; those that lie right win the votes of all."""
+"""Labels that the other presses and their picture contradict are named."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,11 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from gellight.base.errors import InputError
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
 from gellight.lab.training.training import Reference, read_reference
-from gellight.lab.training.votes import votes_apart_deg
 from gellight.lab.training.wrong_labels import CONTRADICTED, contradicted_lines, sorted_out, wrong_labels
 from tests.helpers.linear_sensor import GREY_PER_SLOPE
 from tests.helpers.places import real
@@ -104,30 +102,3 @@ def test_the_one_wrong_label_of_a_real_set_is_named() -> None:
     (wrong,) = wrong_labels(labelled, reference, ball)
     assert wrong.press.image.name == "0050.png"
     assert "around (174, 66) px, 85 px from it" in wrong.why
-
-
-# ---- labels by the votes of all ----
-
-
-def votes_deg(*labels: Sequence[Press]) -> np.ndarray:
-    return votes_apart_deg(labels, REFERENCE.image, BALL, follow_light=False)
-
-
-def test_labels_that_lie_right_win_however_little_the_others_are_off(truth: list[Press]) -> None:
-    moves = np.random.default_rng(5).normal(0, 1, (len(truth), 2))
-    labels = [with_moved(truth, dict(enumerate((share * moves).tolist()))) for share in (0.5, 3)]
-    right, near, off = votes_deg(truth, *labels).mean(axis=1)
-    assert right < 1.5
-    assert right < near < off
-
-
-def test_what_each_label_says_of_its_own_press_is_not_believed(truth: list[Press]) -> None:
-    """A press whose own label is moved is felt as before, by the others, and they are felt worse."""
-    by_press = votes_deg(truth, with_moved(truth, {0: (4.0, 4.0)}))
-    assert by_press[1, 0] == pytest.approx(by_press[0, 0], abs=1e-6)
-    assert (by_press[1, 1:] > by_press[0, 1:]).all()
-
-
-def test_one_press_has_no_votes(truth: list[Press]) -> None:
-    with pytest.raises(InputError, match=r"1 press: .* give at least two"):
-        votes_deg(truth[:1])
