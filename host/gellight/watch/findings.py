@@ -17,6 +17,7 @@ from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import CLIPPED, DARK, ELSEWHERE, STEEP, STRANGE
 from gellight.frames.status import FindingStatus
 from gellight.reconstruction.force_file import read_force
+from gellight.reconstruction.integration import normals, surface_gradient
 from gellight.watch.cells import CELL_PX
 from gellight.watch.expected import ExpectedError
 from gellight.watch.explanation import Explanation
@@ -33,6 +34,10 @@ ADVISED_DEG, ADVISED_MM = 1.0, 0.05
 """expected errors beyond which a new zero or a new calibration is advised"""
 MOST_GUESSED = 0.6
 """share of a contact that may have quality flags: pins, pressed deep by a bundle of balls, have up to 0.50"""
+GENTLEST, FEWEST_SLOPING, MOST_UNLIKE = 0.03, 200, 0.4
+"""slopes that are looked at, how many pixels at least have them, and how far they may be from those of any surface. By
+the bundle of a like unit, light that drifts on an untouched Mini reaches 0.44 to 0.54, where colours at random make
+0.5; presses of six real sensors 0.1 to 0.3, one in 120 more; ten steep objects of the simulator 0.2"""
 MOST_SAMPLES = 2000
 """pixels of a contact that are looked at while the sensor runs"""
 
@@ -50,8 +55,8 @@ class WatchFinding:
     """Something about the sensor is not as it was calibrated."""
 
     kind: str
-    """starter, too_deep, other_light, not_learnt, other_unit, drift, led_dimmed, led_dead, camera_moved, uneven, tear,
-    dirt, stuck, never_at_rest, zero_off, recalibrate"""
+    """starter, too_deep, no_surface, other_light, not_learnt, other_unit, drift, led_dimmed, led_dead, camera_moved,
+    uneven, tear, dirt, stuck, never_at_rest, zero_off, recalibrate"""
     severity: Severity
     text: str
     """what was seen, the likely cause and the remedy"""
@@ -249,6 +254,29 @@ def impossible_depth(frame: TactileFrame, thickness_mm: float | None) -> Iterato
     """Yield the finding that a frame is deeper than the gel is thick."""
     if thickness_mm is not None and frame.contact.indentation_mm > thickness_mm:
         yield too_deep(frame.contact.indentation_mm, thickness_mm)
+
+
+def no_surface(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> Iterator[WatchFinding]:
+    """Yield the finding that the felt slopes are those of no surface, as if only the light had changed.
+
+    Compared are the unit normals of the felt slopes and of the depth that was made of them: root mean square of their
+    distance over that from upright, 0 for a surface. Series of single lights are not judged: their noise
+    is not smoothed.
+    """
+    if frame.exposures is not None:
+        return
+    sloping = np.hypot(*np.moveaxis(frame.gradient_map, 2, 0)) > GENTLEST
+    if np.count_nonzero(sloping) < FEWEST_SLOPING or not frame.contact.mask.any():
+        return
+    felt, fitted = (normals(g)[sloping] for g in (frame.gradient_map, surface_gradient(frame.depth_mm, pixel_size_mm)))
+    unlike = float(np.sqrt(((felt - fitted) ** 2).sum() / ((felt - (0, 0, 1)) ** 2).sum()))
+    if unlike > MOST_UNLIKE:
+        text = (
+            f"what is felt is no surface: its slopes contradict each other by {unlike:.0%}, so the light has changed "
+            "where nothing touches, or the bundle is of another sensor; lift everything off and set the zero, or "
+            "calibrate again"
+        )
+        yield _warning("no_surface", text, unlike=round(unlike, 3))
 
 
 def unseen_contact(frame: TactileFrame) -> Iterator[WatchFinding]:

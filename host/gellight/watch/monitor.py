@@ -24,6 +24,7 @@ from gellight.watch.findings import (
     learnt_elsewhere,
     light_findings,
     never_at_rest,
+    no_surface,
     other_unit,
     spot_finding,
     unseen_contact,
@@ -132,7 +133,8 @@ class SensorWatch:
             self._rest.clear()
             self._of_frame = []
             return
-        self._of_frame = [*impossible_depth(frame, self._thickness_mm), *unseen_contact(frame)]
+        deep = impossible_depth(frame, self._thickness_mm)
+        self._of_frame = [*deep, *no_surface(frame, self.bundle.pixel_size_mm), *unseen_contact(frame)]
         with self._lock:
             self._look(cell_means(camera_frame.image) - self._model.reference, camera_frame.time_s)
         self._looks += 1

@@ -188,7 +188,8 @@ def test_real_presses_are_touches_and_no_faults(tmp_path: Path) -> None:
         noisy = np.clip(untouched + random.normal(0, NOISE_GREY, untouched.shape), 0, 255).astype(np.uint8)
         for image in [read_image(path)] * 2 + [noisy] * 2:
             looks += 1
-            frame: Any = type("Frame", (), {"camera_frame": seen(image, looks), "measures": None})
+            felt = {"measures": None, "exposures": None, "gradient_map": np.zeros((1, 1, 2))}
+            frame: Any = type("Frame", (), {"camera_frame": seen(image, looks), **felt})
             watch.note(frame)
             states.append(watch.status()["state"])
             assert watch.findings() == []

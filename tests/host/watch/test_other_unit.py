@@ -173,7 +173,8 @@ def test_the_watch_says_it_within_three_seconds_and_the_zero_does_not_follow(hal
 
 def note(watch: SensorWatch, image: np.ndarray, number: int) -> None:
     camera_frame = CameraFrame(image=image, time_s=number * PERIOD_S, sequence=number)
-    watch.note(SimpleNamespace(camera_frame=camera_frame, measures=None))  # type: ignore[arg-type]
+    felt = {"measures": None, "exposures": None, "gradient_map": np.zeros((1, 1, 2))}
+    watch.note(SimpleNamespace(camera_frame=camera_frame, **felt))  # type: ignore[arg-type]
 
 
 # ---- the pattern ----

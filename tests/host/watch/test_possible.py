@@ -1,6 +1,7 @@
 """A frame that cannot be is said: at once, in each frame, and no longer than it lasts; what can be is left alone."""
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,11 @@ from gellight.frames.image_files import read_image
 from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.training import Learning, TrainingOptions, fit
-from gellight.watch.findings import gel_thickness_mm, guessed_contact, impossible_depth
+from gellight.watch.findings import gel_thickness_mm, guessed_contact, impossible_depth, no_surface
 from gellight.watch.monitor import PERIOD_S, SensorWatch
 from tests.benchmarks.real_sets import SETS
-from tests.helpers.linear_sensor import linear_bundle
+from tests.helpers.analytic_surfaces import gaussian
+from tests.helpers.linear_sensor import linear_bundle, photograph
 from tests.helpers.places import real
 from tests.helpers.weighed import LAYER, force_files
 
@@ -32,6 +34,20 @@ def test_the_watch_says_it_at_once_and_no_longer_than_it_lasts(halved: Bundle) -
         watch.note(path.reconstruct(CameraFrame(image=image, time_s=number * PERIOD_S, sequence=number)))
         kinds.append([finding.kind for finding in watch.findings()])
     assert kinds == [["too_deep"], []]
+
+
+@pytest.mark.parametrize(
+    ("turned_rad", "kinds"), [(0.0, []), (0.3, []), (0.6, ["no_surface"]), (np.pi / 2, ["no_surface"])]
+)
+def test_slopes_that_contradict_each_other_are_said(tmp_path: Path, turned_rad: float, kinds: list[str]) -> None:
+    # Slopes turned by an angle are those of a surface times its cosine; what is left goes round in circles.
+    gx, gy = np.moveaxis(gaussian((240, 320), 30, (0, 0), height=9).gradient_map, 2, 0)
+    cos, sin = np.cos(turned_rad), np.sin(turned_rad)
+    slopes = np.stack([cos * gx - sin * gy, sin * gx + cos * gy], axis=2)
+    bundle = linear_bundle(tmp_path / "b", (240, 320))
+    frame = Reconstructor(bundle).reconstruct(photograph(slopes))
+    frame = replace(frame, contact=replace(frame.contact, mask=np.hypot(gx, gy) > 0.1))
+    assert [finding.kind for finding in no_surface(frame, bundle.pixel_size_mm)] == kinds
 
 
 def test_each_frame_of_a_running_sensor_carries_it_by_the_gel_of_its_bundle(tmp_path: Path, synthetic: Bundle) -> None:
@@ -93,8 +109,26 @@ def test_every_press_of_a_real_sensor_can_be_by_its_own_bundle(tmp_path: Path, n
     ]
     assert min(frame.contact.indentation_mm for frame in frames) > 0.1
     assert not [finding for frame in frames for finding in (*impossible_depth(frame, 5.0), *guessed_contact(frame))]
+    unlike = [finding.text for frame in frames for finding in no_surface(frame, path.bundle.pixel_size_mm)]
+    assert len(unlike) <= len(frames) // 20, unlike
     if name == "digit":  # a second picture of the untouched gel, of another day
         later = CameraFrame(image=read_image(real("digit_ball") / "background.png"), time_s=1.0, sequence=1)
         untouched = path.reconstruct(later)
         assert untouched.contact.area_mm2 == 0
         assert untouched.depth_mm.max() < 0.1  # 0.47 to 0.55 where only the median of the light is taken off
+
+
+@pytest.mark.nightly
+@pytest.mark.real_images("feelanyforce_drift")
+@pytest.mark.real_images("gelslam_ball")
+def test_light_that_drifts_on_an_untouched_sensor_is_no_surface(tmp_path: Path) -> None:
+    """By the bundle of another unit of the kind: this one's presses nobody has."""
+    pictures = [read_image(path) for path in sorted((real("feelanyforce_drift") / "pictures").glob("*.png"))]
+    like = SETS["gelslam"](tmp_path)
+    how = Learning(options=TrainingOptions(recipe="fast"))
+    bundle = fit(like.presses, like.reference, like.ball, tmp_path / "bundle", sensor="like", how=how)
+    path = Reconstructor(bundle.with_reference(np.mean(pictures[:2], axis=0, dtype=np.float32), frames=2))
+    for picture in pictures[12::4]:
+        frame = path.reconstruct(CameraFrame(image=picture, time_s=0.0, sequence=0))
+        assert frame.contact.area_mm2 > 1  # felt, but said to be none
+        assert [finding.kind for finding in no_surface(frame, bundle.pixel_size_mm)] == ["no_surface"]

@@ -31,6 +31,7 @@ from gellight.watch.findings import (
     guessed_contact,
     impossible_depth,
     learnt_elsewhere,
+    no_surface,
     other_light,
 )
 
@@ -123,6 +124,7 @@ def _against(frame: TactileFrame, thickness_mm: float | None, bundle: Bundle) ->
         if drift.refusal:
             yield other_light(drift.refusal, drift.most)
     yield from impossible_depth(frame, thickness_mm)
+    yield from no_surface(frame, bundle.pixel_size_mm)
     yield from guessed_contact(frame)
 
 
