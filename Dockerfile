@@ -9,7 +9,7 @@ COPY models models
 COPY sim_reference sim_reference
 RUN python -m venv /opt/gellight \
     && /opt/gellight/bin/pip install --no-cache-dir --require-hashes -r host/requirements.txt \
-    && /opt/gellight/bin/pip install --no-cache-dir --no-deps .
+    && /opt/gellight/bin/pip install --no-cache-dir --no-deps . ./host/gellight_ros
 
 FROM python:3.13-slim
 # hadolint ignore=DL3008

@@ -10,7 +10,8 @@ ARGS   ?=
 JOBS   ?= 3
 
 # distributions beside the package
-BESIDE := --editable host/gellight_design --editable host/gellight_scan --editable host/gellight_touch
+BESIDE := --editable host/gellight_design --editable host/gellight_ros --editable host/gellight_scan \
+    --editable host/gellight_touch
 
 # the emulator of the firmware that others wrote
 SECOND := tests/firmware/second_emulator
@@ -39,7 +40,8 @@ types: $(VENV)/.test
 	$(BIN)/mypy
 
 imports: $(VENV)/.test
-	PYTHONPATH=host:host/gellight_design:host/gellight_scan:host/gellight_touch:models:. $(BIN)/lint-imports --no-cache --no-logo
+	PYTHONPATH=host:host/gellight_design:host/gellight_ros:host/gellight_scan:host/gellight_touch:models:. \
+	    $(BIN)/lint-imports --no-cache --no-logo
 
 style: $(VENV)/.test
 	$(BIN)/pytest -m style tests/style tests/host/cli/test_help.py
@@ -90,9 +92,9 @@ endef
 
 # A stamp says what is installed: `host` is what a user runs, `parts` adds boards, housing and the CAD kernel, `docs`
 # what makes the site, `test` what `make test` runs, `dev` PyTorch and the rest of the test tools.
-$(VENV)/.host: pyproject.toml host/gellight_scan/pyproject.toml | $(BIN)/python
+$(VENV)/.host: pyproject.toml host/gellight_ros/pyproject.toml host/gellight_scan/pyproject.toml | $(BIN)/python
 	@echo "Installing GelLight and 38 packages that it needs into $(VENV): 580 MB, one to three minutes, once"
-	$(call install,--editable . --editable host/gellight_scan,41)
+	$(call install,--editable . --editable host/gellight_ros --editable host/gellight_scan,42)
 	@touch $@
 
 $(VENV)/.parts: pyproject.toml host/gellight_design/pyproject.toml | $(VENV)/.host

@@ -42,7 +42,6 @@ DOORS = {
     "usb": ("ring/firmware/flash.py",),
     "aiohttp": ("dashboard/",),
     "zenoh": ("stream/",),
-    "foxglove": ("stream/foxglove.py",),
     "mcap": ("recording/recording_file.py",),
     "typer": ("cli/",),
     "rich": ("cli/",),

@@ -210,7 +210,7 @@ class StreamSettings(StrictModel):
         description="router of ROS 2's rmw_zenoh to publish topics by, made where this computer has none; empty: none",
     )
     ros2_domain: int = Field(default=0, ge=0, le=232, description="ROS_DOMAIN_ID of those topics")
-    foxglove: bool = Field(default=False, description="serve a live view for Foxglove; needs the package foxglove-sdk")
+    foxglove: bool = Field(default=False, description="serve a live view for Foxglove")
     foxglove_port: int = Field(default=8765, ge=0, le=65535, description="port of that; 0: any free one")
     sinks: str = Field(
         default="",

@@ -8,12 +8,13 @@ from typing import Annotated
 
 import typer
 
+from gellight.base.beside import comes_with
 from gellight.cli.ending import MEANINGS, end
 from gellight.cli.lazy import MARKUP, open_group
 
 ELSEWHERE = {
-    verb: f"comes with {home}, which is not installed: pip install ./host/{home} from a clone of GelLight"
-    for home, verbs in (("gellight_design", ("optimize", "simulate")), ("gellight_scan", ("scan", "surface")))
+    verb: comes_with(f"gellight_{extra}", extra)
+    for extra, verbs in {"design": ("optimize", "simulate"), "scan": ("scan", "surface")}.items()
     for verb in verbs
 }
 """verbs of distributions beside this one"""

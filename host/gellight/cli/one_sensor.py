@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from gellight.base import logs
+from gellight.base.beside import installed
 from gellight.base.errors import CameraError
 from gellight.base.process import ServiceManager, give_back_large_arrays
 from gellight.base.settings import Settings
@@ -28,12 +29,9 @@ from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
 from gellight.frames.status import SensorStatus
 from gellight.opening import REAL
-from gellight.photometric.ring_geometry import RingGeometry
-from gellight.stream.foxglove import FoxgloveServer
 from gellight.stream.frame_thread import sent_to
 from gellight.stream.network import zenoh_settings
 from gellight.stream.publisher import Publisher, name_of_sensor
-from gellight.stream.ros2 import Ros2Publisher
 from gellight.stream.running import running
 
 STATUS_S = 1.0
@@ -57,6 +55,7 @@ def opened(settings: Settings, *, every: bool = True, dashboard: bool = True) ->
     check_buses(settings.sensor.url)
     if settings.stream.enabled and settings.stream.zenoh_config:
         zenoh_settings(Path(settings.stream.zenoh_config))  # a wrong file is told before a sensor is opened
+    bridges(settings)  # and so is a bridge that is not installed
     with ExitStack() as stack:
         daemon = stack.enter_context(open_session(settings, every=every))
         address = stack.enter_context(served(daemon, settings, dashboard))
@@ -121,20 +120,25 @@ def published(daemon: SensorSession, settings: Settings, page: str) -> Iterator[
             if chosen.lan:
                 logs.say(f"other computers can read; to change something they give token={publisher.token!r}")
             name = publisher.name  # numbered where several sensors have no name of their own
-        if chosen.ros2:
-            distance_mm = settings.geometry.camera_height_mm or RingGeometry.camera_height_mm
-            topics = stack.enter_context(
-                Ros2Publisher(daemon, chosen.ros2, name=name, domain=chosen.ros2_domain, distance_mm=distance_mm)
-            )
-            if topics.is_router:
-                logs.say(f"no router of ROS 2 answered at {chosen.ros2}: this program is it as long as it runs")
-            logs.say(f"ROS 2 topics: {topics.prefix}/...")
-        if chosen.foxglove:
-            view = stack.enter_context(FoxgloveServer(daemon, name=name, port=chosen.foxglove_port, lan=chosen.lan))
-            logs.say(f"Foxglove: open {view.url}")
+        for bridge in bridges(settings):
+            stack.enter_context(bridge(daemon, name, settings))
         for sink in filter(None, chosen.sinks.split(",")):
             stack.enter_context(sent_to(sink, daemon, name))
         yield
+
+
+def bridges(settings: Settings) -> list[Callable[..., AbstractContextManager[None]]]:
+    """Return what carries frames to ROS 2 and to Foxglove, of those that `stream.ros2` and `stream.foxglove` ask for.
+
+    Each is called with the sensor, its name and the settings: a sink gets frames alone, these report also where none
+    come. InputError where one is not installed.
+    """
+    extras = {"ros2": "ros", "foxglove": "foxglove"}
+    return [
+        installed("gellight.bridges", name=name, what=f"stream.{name}", home="gellight_ros", extra=extra)
+        for name, extra in extras.items()
+        if getattr(settings.stream, name)
+    ]
 
 
 @contextmanager

@@ -3,13 +3,12 @@
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.metadata import entry_points
 from math import inf, isnan
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.errors import InputError
+from gellight.base.beside import installed
 from gellight.frames.frames import Patch, TactileFrame
 
 Array = NDArray[np.float64]
@@ -101,13 +100,9 @@ def object_follower() -> Callable[[TactileFrame], TactileFrame]:
 
     Another distribution has it (entry point `gellight.trackers`); InputError where none is installed.
     """
-    for found in entry_points(group="gellight.trackers"):
-        follow: Callable[[TactileFrame], TactileFrame] = found.load()().follow
-        return follow
-    raise InputError(
-        'tracking comes with gellight_scan, which is not installed: pip install "gellight[scan]", or '
-        "./host/gellight_scan from a clone of GelLight"
-    )
+    follower = installed("gellight.trackers", what="tracking", home="gellight_scan", extra="scan")
+    follow: Callable[[TactileFrame], TactileFrame] = follower().follow
+    return follow
 
 
 def _matched(

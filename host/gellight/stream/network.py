@@ -31,7 +31,6 @@ READ_ONLY = {
     "messages": ["put", "delete", "declare_queryable", "reply", "liveliness_token"],
 }  # fmt: skip
 """what who connects may not do: pose as the daemon. Denial goes before whatever a file of zenoh's settings allows"""
-ROUTER_COMMAND = "`ros2 run rmw_zenoh_cpp rmw_zenohd`"
 
 
 def key(name: str, part: str) -> str:
@@ -59,7 +58,7 @@ def publishing_session(*, lan: bool, config: Path | None, lan_port: int = LAN_PO
              "access_control": _read_only(json.loads(settings.get_json("access_control")))}  # fmt: skip
     alone: dict[str, list[str]] = {"router": [], "peer": []}  # found by others, and connecting to nobody
     found = {"scouting/multicast/enabled": True, "scouting/multicast/autoconnect": alone} if lan else {}
-    return _opened(settings, {**given, **found}), own
+    return opened_session(settings, {**given, **found}), own
 
 
 def _read_only(said: Mapping[str, Any]) -> Mapping[str, object]:
@@ -94,7 +93,7 @@ def found_by_multicast(wait_s: float = SCOUT_S) -> list[str]:
             if hello is None:
                 time.sleep(min(left_s, 0.02))
                 continue
-            outside = [endpoint for endpoint in map(str, hello.locators) if not _is_loopback(endpoint)]
+            outside = [endpoint for endpoint in map(str, hello.locators) if not is_loopback(endpoint)]
             # IPv6 addresses of one link cannot be used without naming the network card.
             for endpoint in sorted(outside, key=lambda text: "[fe80" in text.lower()):
                 found.setdefault(str(hello.zid), endpoint)
@@ -103,7 +102,8 @@ def found_by_multicast(wait_s: float = SCOUT_S) -> list[str]:
     return sorted(found.values())
 
 
-def _is_loopback(endpoint: str) -> bool:
+def is_loopback(endpoint: str) -> bool:
+    """Whether an endpoint, such as tcp/127.0.0.1:7447, is of this computer alone."""
     host = urlsplit(f"//{endpoint.partition('/')[2]}").hostname or ""
     return host in ("::1", "localhost") or host.startswith("127.")
 
@@ -111,25 +111,7 @@ def _is_loopback(endpoint: str) -> bool:
 def subscribing_session(endpoint: str, *, config: Path | None) -> zenoh.Session:
     """Open a session to the daemon at `endpoint`, such as tcp/127.0.0.1:7447; StreamError where none answers."""
     connect = {"connect/endpoints": [endpoint], "connect/timeout_ms": CONNECT_MS, "connect/exit_on_failure": True}
-    return _opened(zenoh_settings(config), {"mode": "client", **connect})
-
-
-def routed_session(endpoint: str) -> tuple[zenoh.Session, bool]:
-    """Open a session to ROS 2's router at `endpoint`; where this computer has none there, open one that is the router.
-
-    Return it, and whether it is the router. Raises StreamError with the remedy.
-    """
-    try:
-        return subscribing_session(endpoint, config=None), False
-    except StreamError as error:
-        missing = f"no router of ROS 2 answers at {endpoint}"
-        if not _is_loopback(endpoint):
-            raise StreamError(f"{missing}: start it there by {ROUTER_COMMAND}") from error
-    listen = {"listen/endpoints": [endpoint], "listen/exit_on_failure": True}
-    try:
-        return _opened(zenoh.Config(), {"mode": "router", **listen}), True
-    except StreamError as error:
-        raise StreamError(f"{missing}, and it cannot be made there ({error}): start one by {ROUTER_COMMAND}") from error
+    return opened_session(zenoh_settings(config), {"mode": "client", **connect})
 
 
 def close(session: zenoh.Session) -> None:
@@ -156,8 +138,8 @@ def _reason(error: zenoh.ZError) -> str:
     return f"line {place[1]}, column {place[2]}" if place else first_line(error).split(" at /")[0]
 
 
-def _opened(settings: zenoh.Config, given: Mapping[str, object]) -> zenoh.Session:
-    """Open a session with these settings, without zenoh's shared memory: see shared_memory.py."""
+def opened_session(settings: zenoh.Config, given: Mapping[str, object]) -> zenoh.Session:
+    """Open a session with these settings, without zenoh's shared memory (see shared_memory.py); else StreamError."""
     own = {"scouting/multicast/enabled": False, **given, "transport/shared_memory/enabled": False}
     try:
         for name, value in own.items():

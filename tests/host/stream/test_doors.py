@@ -18,11 +18,11 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.base.runtime_folder import folder
 from gellight.dashboard.server import DashboardServer
-from gellight.stream.foxglove import FoxgloveServer
 from gellight.stream.publisher import MOST_WAITING, Publisher
-from gellight.stream.ros2 import Ros2Publisher
 from gellight.stream.running import running
 from gellight.stream.subscription import subscribe
+from gellight_ros.foxglove import FoxgloveServer
+from gellight_ros.ros2 import Ros2Publisher
 from tests.helpers.dashboard_source import FormulaSource
 from tests.helpers.places import CHECKOUT
 from tests.helpers.stranger import as_stranger

@@ -109,7 +109,7 @@ def test_when_every_port_is_taken_the_remedy_is_said(monkeypatch: pytest.MonkeyP
     [("tcp/127.0.0.1:7447", True), ("tcp/[::1]:7447", True), ("tcp/192.0.2.2:7447", False), ("tcp/[fd00::2]:1", False)],
 )
 def test_addresses_of_this_computer_alone_are_told_from_others(endpoint: str, own: bool) -> None:
-    assert network._is_loopback(endpoint) == own
+    assert network.is_loopback(endpoint) == own
 
 
 # ---- settings of zenoh: who has no certificate reads nothing, and a reader may only read ----

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from gellight.base import beside
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.daemon.assembly import open_session
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
-from gellight.reconstruction import following
 from gellight.stream.publisher import Publisher
 from gellight.stream.subscription import subscribe
 from tests.helpers.command_line import invoke, refused
@@ -23,7 +23,7 @@ REMEDY = 'tracking comes with gellight_scan, which is not installed: pip install
 @pytest.fixture
 def alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """GelLight without what stands beside it."""
-    monkeypatch.setattr(following, "entry_points", lambda **_: ())
+    monkeypatch.setattr(beside, "entry_points", lambda **_: ())
 
 
 @pytest.fixture

@@ -6,28 +6,43 @@
 A topic that nobody subscribes to costs nothing.
 """
 
-import logging
 import struct
 import time
 import uuid
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any, Self
 
 import zenoh
 
+from gellight.base import logs
+from gellight.base.errors import StreamError
+from gellight.base.settings import Settings
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.recording.recording_file import topic_name
 from gellight.recording.ros_messages import DIAGNOSTICS, HASHES
 from gellight.stream.frame_thread import sending
-from gellight.stream.network import close, routed_session
-from gellight.stream.ros_topics import DIAGNOSTICS_S, DIAGNOSTICS_TOPIC, RosTopics, topic_of
+from gellight.stream.network import close, is_loopback, opened_session, subscribing_session
+from gellight_ros.ros_topics import DIAGNOSTICS_S, DIAGNOSTICS_TOPIC, RosTopics, topic_of
 
-logger = logging.getLogger(__name__)
+ROUTER_COMMAND = "`ros2 run rmw_zenoh_cpp rmw_zenohd`"
 QOS = "::,1:,:,:,,"
 """reliable, volatile, the last one: as rmw_zenoh writes it, where empty stands for the default"""
+
+
+@contextmanager
+def to_ros2(daemon: SensorSession, name: str, settings: Settings) -> Iterator[None]:
+    """Publish by the router `stream.ros2`, as long as the context lasts, and say so; StreamError where none answers."""
+    chosen = settings.stream
+    distance_mm = settings.geometry.camera_height_mm or RingGeometry.camera_height_mm
+    with Ros2Publisher(daemon, chosen.ros2, name=name, domain=chosen.ros2_domain, distance_mm=distance_mm) as topics:
+        if topics.is_router:
+            logs.say(f"no router of ROS 2 answered at {chosen.ros2}: this program is it as long as it runs")
+        logs.say(f"ROS 2 topics: {topics.prefix}/...")
+        yield
 
 
 @dataclass(frozen=True)
@@ -125,3 +140,21 @@ class Ros2Publisher:
         self._count += 1
         attachment = struct.pack("<qqB16s", self._count, time.time_ns(), len(topic.gid), topic.gid)
         topic.publisher.put(content, attachment=attachment)
+
+
+def routed_session(endpoint: str) -> tuple[zenoh.Session, bool]:
+    """Open a session to ROS 2's router at `endpoint`; where this computer has none there, open one that is the router.
+
+    Return it, and whether it is the router. Raises StreamError with the remedy.
+    """
+    try:
+        return subscribing_session(endpoint, config=None), False
+    except StreamError as error:
+        missing = f"no router of ROS 2 answers at {endpoint}"
+        if not is_loopback(endpoint):
+            raise StreamError(f"{missing}: start it there by {ROUTER_COMMAND}") from error
+    listen = {"listen/endpoints": [endpoint], "listen/exit_on_failure": True}
+    try:
+        return opened_session(zenoh.Config(), {"mode": "router", **listen}), True
+    except StreamError as error:
+        raise StreamError(f"{missing}, and it cannot be made there ({error}): start one by {ROUTER_COMMAND}") from error

@@ -17,7 +17,7 @@ import pytest
 from gellight.base.errors import StreamError
 from gellight.base.settings import load_settings
 from gellight.cli.one_sensor import published
-from gellight.stream.foxglove import FoxgloveServer
+from gellight_ros.foxglove import FoxgloveServer
 from tests.helpers.cdr import decoded
 from tests.helpers.places import CHECKOUT
 from tests.helpers.streamed import SHAPE, BumpReconstructor, bump_daemon
@@ -109,7 +109,7 @@ def test_what_nobody_looks_at_is_not_made(
     def refuse(*_: object) -> bytes:
         raise AssertionError("points were made")
 
-    monkeypatch.setattr("gellight.stream.ros_topics.points_of", refuse)
+    monkeypatch.setattr("gellight_ros.ros_topics.points_of", refuse)
     assert set(looked_at(served[0], {"/gellight/contact"})) == {"/gellight/contact"}
 
 

@@ -19,12 +19,14 @@ from contextlib import ExitStack, contextmanager, suppress
 from typing import TYPE_CHECKING, Self
 from urllib.parse import urlsplit
 
+from gellight.base import logs
 from gellight.base.errors import StreamError, needed
+from gellight.base.settings import Settings
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.recording.ros_messages import DEFINITIONS, DIAGNOSTICS
 from gellight.stream.frame_thread import sending
-from gellight.stream.ros_topics import DIAGNOSTICS_S, DIAGNOSTICS_TOPIC, RosTopics, taken_s, topic_of
+from gellight_ros.ros_topics import DIAGNOSTICS_S, DIAGNOSTICS_TOPIC, RosTopics, taken_s, topic_of
 
 if TYPE_CHECKING:
     from foxglove import Channel
@@ -37,6 +39,15 @@ MOST_HEAD_BYTES = 1 << 14
 HEAD_S = 10.0
 PIECE_BYTES = 1 << 20
 REFUSED = b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+
+
+@contextmanager
+def to_foxglove(daemon: SensorSession, name: str, settings: Settings) -> Iterator[None]:
+    """Serve on `stream.foxglove_port`, as long as the context lasts, and say where; StreamError where that fails."""
+    chosen = settings.stream
+    with FoxgloveServer(daemon, name=name, port=chosen.foxglove_port, lan=chosen.lan) as view:
+        logs.say(f"Foxglove: open {view.url}")
+        yield
 
 
 class FoxgloveServer:
