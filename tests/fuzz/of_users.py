@@ -40,7 +40,7 @@ from tests.helpers.places import CHECKOUT
 SHAPE = (24, 32)
 OWN = (GellightError,)
 LABELS = b"image,center_x_px,center_y_px,contact_radius_px,quality\na.png,12,11,4.5,0.9\n"
-FORCES = (b"image,force_n,side_x_n,side_y_n\na.png,1,0,.5\n", b"unix_s,force_n,object\n1,0,BALL\n2,1.5,BALL\n")
+FORCES = (b"image,force_n\na.png,1\n", b"unix_s,force_n,object\n1,0,BALL\n2,1.5,BALL\n")
 SEQUENCE = b'{"object": "PEG", "within_mm": 2, "steps": [[0.5, 0, 0, 0, 0, 10], null]}'
 FORCE = {
     "gel_thickness_mm": 2, "poisson_ratio": 0.48, "youngs_modulus_mpa": 0.2, "error_share": 0.1, "error_floor_n": 0.1,

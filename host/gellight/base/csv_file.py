@@ -1,9 +1,9 @@
-"""A csv file with names of columns in its first line, read with file, line and value in every refusal."""
+"""A csv file with names of columns in its first line, read with file, line and value in every refusal, or written."""
 
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from gellight.base.errors import InputError
@@ -52,3 +52,10 @@ def number_in(row: Row, column: str, where: str) -> float:
     if not math.isfinite(value):
         raise InputError(f"{where}: {column} is {text!r}: give a number")
     return value
+
+
+def csv_text(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return the text of a csv file with these columns."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([columns, *rows])
+    return text.getvalue()

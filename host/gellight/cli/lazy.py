@@ -76,6 +76,7 @@ OPTIONS_GONE = {
     "force --poisson-ratio": "is the setting geometry.poisson_ratio: write it into gellight.toml",
     "force --camera-height-mm": "is the setting geometry.camera_height_mm: write it into gellight.toml",
     "surface --blur-mm": "is the setting geometry.coating_smoothing_mm: write it into gellight.toml",
+    "press --path": "is no more: `gellight_touch` drags a gel, by `TouchSensor.drag`",
     "flash --drive": "is no more: copy the UF2 file, which `gellight firmware info` names, onto that drive",
     **{f"configure --{pin}-pin": f"is `--pin {pin}=GPIO` now" for pin in PINS},
 }

@@ -39,9 +39,6 @@ class Series:
     label: str
     x: Sequence[float]
     y: Sequence[float]
-    dashed: bool = False
-    colour: int | None = None
-    """index into `SERIES`, by default the curve's own number"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +49,6 @@ class Axes:
     x: str
     y: str
     log: bool = False
-    marks: tuple[tuple[float, str], ...] = ()
-    """vertical lines: x and label"""
     levels: tuple[tuple[float, str], ...] = ()
     """horizontal lines: y and label"""
     legend: str = ""
@@ -66,24 +61,17 @@ def line_chart(series: Sequence[Series], axes: Axes) -> str:
     ys = [value for one in series for value in one.y if isfinite(value) and (value > 0 or not axes.log)]
     scale = _Scale(min(xs, default=0.0), max(xs, default=1.0), _ticks(ys, axes.log), axes.log)
     body = [*_grid(scale), *_labels(axes, (LEFT, WIDTH - RIGHT), (TOP, HEIGHT - BOTTOM), HEIGHT - 8)]
-    for at, label in axes.marks:
-        body += [_line("mark", scale.x(at), TOP, f"V{HEIGHT - BOTTOM}"), _text("tick", scale.x(at) + 3, TOP + 9, label)]
     for at, label in axes.levels:
         body.append(_line("mark", LEFT, scale.y(at), f"H{WIDTH - RIGHT}"))
         body.append(_text("tick", WIDTH - RIGHT - 3, scale.y(at) - 3, label, "end"))
     for number, one in enumerate(series):
-        body.append(f'<path d="{_curve(scale, one)}" fill="none" {_stroke(number, one)}/>')
+        body.append(f'<path d="{_curve(scale, one)}" fill="none" {_stroke(number)}/>')
     legend, rows = _legend(series, axes.legend)
     return _svg(axes.title, [*body, *legend], WIDTH, HEIGHT + LEGEND_ROW * rows)
 
 
-def heat_map(
-    values: ArrayLike, rows: Sequence[str], columns: Sequence[str], axes: Axes, *, largest: float, mark: bool = True
-) -> str:
-    """Return a matrix as coloured cells, blue at 0 and red from `largest`, each with its number.
-
-    `mark` frames the smallest of each row.
-    """
+def heat_map(values: ArrayLike, rows: Sequence[str], columns: Sequence[str], axes: Axes, *, largest: float) -> str:
+    """Return a matrix as coloured cells, blue at 0 and red from `largest`, with numbers, the least of a row framed."""
     table = np.asarray(values, dtype=float)
     cell_x = max(CELL_X, *(LETTER * len(column) + 4 for column in columns))
     right, bottom = CELLS_LEFT + cell_x * len(columns), CELLS_TOP + CELL_Y * len(rows)
@@ -92,7 +80,7 @@ def heat_map(
         y = CELLS_TOP + r * CELL_Y
         body.append(_text("tick", CELLS_LEFT - 5, y + 0.68 * CELL_Y, label, "end"))
         for c, value in enumerate(table[r].tolist()):
-            framed = mark and value == table[r].min()
+            framed = value == table[r].min()
             body.append(_cell(CELLS_LEFT + c * cell_x, y, cell_x, value, value / largest, framed))
     for c, label in enumerate(columns):
         body.append(_text("tick", CELLS_LEFT + (c + 0.5) * cell_x, bottom + 12, label, "middle"))
@@ -191,15 +179,14 @@ def _legend(series: Sequence[Series], title: str) -> tuple[list[str], int]:
         if x + width > WIDTH and x > 8:
             x, row = 8.0, row + 1
         y = HEIGHT + 10 + LEGEND_ROW * row
-        body.append(f'<path d="M{x:.1f} {y - 3.5}h18" {_stroke(number, one)}/>')
+        body.append(f'<path d="M{x:.1f} {y - 3.5}h18" {_stroke(number)}/>')
         body.append(_text("axis", x + LEGEND_LINE, y, one.label))
         x += width
     return body, row + 1
 
 
-def _stroke(number: int, one: Series) -> str:
-    colour = SERIES[(number if one.colour is None else one.colour) % len(SERIES)]
-    return f'stroke="{colour}" stroke-width="1.8"' + (' stroke-dasharray="5 3"' if one.dashed else "")
+def _stroke(number: int) -> str:
+    return f'stroke="{SERIES[number % len(SERIES)]}" stroke-width="1.8"'
 
 
 def _line(kind: str, x: float, y: float, to: str) -> str:

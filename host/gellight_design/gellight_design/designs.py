@@ -6,7 +6,7 @@ from typing import Any
 
 from gellight.base.errors import InputError
 from gellight_design import parts
-from gellight_design.simulating.geometry_file import STRIP_WIDTH_MM, outer_radius_mm, ring_colours
+from gellight_design.simulating.geometry_file import outer_radius_mm, ring_colours
 from gellight_design.studies import StudySetup, design_study, given_study
 from gellight_design.sweep import Study
 from sim_reference.geometry import SensorGeometry
@@ -74,7 +74,7 @@ def designed(candidate: Candidate, geometry: SensorGeometry) -> SensorGeometry:
         incident_angle_rad=round(candidate.incident_angle_rad, 4),
         mounting_height_mm=round(candidate.mounting_height_mm, 1),
     )
-    over = outer_radius_mm(ring, STRIP_WIDTH_MM) - geometry.gel_diameter_mm / 2
+    over = outer_radius_mm(ring) - geometry.gel_diameter_mm / 2
     return replace(ring, ring_radius_mm=geometry.ring_radius_mm - max(over, 0.0))
 
 

@@ -73,25 +73,26 @@ def coarse_text(result: CoarseResult) -> str:
 
 def coarse_charts(result: CoarseResult) -> Files:
     """Return a heat map of each object and the averaged curves."""
-    return {**{f"{name}.svg": top1_map(result, name) for name in result.names}, "mean.svg": top1_curves(result, None)}
+    return {**{f"{name}.svg": top1_map(result, name) for name in result.names}, "mean.svg": top1_curves(result)}
 
 
-def top1_map(result: CoarseResult, name: str, figure: int = 2) -> str:
-    """Return a heat map of figure 3a or 4a: figure 0 is MAE, 1 Top5, 2 Top1."""
-    values = np.degrees(result.errors_rad[result.names.index(name), ..., figure])
+def top1_map(result: CoarseResult, name: str) -> str:
+    """Return a heat map of figure 3a or 4a."""
+    values = np.degrees(result.errors_rad[result.names.index(name), ..., 2])
     rows = [str(number) for number in result.groups.numbers]
     columns = [f"{degrees(angle):.0f}°" for angle in result.groups.angles_rad]
-    title = f"{name}: {('MAE', 'Top5', 'Top1')[figure]}, degrees"
-    return heat_map(values, rows, columns, Axes(title=title, x="incident angle", y="number of lights"), largest=RED_DEG)
+    axes = Axes(title=f"{name}: Top1, degrees", x="incident angle", y="number of lights")
+    return heat_map(values, rows, columns, axes, largest=RED_DEG)
 
 
-def top1_curves(result: CoarseResult, name: str | None) -> str:
-    """Return the curves of figure 4b, one for each number of lights, of an object or (None) of the average."""
-    values = result.mean_top1_rad if name is None else result.errors_rad[result.names.index(name), ..., 2]
-    angles, title = _degrees(result.groups.angles_rad), name or "average of the benchmark"
-    rows = zip(result.groups.numbers, np.degrees(values).tolist(), strict=True)
-    axes = Axes(title=title, x="incident angle, degrees", y="Top1, degrees", log=True, legend="lights:")
-    return line_chart([Series(str(number), angles, row) for number, row in rows], axes)
+def top1_curves(result: CoarseResult) -> str:
+    """Return the curves of figure 4b, one for each number of lights, of the average."""
+    axes = Axes(
+        title="average of the benchmark", x="incident angle, degrees", y="Top1, degrees", log=True, legend="lights:"
+    )
+    angles, rows = _degrees(result.groups.angles_rad), np.degrees(result.mean_top1_rad).tolist()
+    curves = zip(result.groups.numbers, rows, strict=True)
+    return line_chart([Series(str(number), angles, row) for number, row in curves], axes)
 
 
 @dataclass(frozen=True)

@@ -49,15 +49,12 @@ def fits(count: int, geometry: SensorGeometry) -> bool:
     return 2 * pi * geometry.ring_radius_mm / count >= LED_SIDE_MM + LED_GAP_MM
 
 
-def strip(geometry: SensorGeometry, width_mm: float = STRIP_WIDTH_MM) -> Strip:
+def strip(geometry: SensorGeometry) -> Strip:
     """Return the flat strip of a sensor.
 
-    Raises ConfigError if it does not fit into the housing, InputError if it is narrower than an LED or too short for
-    all of them.
+    Raises ConfigError if it does not fit into the housing, InputError if it is too short for all LEDs.
     """
-    check(geometry, width_mm)
-    if width_mm < LED_SIDE_MM:
-        raise InputError(f"a strip of {width_mm} mm is narrower than an LED of {LED_SIDE_MM} mm: make it wider")
+    check(geometry)
     flat = cos(geometry.incident_angle_rad)
     middle = geometry.ring_radius_mm / flat
     count = len(geometry.led_colours)
@@ -67,7 +64,7 @@ def strip(geometry: SensorGeometry, width_mm: float = STRIP_WIDTH_MM) -> Strip:
             f"{count} LEDs on a ring of {geometry.ring_radius_mm} mm are {apart:.2f} mm apart, "
             f"an LED takes {LED_SIDE_MM + LED_GAP_MM} mm: use fewer or a wider ring"
         )
-    half, rise_mm = width_mm / 2, width_mm * sin(geometry.incident_angle_rad)
+    half, rise_mm = STRIP_WIDTH_MM / 2, STRIP_WIDTH_MM * sin(geometry.incident_angle_rad)
     return Strip(middle - half, middle, middle + half, 2 * pi * flat, count, rise_mm)
 
 

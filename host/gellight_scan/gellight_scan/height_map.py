@@ -1,6 +1,5 @@
 """`HeightMap`: what was found of a surface, on a grid, with its error, and kept as npz; one press as such a map."""
 
-import io
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError, first_line
 from gellight.base.writing import write_file
-from gellight.bundle.contents import UNZIPPING, arrays_of, read_file
+from gellight.bundle.contents import UNZIPPING, arrays_of, npz, read_file
 from gellight.frames.frames import TactileFrame
 from gellight.frames.pixel_grid import over_gel
 from gellight_scan.contact_view import reached_by
@@ -56,9 +55,7 @@ class HeightMap:
 
     def content(self) -> bytes:
         """Return the map as the content of an npz file."""
-        content = io.BytesIO()
-        np.savez_compressed(content, **{name: getattr(self, name) for name in FIELDS})
-        return content.getvalue()
+        return npz({name: np.asarray(getattr(self, name)) for name in FIELDS})
 
 
 def load_height_map(path: Path) -> HeightMap:

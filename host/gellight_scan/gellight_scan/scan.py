@@ -172,10 +172,8 @@ class Scan(KeptPresses):
 
     def missing(self, number: int) -> dict[str, Array]:
         """Return the sides of a press where no press has been, and the middle (2,) mm of one there, in the map."""
-        return dict(self._missing(number))
-
-    def _missing(self, number: int) -> Iterator[tuple[str, Array]]:
         assert self.fused is not None
+        found: dict[str, Array] = {}
         pixel, (width, height) = self.fused.height_map.pixel_mm, self.views[number].size_mm
         middle = carried(self.solved.poses[number], np.zeros(3))[:2]
         rows, columns = self.fused.seen.shape
@@ -187,7 +185,8 @@ class Scan(KeptPresses):
                 max(left, 0) : max(min(left + round(width / pixel), columns), 0),
             ]
             if 1 - part.sum() / (width * height / pixel**2) > UNSEEN:
-                yield side, beside
+                found[side] = beside
+        return found
 
 
 def map_picture(fused: Fused) -> NDArray[np.uint8]:

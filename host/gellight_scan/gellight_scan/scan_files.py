@@ -1,6 +1,5 @@
 """The files of a scan: one a press, with what its overlaps told; each is written whole or not at all."""
 
-import io
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.base.locking import lock
 from gellight.base.writing import make_folder, write_file
-from gellight.bundle.contents import UNZIPPING, arrays_of, read_file
+from gellight.bundle.contents import UNZIPPING, arrays_of, npz, read_file
 from gellight_scan.contact_view import ContactView
 from gellight_scan.pairs import Joint
 from gellight_scan.pose_graph import Solved
@@ -73,9 +72,7 @@ def write_press(path: Path, view: ContactView, joints: Sequence[Joint]) -> None:
         "gel_thickness_mm": np.array(view.thickness_mm or 0.0),
     }
     arrays |= {f"joint_{name}": np.array([getattr(joint, name) for joint in joints]) for name in _JOINT}
-    content = io.BytesIO()
-    np.savez_compressed(content, **arrays)  # type: ignore[arg-type]
-    write_file(path, content.getvalue())
+    write_file(path, npz(arrays))
 
 
 def read_presses(folder: Path, kind: str) -> tuple[dict[int, ContactView], list[Joint]]:

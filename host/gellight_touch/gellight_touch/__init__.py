@@ -2,7 +2,6 @@
 
 layer.py          the elastic layer: pressure and depth from a gap
 picture.py        the picture of a gel surface, in milliseconds
-dots.py           where marker dots are seen
 traction.py       sticking and slipping along the gel
 touch_sensor.py   `TouchSensor`: all of it for one sensor
 episode.py        touches as the frames of a recording

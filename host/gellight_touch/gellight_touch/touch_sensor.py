@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 from gellight.base.allowed import nearest
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import Bundle
-from gellight.lab.simulator.printed_dots import PrintedDots, paint
+from gellight.lab.simulator.printed_dots import PrintedDots, paint, seen_px
 from gellight.lab.simulator.shutter import ReadNoise
 from gellight.lab.simulator.unit import GEL, Unit
-from gellight_touch.dots import dots_px
 from gellight_touch.layer import NOTHING, Floats, Layer
 from gellight_touch.picture import Pictures, UnitPictures
 from gellight_touch.traction import Sheared, Traction, check_grid
@@ -192,14 +192,16 @@ class TouchSensor:
         return grey
 
     def dots_px(self, felt: Felt, sheared: Sheared | None = None) -> NDArray[np.float64]:
-        """Return (N, 2) x, y px of the dots; without `sheared` the gel was pressed and not dragged.
+        """Return (N, 2) x, y px of the dots on the gel, beside whose grid it rests.
 
-        Raises InputError where the gel has none.
+        Without `sheared` it was pressed and not dragged. Raises InputError where it has no dots.
         """
         if self.dots is None:
             raise InputError("no dots are printed on this gel: give TouchSensor(dots=PrintedDots(columns=9, rows=7))")
-        moved = sheared or self._traction.pressed(felt.pressure_mpa)
-        return dots_px(self.dots, felt.depth_mm, moved.tangential_mm, felt.at_mm, self.geometry)
+        moved = (sheared or self._traction.pressed(felt.pressure_mpa)).tangential_mm
+        places = self.dots.places_mm[self.dots.printed]
+        now = places + np.stack([_sampled(moved[..., axis], places, felt.at_mm) for axis in (0, 1)], axis=1)
+        return seen_px(now, _sampled(felt.depth_mm, now, felt.at_mm), self.geometry)
 
     def depth_map_mm(self, felt: Felt) -> Floats:
         """Return the depth on the pixels of the camera, (H, W) mm."""
@@ -225,6 +227,12 @@ class TouchSensor:
         elif self._pictures is None:
             self._pictures = Pictures(self.geometry, self.layer.at_mm, self._response, cast_shadows=self._shadows)
         return self._pictures
+
+
+def _sampled(values: Floats, places_mm: NDArray[np.float64], at_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) values (n, n) at places x, y, linear between the points of the grid."""
+    rows_columns = (places_mm[:, ::-1].T - at_mm[0]) / (at_mm[1] - at_mm[0])
+    return np.asarray(map_coordinates(np.asarray(values, np.float64), rows_columns, order=1))
 
 
 def _built(sensor: SensorGeometry | Bundle | None, gel: Mapping[str, float]) -> tuple[SensorGeometry, Unit | None]:

@@ -1,7 +1,6 @@
-"""One press and one drag, computed and kept."""
+"""One press, computed and kept."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +8,7 @@ import pytest
 
 from gellight.base.errors import InputError
 from gellight.frames.point_cloud import solid_stl
-from gellight_design.simulating.one_drag import drag_once, read_path
 from gellight_design.simulating.one_press import PressRequest, object_heights, press_once
-from sim_reference.fem.dragging import Pose
 from sim_reference.geometry import SensorGeometry
 from tests.helpers.command_line import invoke, refused
 
@@ -78,69 +75,3 @@ def test_what_cannot_be_pressed_is_refused_with_what_works(tmp_path: Path, given
     assert reason in str(result.exception)
     assert "takes" not in result.stderr, "nobody waits for what was refused"
     assert not (tmp_path / "new").exists()
-
-
-DRAGGED = PressRequest(object_name="ball", depth_mm=0.4, force_n=None, gel="fem", resolution_mm=1.25, friction=0.8)
-
-
-@pytest.mark.nightly
-def test_the_verb_writes_each_pose(tmp_path: Path) -> None:
-    path, folder = tmp_path / "path.csv", tmp_path / "p"
-    path.write_text("x_mm,y_mm,z_mm,turn_deg\n-0.05,0,0,3\n")
-    command = ["simulate", "press", "--object", "ball", "--depth-mm", "0.4", "--resolution-mm", "1.25", "--json"]
-    command += ["--friction", "0.8", "--path", str(path), "--out", str(folder)]
-    result = invoke(*command)
-    assert result.exit_code == 0, result.output
-    report = json.loads(result.stdout)
-    assert json.loads((folder / "report.json").read_text()) == report
-    assert [pose["turn_deg"] for pose in report["poses"]] == pytest.approx([0.0, 3.0])
-    assert report["poses"][0]["sticks"] > 0.5  # of what touches, not of the gel
-    pressed, dragged = (np.array(pose["force_n"]) for pose in report["poses"])
-    assert np.abs(pressed[:2]).max() < 0.02 * pressed[2]
-    assert dragged[0] < -0.1 * pressed[2]
-    with np.load(folder / "pose-001.npz") as written:
-        # Friction along the slopes of the ball holds some of the force.
-        assert written["pressure_mpa"].sum() * written["spacing_mm"] ** 2 == pytest.approx(dragged[2], rel=0.05)
-        assert written["tangential_mm"][256, 256] == pytest.approx([-0.05, 0.0], abs=0.01)
-    assert "exists" in refused(invoke(*command))
-
-
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("", "its first line must be x_mm,y_mm,z_mm,turn_deg"),
-        ("x_mm,y_mm,z_mm\n1,2,3\n", "has no column turn_deg"),
-        ("x_mm,y_mm,z_mm,turn_deg\n", "has no poses: add a line for each"),
-        ("x_mm,y_mm,z_mm,turn_deg\n0,0,0,0\n\n1,2,a,0\n", "line 4: z_mm is 'a': give a number"),
-        ("x_mm,y_mm,z_mm,turn_deg\n0,0,0\n", "line 2: turn_deg is None"),
-        ("x_mm,y_mm,z_mm,turn_deg\n0,0,nan,0\n", "line 2: z_mm is 'nan'"),
-        ("x_mm,y_mm,z_mm,turn_deg\n0,1,0,0,0\n", "line 2: it has more values than columns; write numbers with a point"),
-        ("\xff", "has no column x_mm"),
-    ],
-)
-def test_a_path_that_is_none_is_refused_with_its_line(text: str, reason: str, tmp_path: Path) -> None:
-    path = tmp_path / "path.csv"
-    path.write_bytes(text.encode("latin-1"))
-    with pytest.raises(InputError, match=reason):
-        read_path(path)
-
-
-def test_a_path_is_read_as_a_spreadsheet_saves_it(tmp_path: Path) -> None:
-    """With a mark in front, with its columns in any order, and with commas behind what is empty."""
-    (tmp_path / "path.csv").write_text("\ufeffturn_deg,x_mm,y_mm,z_mm\n90,1,2,3,,\n", "utf-8")
-    assert read_path(tmp_path / "path.csv") == [Pose((1.0, 2.0, 3.0), (0.0, 0.0, np.pi / 2))]
-
-
-@pytest.mark.parametrize(
-    ("request_", "z_mm", "reason"),
-    [
-        (replace(DRAGGED, gel="layer"), 0.0, "give --depth-mm and --gel fem"),
-        (replace(DRAGGED, depth_mm=None, force_n=1.0), 0.0, "give --depth-mm"),
-        (DRAGGED, -0.4, "pose 1 is 0 mm deep"),
-        (DRAGGED, 3.0, "above 0 to 3 mm"),
-    ],
-)
-def test_what_cannot_be_dragged_is_refused(request_: PressRequest, z_mm: float, reason: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=reason):
-        drag_once(request_, [Pose((0.0, 0.0, z_mm))], tmp_path / "p", GEOMETRY, lambda _: None)
-    assert not (tmp_path / "p").exists()

@@ -11,12 +11,7 @@ from gellight.cli.calibrate.told_ball import told_ball
 from gellight.cli.options import AsJson, Overwrite, check_out, with_options
 from gellight.cli.showing import show
 from gellight.frames.image_files import image_files
-from gellight.lab.training.labelling.detection import (
-    Detection,
-    detect,
-    write_overlays,
-    write_presses,
-)
+from gellight.lab.training.labelling.detection import Detection, detect, write_overlays, write_presses
 from gellight.lab.training.training import read_reference
 
 _HEADS = {

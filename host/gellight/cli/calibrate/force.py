@@ -55,7 +55,6 @@ def _text(record: ForceRecord, out: Path) -> str:
             f"modulus   {record.youngs_modulus_mpa:.4g} MPa of a layer of {record.gel_thickness_mm:g} mm",
             f"error     {100 * record.error_share:.1f} % of a force, and {record.error_floor_n:.3g} N",
             *_others(record),
-            f"along it  {record.side_scale:.3g} times that of the layer, off by {100 * record.side_error_share:.0f} %",
             f"the load cell came {record.lag_s:g} s after the pictures",
             f"wrote {out}",
         ]

@@ -7,15 +7,8 @@ from gellight_design.boards.model import Board
 from gellight_design.boards.strip import CROSSING_MM, RAIL_MM, RAIL_WIDTH_MM, SUPPLY, TAIL_MM, TAIL_NETS, TAIL_SUPPLY_MM
 from sim_reference.geometry import SensorGeometry
 
-COPPER_OHM_MM = 1.72e-5
-"""ohm mm, at 20 °C"""
-COPPER_PER_K = 0.00393
-HOT_C = 60.0
-
-
-def sheet_ohm(copper_mm: float, celsius: float = HOT_C) -> float:
-    """Return the resistance of a square of copper."""
-    return COPPER_OHM_MM * (1 + COPPER_PER_K * (celsius - 20)) / copper_mm
+HOT_COPPER_OHM_MM = 1.72e-5 * (1 + 0.00393 * (60 - 20))
+"""ohm mm, at 60 °C"""
 
 
 def full_ma(geometry: SensorGeometry, package: str) -> float:
@@ -23,12 +16,12 @@ def full_ma(geometry: SensorGeometry, package: str) -> float:
     return len(geometry.led_colours) * find_lamp(package).white_ma
 
 
-def drop_v(geometry: SensorGeometry, board: Board, package: str, celsius: float = HOT_C) -> float:
+def drop_v(geometry: SensorGeometry, board: Board, package: str) -> float:
     """Return what the last LED has less than the contacts of the tail get, all LEDs white: supply and ground together.
 
     Tail: one conductor a contact. Rails: the current falls by that of an LED at each of them.
     """
-    lamp, count, square = find_lamp(package), len(geometry.led_colours), sheet_ohm(board.rules.copper_mm, celsius)
+    lamp, count, square = find_lamp(package), len(geometry.led_colours), HOT_COPPER_OHM_MM / board.rules.copper_mm
     total_a = count * lamp.white_ma / 1000
     way_mm = TAIL_MM + 2 * RAIL_MM + 2.0  # past the thermistor and over the data to the inner rail
     conductors = TAIL_NETS.count(SUPPLY)

@@ -7,10 +7,10 @@ KiCad plots of it, and `python -m tests.helpers.kicad` makes those archives anew
 import csv
 import io
 from collections import Counter
-from collections.abc import Iterable
 from importlib.resources import files as resources
 from math import ceil, degrees
 
+from gellight.base.csv_file import csv_text
 from gellight.base.errors import InputError
 from gellight.ring.boards import find_board
 from gellight_design.boards.catalogue import CARRIERS, OTHERS, find_lamp
@@ -62,7 +62,7 @@ def bill_of_materials(board: Board) -> str:
         (value, ",".join(part.reference for part in parts), package, len(parts), maker, number, "house")
         for (value, package, maker, number), parts in bought.items()
     ]
-    return _csv(BOM_COLUMNS, rows)
+    return csv_text(BOM_COLUMNS, rows)
 
 
 def placement(board: Board) -> str:
@@ -72,7 +72,7 @@ def placement(board: Board) -> str:
          f"{degrees(part.turn_rad) % 360:.3f}", "top")
         for part in board.parts if part.item.number
     ]  # fmt: skip
-    return _csv(PLACEMENT_COLUMNS, rows)
+    return csv_text(PLACEMENT_COLUMNS, rows)
 
 
 def shopping_list(strip: Board, carrier_bom: str) -> str:
@@ -84,14 +84,7 @@ def shopping_list(strip: Board, carrier_bom: str) -> str:
     wanted = [(item, count, 10.0 * count) for item, count in counted.items()]
     wanted += [(item, count, max(count, 10 * each)) for item, count, each in OTHERS]
     rows = [(item.value, item.maker, item.number, one, ceil(ten)) for item, one, ten in wanted]
-    return _csv(("What", "Maker", "Order number", "For one", "For ten"), rows)
-
-
-def _csv(columns: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerows([columns, *rows])
-    return text.getvalue()
+    return csv_text(("What", "Maker", "Order number", "For one", "For ten"), rows)
 
 
 def _order(geometry: SensorGeometry, controller: str, package: str, strip: Board) -> str:

@@ -13,10 +13,7 @@ from gellight_design.cli.sweeping import GeometryFile, Workers, many
 from gellight_design.simulating.choices import GelKind, LightKind
 
 if TYPE_CHECKING:
-    from gellight_design.simulating.one_drag import DragReport
-    from gellight_design.simulating.one_press import PressReport, PressRequest
     from sim_reference.fem.newton import Step
-    from sim_reference.geometry import SensorGeometry
 
 TAKES = "about a minute by finite elements 0.3 mm apart, longer with finer ones"
 app = typer.Typer(rich_markup_mode=MARKUP, no_args_is_help=True)
@@ -40,42 +37,24 @@ def press(
     friction: Annotated[
         float, typer.Option("--friction", min=0, max=2, help="Coefficient; in finite elements, to a depth.")
     ] = 0.0,
-    path: Annotated[
-        Path | None,
-        typer.Option("--path", metavar="FILE", help="Then drag it: CSV with x_mm,y_mm,z_mm,turn_deg from the press."),
-    ] = None,
     geometry: GeometryFile = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
-    """Press one object into the gel, to a depth or with a force, or drag it along a path."""
+    """Press one object into the gel, to a depth or with a force."""
     from gellight_design.simulating.geometry_file import (
         read_geometry,  # this and what is below: not for the help, a second
     )
-    from gellight_design.simulating.one_press import PressRequest
+    from gellight_design.simulating.one_press import PressRequest, press_once
 
     if (depth is None) == (force is None):
         raise InputError("give --depth-mm or --force-n, one of the two")
-    check_out(out / ("report.json" if path else "press.npz"), overwrite)
+    check_out(out / "press.npz", overwrite)
     request = PressRequest(object_name=object_name, depth_mm=depth, force_n=force, gel=gel, resolution_mm=resolution,
                      friction=friction)  # fmt: skip
-    show(_pressed(request, path, out, read_geometry(geometry)), as_json)
-
-
-def _pressed(
-    request: "PressRequest", path: Path | None, out: Path, sensor: "SensorGeometry"
-) -> "DragReport | PressReport":
-    from gellight_design.simulating.one_drag import drag_once, read_path
-    from gellight_design.simulating.one_press import press_once
-
     with progress(request.object_name, TAKES if request.gel == "fem" else "") as tell:
-
-        def on_step(step: "Step") -> None:
-            tell(None, None, in_words(step))
-
-        if path:
-            return drag_once(request, read_path(path), out, sensor, on_step)
-        return press_once(request, out, sensor, on_step)
+        report = press_once(request, out, read_geometry(geometry), lambda step: tell(None, None, in_words(step)))
+    show(report, as_json)
 
 
 @app.command()

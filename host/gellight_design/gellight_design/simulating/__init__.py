@@ -1,8 +1,8 @@
-"""The simulated gel as files: presses, drags, sequences and data sets, by an elastic layer or by finite elements.
+"""The simulated gel as files: presses, sequences and data sets, by an elastic layer or by finite elements.
 
 choices.py             names that a verb offers
 gel_models.py          the gel as a layer or by finite elements, whose presses are kept, if it fits the memory
-one_press.py           one object pressed; one_drag.py: and dragged along a path
+one_press.py           one object pressed
 solids.py              STL files as objects
 written_sequence.py    an object that moves as a file says
 dataset.py             many presses, for training other networks

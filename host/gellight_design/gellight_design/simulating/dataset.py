@@ -11,8 +11,6 @@ docs/dataset.md describes shapes and units. A press depends on the seed and its 
 continued and extended, and is the same in the end.
 """
 
-import csv
-import io
 import json
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
@@ -24,8 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gellight
+from gellight.base.csv_file import csv_text
 from gellight.base.errors import InputError
 from gellight.base.writing import make_folder, write_file
+from gellight.bundle.contents import npz
 from gellight.lab.simulator.scene import BRIGHTEST_GREY, Press, Scene
 from gellight_design.simulating.choices import GelKind, LightKind
 from gellight_design.simulating.gel_models import check_memory, gel_model
@@ -39,6 +39,7 @@ from sim_reference.objects import OBJECT_NAMES
 
 Array = NDArray[np.float64]
 FORMAT = "gellight-dataset 2"
+INDEX = ("file", "object", "depth_mm", "x_mm", "y_mm", "force_n")
 DEPTH_STEP_MM = 0.05
 """between depths that are drawn, so that the gel is computed once for many presses"""
 REFERENCE_PICTURES = 8
@@ -115,7 +116,7 @@ def make_dataset(
         calls = [(str(folder.resolve()), same, number) for number in missing]
         done = count(there + 1)
         call_all(make_press, calls, workers, lambda at: progress(next(done), request.presses, str(missing[at])))
-        write_file(folder / "index.csv", _table([_row(folder, same, number) for number in numbers]))
+        write_file(folder / "index.csv", csv_text(INDEX, (_row(folder, same, number) for number in numbers)).encode())
     except OSError as error:
         raise InputError(f"{folder} cannot be written ({error.strerror}): choose another --out") from error
     finally:
@@ -141,13 +142,12 @@ def make_press(folder: str, request: DatasetRequest, number: int) -> None:
     )
 
 
-def _row(folder: Path, request: DatasetRequest, number: int) -> dict[str, Any]:
+def _row(folder: Path, request: DatasetRequest, number: int) -> tuple[object, ...]:
     """Return the row of a press in the index."""
     path, press = _press_file(folder, number), request.press(number)
     with np.load(path) as fields:
         force_n = float(fields["force_n"])
-    return {"file": f"presses/{path.name}", "object": press.object_name, "depth_mm": press.depth_mm,
-            "x_mm": press.x_mm, "y_mm": press.y_mm, "force_n": force_n}  # fmt: skip
+    return f"presses/{path.name}", press.object_name, press.depth_mm, press.x_mm, press.y_mm, force_n
 
 
 class _Sensor:
@@ -238,14 +238,4 @@ def _press_file(folder: Path, number: int) -> Path:
 
 
 def _write(path: Path, **fields: Any) -> None:
-    content = io.BytesIO()
-    np.savez_compressed(content, **fields)
-    write_file(path, content.getvalue())
-
-
-def _table(rows: list[dict[str, Any]]) -> bytes:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]) if rows else [])
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue().encode()
+    write_file(path, npz(fields))

@@ -5,7 +5,6 @@ heights, the depth, the gel, the model and the simulator's source. A press that 
 """
 
 import hashlib
-import io
 import logging
 import os
 import zipfile
@@ -20,6 +19,7 @@ import platformdirs
 import sim_reference
 from gellight.base.errors import InputError, first_line
 from gellight.base.writing import write_file
+from gellight.bundle.contents import npz
 from gellight.lab.simulator.scene import Array
 from gellight_design.simulating.choices import RESOLUTION_MM, GelKind
 from sim_reference import gel
@@ -99,10 +99,8 @@ def source_digest() -> str:
 
 
 def _written(pressed: Deformation) -> bytes:
-    content = io.BytesIO()
     # A hundredth of a nanometre is lost, and half of the disk saved.
-    np.savez_compressed(content, depth_mm=np.float32(pressed.depth_mm), pressure=np.float32(pressed.pressure))
-    return content.getvalue()
+    return npz({"depth_mm": pressed.depth_mm.astype(np.float32), "pressure": pressed.pressure.astype(np.float32)})
 
 
 def _read(path: Path, spacing_mm: float) -> Deformation:

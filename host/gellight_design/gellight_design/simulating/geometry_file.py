@@ -37,7 +37,7 @@ def read_geometry(path: Path | None, *, as_built: bool = True) -> SensorGeometry
     return geometry
 
 
-def check(geometry: SensorGeometry, strip_width_mm: float = STRIP_WIDTH_MM) -> None:
+def check(geometry: SensorGeometry) -> None:
     """Raise ConfigError for a missing colour, LEDs inside the gel or its acrylic, or a ring wider than the housing."""
     missing = [colour for colour in "RGB" if colour not in geometry.led_colours]
     if missing:
@@ -51,7 +51,7 @@ def check(geometry: SensorGeometry, strip_width_mm: float = STRIP_WIDTH_MM) -> N
             f"the LEDs are {above:g} mm above the gel surface, inside the gel of {geometry.gel_thickness_mm:g} mm and "
             f"its acrylic of {ACRYLIC_MM:g} mm: choose camera_height_mm - mounting_height_mm above {window:g}"
         )
-    outer = outer_radius_mm(geometry, strip_width_mm)
+    outer = outer_radius_mm(geometry)
     if outer > geometry.gel_diameter_mm / 2:
         raise ConfigError(
             f"the ring reaches {outer:.2f} mm from the axis, the housing is {geometry.gel_diameter_mm / 2:g} mm in "
@@ -60,9 +60,9 @@ def check(geometry: SensorGeometry, strip_width_mm: float = STRIP_WIDTH_MM) -> N
         )
 
 
-def outer_radius_mm(geometry: SensorGeometry, strip_width_mm: float) -> float:
+def outer_radius_mm(geometry: SensorGeometry) -> float:
     """Return the radius of the outer edge of the conical strip."""
-    return geometry.ring_radius_mm + strip_width_mm / 2 * cos(geometry.incident_angle_rad)
+    return geometry.ring_radius_mm + STRIP_WIDTH_MM / 2 * cos(geometry.incident_angle_rad)
 
 
 def ring_colours(geometry: SensorGeometry) -> str:

@@ -4,18 +4,18 @@ The folder holds press.npz (depth_mm, pressure_mpa, tangential_mm and spacing_mm
 report.json.
 """
 
-import io
 import json
 import resource
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
+from gellight.bundle.contents import npz
 from gellight.lab.simulator.objects import object_height
 from gellight.lab.simulator.scene import Array
 from gellight_design.simulating.choices import GelKind
@@ -23,7 +23,7 @@ from gellight_design.simulating.gel_models import check_memory
 from gellight_design.simulating.new_folder import new_folder
 from gellight_design.simulating.solids import height_map, read_stl
 from sim_reference import gel
-from sim_reference.deformation import NotConverged, grid
+from sim_reference.deformation import grid
 from sim_reference.fem.gel import FemGel, depth_under, solver_of
 from sim_reference.fem.newton import Step
 from sim_reference.geometry import SensorGeometry
@@ -56,14 +56,14 @@ class PressReport:
     depth_mm: float
     """of the object's highest point"""
     force_n: float
-    newton_steps: int | None
-    min_gap_mm: float | None
+    newton_steps: int | None = None
+    min_gap_mm: float | None = None
     """the smallest gap between gel and object in all of these steps"""
-    min_det_f: float | None
+    min_det_f: float | None = None
     """the smallest volume of a tetrahedron over that at rest in all of these steps"""
-    vertices: int | None
-    wall_s: float
-    peak_memory_gb: float
+    vertices: int | None = None
+    wall_s: float = 0.0
+    peak_memory_gb: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,19 +81,14 @@ def press_once(request: PressRequest, folder: Path, geometry: SensorGeometry, sh
     """
     height = object_heights(request.object_name)
     begun = time.monotonic()
-    try:
-        with new_folder(folder):
-            if request.gel == "fem":
-                result = _by_finite_elements(request, height, geometry, show)
-            else:
-                result = _by_layer(request, height, geometry)
-    except (ValueError, NotConverged) as error:
-        raise InputError(f"this press cannot be simulated: {error}") from error
-    except OSError as error:
-        raise InputError(f"the press cannot be written to {folder} ({error.strerror}): choose another --out") from error
-    peak_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    report = PressReport(**{**asdict(result.report), "wall_s": time.monotonic() - begun, "peak_memory_gb": peak_gb})
-    _write(folder, result, report)
+    with new_folder(folder, "press"):
+        if request.gel == "fem":
+            result = _by_finite_elements(request, height, geometry, show)
+        else:
+            result = _by_layer(request, height, geometry)
+        peak_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+        report = replace(result.report, wall_s=time.monotonic() - begun, peak_memory_gb=peak_gb)
+        _write(folder, result, report)
     return report
 
 
@@ -132,8 +127,6 @@ def _by_finite_elements(request: PressRequest, height: Array, geometry: SensorGe
         min_gap_mm=pressed.min_gap_mm,
         min_det_f=pressed.min_det_f,
         vertices=len(solver_of(model, geometry).mesh.free),
-        wall_s=0.0,
-        peak_memory_gb=0.0,
     )
     surface = pressed.surface
     pressure_mpa = surface.pressure * model.shear_modulus_mpa(geometry)
@@ -154,24 +147,11 @@ def _by_layer(request: PressRequest, height: Array, geometry: SensorGeometry) ->
         gel=request.gel,
         depth_mm=depth,
         force_n=float(pressure_mpa.sum()) * SPACING_MM**2,
-        newton_steps=None,
-        min_gap_mm=None,
-        min_det_f=None,
-        vertices=None,
-        wall_s=0.0,
-        peak_memory_gb=0.0,
     )
     return _Result(pressed.depth_mm, pressure_mpa, np.zeros((*height.shape, 2)), report)
 
 
 def _write(folder: Path, result: _Result, report: PressReport) -> None:
-    content = io.BytesIO()
-    np.savez_compressed(
-        content,
-        depth_mm=np.float32(result.depth_mm),
-        pressure_mpa=np.float32(result.pressure_mpa),
-        tangential_mm=np.float32(result.tangential_mm),
-        spacing_mm=SPACING_MM,
-    )
-    write_file(folder / "press.npz", content.getvalue())
+    maps = {name: getattr(result, name).astype(np.float32) for name in ("depth_mm", "pressure_mpa", "tangential_mm")}
+    write_file(folder / "press.npz", npz({**maps, "spacing_mm": np.array(SPACING_MM)}))
     write_file(folder / "report.json", json.dumps(asdict(report), indent=2).encode())

@@ -1,13 +1,11 @@
 """A sequence of presses as pictures: one object that slides, turns and tilts in the gel, and where it truly was."""
 
-import csv
-import io
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from gellight.base.errors import InputError
+from gellight.base.csv_file import csv_text
 from gellight.base.writing import write_file
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.simulator.sequence import Sequence
@@ -16,8 +14,10 @@ from gellight_design.simulating.choices import RESOLUTION_MM, GelKind
 from gellight_design.simulating.gel_models import check_memory, gel_model
 from gellight_design.simulating.new_folder import new_folder
 from sim_reference.camera import CameraResponse, digitise
-from sim_reference.deformation import NotConverged
 from sim_reference.geometry import SensorGeometry
+
+POSE = [f"{axis}{column}" for axis in "xyz" for column in ("_of_x", "_of_y", "_of_z", "_mm")]
+"""the first three rows of a pose, which carries points of the object to the sensor, mm"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,17 +47,12 @@ def write_sequence(
     scene = Scene(geometry, CameraResponse(noise_grey=noise_grey), model=gel_model(gel, resolution_mm))
     random = np.random.default_rng(seed)
     rows = []
-    try:
-        with new_folder(folder):
-            for number, press in enumerate(sequence.presses):
-                image = digitise(scene.show(press)[0], noise_grey, random)
-                write_file(folder / f"{number:05}.png", packed_picture(image))
-                rows.append(_row(number, press))
-            write_file(folder / "poses.csv", _table(rows))
-    except (ValueError, NotConverged) as error:
-        raise InputError(f"this sequence cannot be simulated: {error}") from error
-    except OSError as error:
-        raise InputError(f"{folder} cannot be written ({error.strerror}): choose another --out") from error
+    with new_folder(folder, "sequence"):
+        for number, press in enumerate(sequence.presses):
+            image = digitise(scene.show(press)[0], noise_grey, random)
+            write_file(folder / f"{number:05}.png", packed_picture(image))
+            rows.append(_row(number, press))
+        write_file(folder / "poses.csv", csv_text(["frame", "object", "depth_mm", *POSE], rows).encode())
     return SequenceReport(folder=str(folder), frames=len(rows))
 
 
@@ -66,12 +61,3 @@ def _row(number: int, press: Press | None) -> list[object]:
     if press is None:
         return [number, "", *[""] * 13]
     return [number, press.object_name, press.depth_mm, *press.pose[:3].ravel().round(9).tolist()]
-
-
-def _table(rows: list[list[object]]) -> bytes:
-    """Return poses.csv: the first three rows of each pose, which carries points of the object to the sensor, mm."""
-    text = io.StringIO()
-    writer = csv.writer(text)
-    pose = [f"{axis}{column}" for axis in "xyz" for column in ("_of_x", "_of_y", "_of_z", "_mm")]
-    writer.writerows([["frame", "object", "depth_mm", *pose], *rows])
-    return text.getvalue().encode()

@@ -10,7 +10,7 @@ from gellight.cli.running.export import tactile_frames
 from gellight.cli.showing import show
 from gellight.frames.frames import TactileFrame
 from gellight.recording.recording_file import Recording
-from gellight_scan.cli.surface_options import Measured, OfRecording
+from gellight_scan.cli.surface_verb import Measured, OfRecording
 from gellight_scan.height_map import HeightMap, load_height_map, map_of_press
 from gellight_scan.map_files import write_maps
 from gellight_scan.roughness import (

@@ -253,9 +253,9 @@ def guesses(before: View, now: View) -> list[Array]:
     return guessed
 
 
-def spins(before: View, now: View, angles_rad: Array = SPINS_RAD) -> list[Array]:
+def spins(before: View, now: View) -> list[Array]:
     """Return poses that move the contact to where it is now and turn it about z."""
-    return [_moved(before, now.centre_mm - before.centre_mm, np.array([0, 0, angle])) for angle in angles_rad]
+    return [_moved(before, now.centre_mm - before.centre_mm, np.array([0, 0, angle])) for angle in SPINS_RAD]
 
 
 def _moved(view: View, shift_mm: Array, turn_rad: Array) -> Array:

@@ -14,6 +14,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from gellight.frames.pixel_grid import bounding_box, over_gel
+from gellight.reconstruction.force import bonded
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -123,8 +124,8 @@ def pressure_of(
 ) -> Floats:
     """Return the (h, w) pressure under which an elastic layer is as deep as a map, blurred, to a constant factor.
 
-    In Fourier space it is the depth over the compliance of the layer (sim_reference/gel.py has the formula; Johnson,
-    Contact Mechanics, 1985, section 5.8). coarser: by so much is the grid that it is found on.
+    In Fourier space it is the depth over the compliance of the layer (see `reconstruction.force`). coarser: by so much
+    is the grid that it is found on.
     """
     coarse = reduced(depth_mm, coarser)
     size = pixel_mm[1] * coarser, pixel_mm[0] * coarser
@@ -160,9 +161,8 @@ def _stiffness(shape: tuple[int, int], size_mm: tuple[float, float], thickness_m
     """Return 1 / G(k) of an incompressible layer times the blur, on the grid of a real FFT; no mean pressure."""
     down, across = scipy.fft.fftfreq(shape[0], size_mm[0]), scipy.fft.rfftfreq(shape[1], size_mm[1])
     k = 2 * np.pi * np.hypot(across[None, :], down[:, None])
-    q = np.clip(k * thickness_mm, 1e-3, 30.0)
-    compliance = (2 * np.sinh(2 * q) - 4 * q) / (2 * np.cosh(2 * q) + 4 * q**2 + 2) / np.maximum(k, 1e-6)
-    stiffness = np.exp(-((k * COATING_MM) ** 2) / 2) / np.maximum(compliance, 1e-9)
+    q = np.maximum(k * thickness_mm, 1e-3)
+    stiffness = np.exp(-((k * COATING_MM) ** 2) / 2) / np.maximum(bonded(q, 0.5) / np.maximum(k, 1e-6), 1e-9)
     stiffness[0, 0] = 0.0
     return np.asarray(stiffness, np.float32)
 

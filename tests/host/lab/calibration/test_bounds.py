@@ -16,7 +16,6 @@ from gellight.lab.calibration.coverage import advice, coverage
 from gellight.lab.calibration.cylinder import Imprint
 from gellight.lab.calibration.force.fit import fit_force
 from gellight.lab.calibration.force.record import ForceReadings
-from gellight.lab.calibration.force.sideways import fit_side
 from gellight.lab.calibration.led_check import _refuse as refuse_leds
 from gellight.lab.calibration.live_error import LiveError
 from gellight.lab.calibration.pressing import corrected_circle
@@ -328,21 +327,3 @@ def test_a_load_cell_may_read_a_twentieth_below_zero(least_n: float, refused: bo
     (tmp_path / "f.csv").write_text(f"unix_s,force_n\n1,1\n2,{least_n}\n")
     with refusing(InputError, "set the load cell to zero" if refused else ""):
         assert ForceReadings.read(tmp_path / "f.csv").force_n.tolist() == [1.0, least_n]
-
-
-@pytest.mark.parametrize(
-    ("side_n", "felt", "refusal"),
-    [
-        ([[1, 0], [0.101, 0], [0, 0.101]], None, ""),
-        ([[1, 0], [0.101, 0], [0, 0.099]], None, "2 readings pull"),
-        ([[1, 0], [0, 1], [-1, 0]], [[1, 0.29], [-0.29, 1], [-1, -0.29]], ""),
-        ([[1, 0], [0, 1], [-1, 0]], [[1, 0.32], [-0.32, 1], [-1, -0.32]], "one constant leaves"),
-    ],
-)
-def test_pulls_along_the_gel_are_explained_or_refused(
-    side_n: list[list[float]], felt: list[list[float]] | None, refusal: str
-) -> None:
-    measured = np.array(side_n, float)
-    found = measured if felt is None else np.array(felt)
-    with refusing(InputError, refusal):
-        assert fit_side(measured, found, "f.csv").side_scale > 0.9

@@ -20,7 +20,6 @@ from gellight.base.errors import InputError, printable
 from gellight.bundle.bundle import Bundle, extend_bundle
 from gellight.lab.calibration.force.indented import Felt, felt_in_images, felt_in_recording
 from gellight.lab.calibration.force.record import ForceReadings
-from gellight.lab.calibration.force.sideways import check_sides, with_sides
 from gellight.reconstruction.force import Layer
 from gellight.reconstruction.force_file import ForceRecord, force_file
 from gellight.recording.recording_file import Recording
@@ -159,14 +158,13 @@ def measure_force(
     it is known.
     """
     readings = ForceReadings.read(forces)
-    check_sides(readings, bundle)
     several = len(set(readings.objects)) > 1
     layers = [replace(layer, thickness_mm=share * layer.thickness_mm) for share in (THICKNESSES if several else (1.0,))]
     felt = _felt(readings, bundle, recording, layers)
     chosen = chosen_layer(felt.force_n, felt.integral_mm2, felt.objects) if several else 0
     others = left_out_share(felt.force_n, felt.integral_mm2, felt.objects) if several else 0.0
     fit = fit_force(felt.force_n, felt.integral_mm2[:, chosen], str(forces), least_share=others)
-    record = ForceRecord(
+    return ForceRecord(
         camera_height_mm=camera_height_mm,
         gel_thickness_mm=layers[chosen].thickness_mm,
         other_objects_share=others if several else None,
@@ -176,7 +174,6 @@ def measure_force(
         source=printable(forces.name),
         created=datetime.now(UTC).replace(microsecond=0),
     )
-    return with_sides(record, readings, bundle)
 
 
 def _felt(readings: ForceReadings, bundle: Bundle, recording: Path | None, layers: Sequence[Layer]) -> Felt:

@@ -3,7 +3,6 @@
 image,force_n      one reading for each picture, whose name is beside the file: known weights
 unix_s,force_n     a load cell's readings on the clock of `time.time`, beside a recording of the same time
 
-Beside pictures, columns `side_x_n` and `side_y_n` are forces along a gel with marker dots, x right and y down.
 A column `object` names what pressed: then the error on objects that were not weighed is told.
 """
 
@@ -18,7 +17,7 @@ from gellight.base.csv_file import number_in, read_csv
 from gellight.base.errors import InputError
 
 FORCE, IMAGE, TIME, OBJECT = "force_n", "image", "unix_s", "object"
-SIDES = "side_x_n", "side_y_n"
+ENDED = {"side_x_n", "side_y_n"}
 NEGATIVE_SHARE = 0.05
 """of the largest force: a load cell that was not set to zero may read this share below it"""
 Array = NDArray[np.float64]
@@ -34,8 +33,6 @@ class ForceReadings:
     images: tuple[Path, ...]
     unix_s: Array
     """(n,), rising"""
-    side_n: Array | None = None
-    """(n, 2) along the gel; None where the file has none"""
     objects: tuple[str, ...] = ()
     """what pressed in each reading; empty where the file does not say"""
 
@@ -49,17 +46,14 @@ class ForceReadings:
         missing = {FORCE, at} - set(columns)
         if missing or {IMAGE, TIME} <= set(columns):
             raise InputError(f"{path}: its first line must be {IMAGE},{FORCE} or {TIME},{FORCE}")
+        if ended := sorted(ENDED & set(columns)):
+            raise InputError(f"{path}: forces along the gel follow from those into it: leave {', '.join(ended)} out")
         force_n = np.array([number_in(row, FORCE, f"{path}, line {line}") for line, row in rows])
         _check_forces(force_n, path)
         objects = tuple((row[OBJECT] or "").strip() for _, row in rows) if OBJECT in columns else ()
-        sides = [one for one in SIDES if one in columns]
-        if sides and (len(sides) == 1 or at == TIME):
-            raise InputError(f"{path}: give both {SIDES[0]} and {SIDES[1]}, beside pictures, or neither")
-        side_n = np.array([[number_in(row, one, f"{path}, line {line}") for one in sides] for line, row in rows])
         if at == IMAGE:
             images = tuple(_image(row[IMAGE], path, line) for line, row in rows)
-            return cls(path=path, force_n=force_n, images=images, unix_s=np.zeros(0), objects=objects,
-                       side_n=side_n if sides else None)  # fmt: skip
+            return cls(path=path, force_n=force_n, images=images, unix_s=np.zeros(0), objects=objects)
         unix_s = np.array([number_in(row, TIME, f"{path}, line {line}") for line, row in rows])
         if (falling := np.flatnonzero(np.diff(unix_s) <= 0)).size:
             raise InputError(

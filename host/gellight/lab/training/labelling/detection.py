@@ -1,7 +1,5 @@
 """Contacts in many images: what was found or why not, as the csv that training reads, and as pictures for a glance."""
 
-import csv
-import io
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.base.csv_file import csv_text
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
 from gellight.frames.dots import Dots
@@ -90,36 +89,29 @@ def write_presses(path: Path, detections: Sequence[Detection]) -> None:
     relative to the folder of the csv, which is made. Raises InputError where it cannot be written.
     """
     columns = next((one.contact.record() for one in detections if one.contact), dict.fromkeys((*COLUMNS[1:], QUALITY)))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, [COLUMNS[0], *columns, REFUSED], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({**one.record(), "image": os.path.relpath(one.image, path.parent)} for one in detections)
+    names = [COLUMNS[0], *columns, REFUSED]
+    rows = ({**one.record(), "image": os.path.relpath(one.image, path.parent)} for one in detections)
+    text = csv_text(names, ([row.get(name, "") for name in names] for row in rows))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_file(path, text.getvalue().encode(errors="surrogateescape"))
+        write_file(path, text.encode(errors="surrogateescape"))
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error.strerror or error}): choose another place") from error
 
 
 def write_overlays(folder: Path, detections: Sequence[Detection]) -> None:
     """Write NAME.png of each image that was found, with the contact drawn in; InputError where it cannot."""
-    contacts: dict[Path, list[PressCircle]] = {}
-    for detection in detections:
-        if detection.contact is not None:
-            contacts.setdefault(detection.image, []).append(detection.contact)
-    stems = [image.stem for image in {detection.image for detection in detections}]
+    stems = [one.image.stem for one in detections]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for image, seen in contacts.items():
+        for image, contact in ((one.image, one.contact) for one in detections if one.contact):
             # Images of one name from two folders must not replace each other.
             name = image.stem if stems.count(image.stem) == 1 else f"{image.parent.name}-{image.stem}"
             target = folder / f"{name}.png"
             if target.resolve() == image.resolve():
                 raise InputError(f"the overlay of {image} would replace it: give another folder to --overlay")
-            picture = read_image(image)
-            for one in seen:
-                picture = with_circle(picture, one.center_x_px, one.center_y_px, one.contact_radius_px)
-            write_png(target, picture)
+            circle = contact.center_x_px, contact.center_y_px, contact.contact_radius_px
+            write_png(target, with_circle(read_image(image), *circle))
     except OSError as error:
         raise InputError(
             f"overlays cannot be written to {folder} ({error.strerror or error}): choose another"

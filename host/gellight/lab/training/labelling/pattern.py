@@ -34,7 +34,7 @@ _STARTS = (0.35, 0.65, 1.0)
 _FIELDS = 6
 """to each side, whose pixels count as one when errors are told: more or less what one leaves alike"""
 SIMPLE = (0, 1, 2, 8)
-"""columns of the response: what is linear in the normal, and the depth"""
+"""columns of the response, enough to find the place: what is linear in the normal, and the depth"""
 _ROBUST_GREY = 4.0
 """residuals beyond it count by their size, not its square: scratches, shadows, dust"""
 _ALIKE = 3.0

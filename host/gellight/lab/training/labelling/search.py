@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from gellight.frames.pixel_grid import block_means
-from gellight.lab.training.labelling.pattern import PressShape, response
+from gellight.lab.training.labelling.pattern import SIMPLE, PressShape, response
 
 Array = NDArray[np.float64]
 _COARSE_BALL_PX = 10.0
@@ -61,8 +61,7 @@ def _gain(image: Array, seen: Array, contact_radius: float, ball_radius: float) 
     shape = PressShape(
         center_x=0, center_y=0, contact_radius=contact_radius, step_share=0.0, skirt_length=0.6 * contact_radius
     )
-    # The linear part of the response and the depth are enough to find the place.
-    pattern = response(x, y, shape, ball_radius)[:, [0, 1, 2, -1]]
+    pattern = response(x, y, shape, ball_radius)[:, SIMPLE]
     pattern *= (np.hypot(x, y) < _SUPPORT * contact_radius)[:, None]
     return explained(image, seen, pattern)
 

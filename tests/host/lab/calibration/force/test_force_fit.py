@@ -1,4 +1,4 @@
-"""Forces: their record, the modulus and the constant along the gel, how honest the errors are, what is refused."""
+"""Forces: their record, the modulus, how honest the errors are, what is refused."""
 
 from pathlib import Path
 
@@ -8,17 +8,14 @@ import pytest
 from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.lab.calibration.force.fit import chosen_layer, fit_force, left_out_share, measure_force
+from gellight.lab.calibration.force.fit import chosen_layer, fit_force, left_out_share
 from gellight.lab.calibration.force.indented import felt_in_images
 from gellight.lab.calibration.force.record import ForceReadings
-from gellight.lab.calibration.force.sideways import fit_side
 from gellight.lab.report.pictures import write_png
 from gellight.opening import open_camera
-from gellight.reconstruction.force import Layer
 from gellight.reconstruction.force_file import read_force
 
 FELT = np.array([0.0, 1.0, 2.0, 4.0, 8.0])
-FOUND = np.array([[0.2, 0.1], [-0.3, 0.05], [0.1, -0.4], [0.0, 0.0]])
 
 
 def read(tmp_path: Path, text: str) -> ForceReadings:
@@ -45,8 +42,7 @@ def test_weights_beside_pictures_and_a_load_cell_are_read(tmp_path: Path) -> Non
         ("image,force_n\na.png,1\nb.png,-0.5\n", r"a force is -0.5 N: set the load cell to zero"),
         ("image,force_n\na.png,-1\nb.png,0\n", r"the largest force is 0 N"),
         ("unix_s,force_n\n5,1\n5,2\n", "line 3: unix_s does not rise"),
-        ("image,force_n,side_x_n\n1,1,1", "side_y_n"),
-        ("unix_s,force_n,side_x_n,side_y_n\n1,1,1,1", "side_y_n"),
+        ("image,force_n,side_x_n,side_y_n\n1,1,1,1", "leave side_x_n, side_y_n out"),
     ],
 )
 def test_what_is_no_record_is_refused(tmp_path: Path, text: str, reason: str) -> None:
@@ -98,47 +94,6 @@ def test_the_layer_that_is_given_stays_where_another_is_hardly_better() -> None:
 
 def test_the_error_is_no_smaller_than_on_objects_left_out() -> None:
     assert fit_force(0.2 * FELT, FELT, "record", least_share=0.12).error_share == pytest.approx(0.12)
-
-
-def test_the_constant_and_its_error_are_those_of_the_readings() -> None:
-    exact = fit_side(1.3 * FOUND, FOUND, "f.csv")
-    assert exact.side_scale == pytest.approx(1.3)
-    assert exact.side_error_share == pytest.approx(0.05)
-    off = fit_side(1.3 * FOUND * np.array([[1.1], [0.9], [1.0], [1.0]]), FOUND, "f.csv")
-    assert 0.08 < off.side_error_share < 0.12
-
-
-def test_what_a_load_cell_shows_of_presses_that_pull_nothing_is_no_pull() -> None:
-    """It never shows 0; of 0.008 N beside 0.4 N nobody can tell the direction."""
-    noise, felt = np.random.default_rng(0).normal(0, [[[0.008]], [[0.02]]], (2, 20, 2))
-    fit = fit_side(np.vstack([1.3 * FOUND, noise]), np.vstack([FOUND, felt]), "f.csv")
-    assert fit == fit_side(1.3 * FOUND, FOUND, "f.csv")
-
-
-def test_pulls_the_other_way_round_are_refused() -> None:
-    with pytest.raises(InputError, match="y down"):
-        fit_side(-FOUND, FOUND, "f.csv")
-
-
-def test_pictures_of_a_pulled_gel_give_the_constant_of_the_simulated_one(tmp_path: Path) -> None:
-    lines = ["image,force_n,side_x_n,side_y_n"]
-    with open_camera("sim://?programme=0&board=0&dots=9x7") as camera:
-        bundle = load_bundle("synthetic").with_files(camera.picture_files)
-        for number, (x, y) in enumerate([(0.3, 0.0), (0.0, -0.4), (-0.3, 0.3)]):
-            camera.stage.press("BALL", 0.8 + 0.1 * number, 0.5, 0.2)
-            camera.stage.drag(x, y)
-            frame = camera.read()
-            write_png(tmp_path / f"{number}.png", frame.image)
-            normal_n = (0.835, 1.004, 1.187)[number]
-            along = ",".join(f"{one:.4f}" for one in frame.truth.shear.force_n)
-            lines.append(f"{number}.png,{normal_n},{along}")
-    path = tmp_path / "f.csv"
-    path.write_text("\n".join(lines))
-    record = measure_force(bundle, path, None, Layer(5.0, 0.49), 40.0)
-    assert record.side_scale == pytest.approx(1.0, abs=0.1)
-    assert record.side_error_share < 0.12
-    with pytest.raises(InputError, match="calibrate this gel with --dots"):
-        measure_force(load_bundle("synthetic"), path, None, Layer(5.0, 0.49), 40.0)
 
 
 def test_a_force_is_felt_as_it_was_calibrated_from_the_height_of_the_camera(tmp_path: Path) -> None:
