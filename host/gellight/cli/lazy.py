@@ -31,7 +31,7 @@ PANELS = {
     "Training": "recipe width epochs like fit/lights fit/keep",
     "Limits": "largest-depth-error-um largest-normal-error-deg verifications until-um calibrate/presses",
     "Files": "surface/frame resume restart overwrite install",
-    "Simulation": "gel resolution-mm friction path noise coarse/size design/size",
+    "Simulation": "gel resolution-mm friction noise coarse/size design/size",
     "Shape of the part": "curved body",
     "Pins": "pin",
 }
