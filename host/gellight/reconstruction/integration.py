@@ -168,6 +168,16 @@ def _poisson(divergence: Floats) -> Floats:
     return depth
 
 
+def cosines(maps: Floats) -> Floats:
+    """Return the orthonormal cosine transform of type 2 of each row of a map, which is overwritten."""
+    return np.asarray(fft.dct(maps, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1))
+
+
+def from_cosines(waves: Floats) -> Floats:
+    """Return the map of a transform of `cosines`, which is overwritten."""
+    return np.ascontiguousarray(fft.idct(waves, type=2, norm="ortho", axis=1, overwrite_x=True, workers=1))
+
+
 def rest_level(depth: Floats, at_rest: NDArray[np.bool_] | None, bulge: float) -> np.floating:
     """Return the depth of the gel at rest, mm, as `integrate` documents it."""
     grid = sample_grid(depth.shape)

@@ -1,41 +1,16 @@
-"""Parts of the C library: transforms against SciPy, the network against ONNX Runtime, memory that is used again."""
+"""Parts of the C library: the network against ONNX Runtime, memory that is used again."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import fft
 
 from gellight.bundle.bundle import load_bundle
-from gellight.reconstruction.native import library, network
-from gellight.reconstruction.native.cosine import CosineRows, radices_of
+from gellight.reconstruction.native import network
 from gellight.reconstruction.native.library import Library, fitting, library_file
 from gellight.reconstruction.native.work import ArrayPool
 from gellight.reconstruction.network_session import NetworkSession
 from tests.helpers.linear_sensor import linear_bundle
-
-RUNNABLE = [pytest.param(name, id=name) for name in library.fitting()]
-LENGTHS = (32, 36, 60, 64, 80, 90, 160, 306, 320, 33, 46)
-"""with radices 2 to 5 in many orders; the last three are left to SciPy"""
-
-
-@pytest.mark.skipif(not RUNNABLE, reason="no library is built for this machine")
-@pytest.mark.parametrize("name", RUNNABLE)
-@pytest.mark.parametrize("length", LENGTHS)
-def test_cosine_transforms_are_right_and_come_back(name: str, length: int) -> None:
-    loaded = library.Library(library_file(name))
-    for rows in (1, 7, 16, 33):
-        maps = np.random.default_rng(rows).normal(size=(rows, length)).astype(np.float32)
-        transforms = CosineRows(loaded, maps.shape)
-        waves = transforms.forwards(maps.copy())
-        right = fft.dct(maps.astype(np.float64), type=2, norm="ortho", axis=1)
-        np.testing.assert_allclose(waves, right, atol=2e-6)
-        np.testing.assert_allclose(transforms.backwards(waves.copy()), maps, atol=2e-6)
-
-
-def test_lengths_without_small_factors_are_left_to_scipy() -> None:
-    assert radices_of(320) == [4, 4, 4, 5]
-    assert radices_of(153) is None
 
 
 def test_memory_is_used_again_only_when_nobody_has_it() -> None:

@@ -29,8 +29,6 @@ SIGNATURES = {
     "store_pixels": "ppppiii",
     "prefilter": "pppifpppii",
     "divergence": "ppffpii",
-    "cosines": "ppppii",
-    "from_cosines": "ppppii",
     "solve_columns": "pppii",
     "resting_depths": "pppiiipii",
     "level_and_slopes": "pfpffpii",

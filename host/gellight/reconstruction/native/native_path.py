@@ -22,11 +22,18 @@ from gellight.reconstruction.contact import (
     without_untouched,
 )
 from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
-from gellight.reconstruction.integration import far_cells, far_from_touch, level_of_sample, rest_level, sample_grid
+from gellight.reconstruction.integration import (
+    cosines,
+    far_cells,
+    far_from_touch,
+    from_cosines,
+    level_of_sample,
+    rest_level,
+    sample_grid,
+)
 from gellight.reconstruction.lens.undistortion import Undistortion
 from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.native.cells import BLOCK_CELLS, NEAREST_GREY, CellAnswers, CellLimits
-from gellight.reconstruction.native.cosine import CosineRows
 from gellight.reconstruction.native.library import Library, NativePathError
 from gellight.reconstruction.native.native_shadows import NativeShadows
 from gellight.reconstruction.native.network import fastest
@@ -73,7 +80,6 @@ class NativePath:
         self._taps = FilterTaps.of(smoothing_px) if smoothing_px >= 2 else None
         kept_rows = library.call("kept_rows", self._taps.reach) if self._taps else 0
         self._m = WorkMemory(bundle.image_shape, self._taps, kept_rows)
-        self._cosines = CosineRows(library, bundle.image_shape)
         self._m.coarse_rows[:, 3:] = self._network.coarse_position
         self._m.cell_rows[:, 3:] = cells.middle
         shape = bundle.image_shape
@@ -218,9 +224,9 @@ class NativePath:
         m, size, bulge = self._m, self._bundle.pixel_size_mm, self._bundle.manifest.bulge
         depth = self._depths.take()
         self._run("divergence", m.measured, depth, *size, m.work)
-        waves = self._cosines.forwards(depth)
+        waves = cosines(depth)
         self._run("solve_columns", waves, m.factors, m.column)
-        depth = self._cosines.backwards(waves)
+        depth = from_cosines(waves)
         if self._plane:
             touched = self._pixels() if touched_pixels is None else touched_pixels
             plane = self._plane.following(depth, touched, time_s)

@@ -5,9 +5,8 @@ from numpy.typing import NDArray
 
 from gellight.reconstruction.cast_shadows import EDGE_MM, CastShadows
 from gellight.reconstruction.gelnet import BLOCK_ROWS, CELL_PX, COARSE_PX
-from gellight.reconstruction.integration import free_and_far, rest_level
+from gellight.reconstruction.integration import cosines, free_and_far, from_cosines, rest_level
 from gellight.reconstruction.led_light import OnCells
-from gellight.reconstruction.native.cosine import CosineRows
 from gellight.reconstruction.native.library import Library
 from gellight.reconstruction.native.network import SlopeNetwork
 from gellight.reconstruction.native.work import WorkMemory, elimination
@@ -25,7 +24,6 @@ class NativeShadows:
         self._c, self._parts, self._network, self._zero, self._bulge = library, shadows, network, zero, bulge
         h, w = shadows.cells
         self._rays = rays_of(shadows.on_cells)
-        self._cosines = CosineRows(library, (h, w))
         self._factors, self._column = elimination((h, w)), np.zeros(h)
         self._means, self._felt, self._change = np.zeros((3, 2, h, w), np.float32)
         self._lost, self._work = np.zeros((3, h, w), np.float32), np.zeros(work_of(h, w), np.float32)
@@ -75,9 +73,9 @@ class NativeShadows:
         if seen:
             self._c.call("slopes_by_view", slopes := slopes.copy(), seen.x, seen.y, 1.0, w, h)
         self._c.call("divergence", slopes, depth, *size, m.work, w, h)
-        waves = self._cosines.forwards(depth)
+        waves = cosines(depth)
         self._c.call("solve_columns", waves, self._factors, self._column, w, h)
-        depth = self._cosines.backwards(waves)
+        depth = from_cosines(waves)
         at_rest = free_and_far(~m.touched.view(np.bool_), far, COARSE_PX // CELL_PX)
         depth -= rest_level(depth, at_rest, self._bulge)
         if seen:

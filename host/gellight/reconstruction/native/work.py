@@ -1,6 +1,7 @@
 """The working memory of the native path, taken once: a frame allocates nothing but what it returns."""
 
 import ctypes
+import math
 import weakref
 from typing import Any
 
@@ -9,10 +10,11 @@ from numpy.typing import NDArray
 
 from gellight.reconstruction.contact import FEWEST_BLOCKS, LEVELS, SMALLEST_PATCH_PX
 from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX
-from gellight.reconstruction.native.cosine import aligned
 from gellight.reconstruction.smoothing import FilterTaps
 
 Floats = NDArray[np.float32]
+_LINE = 16
+"""float32 in a line of the cache"""
 
 
 class WorkMemory:
@@ -95,3 +97,11 @@ class ArrayPool:
     def _take_back(self, memory: NDArray[np.float32]) -> None:
         if len(self._free) < MOST_FREE:
             self._free.append(memory)
+
+
+def aligned(*shape: int) -> Floats:
+    """Return zeros that begin where a line of the cache does: vectors that lie across two take twice as long."""
+    size = math.prod(shape)
+    memory = np.full(size + _LINE, 0, np.float32)
+    begin = -memory.ctypes.data % (4 * _LINE) // 4
+    return memory[begin : begin + size].reshape(shape)
