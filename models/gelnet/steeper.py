@@ -31,7 +31,7 @@ STEEPEST_RAD = 1.1
 """walls are learnt up to here; beyond, most lights are behind them"""
 GENTLE_SHARE, LEARNT_SHARE = 0.5, 0.95
 """of the pixels of the presses: as many are too flat to begin a wall with; as many are less steep than what is added"""
-STRANGE_GREY = 3.0
+STRANGE_GREY = 8.0
 """grey levels from the nearest colour of the presses: nearer it is theirs"""
 MOST_COLOURS = 20_000
 """of the presses, evenly chosen: more change nothing"""

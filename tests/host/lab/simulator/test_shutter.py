@@ -86,6 +86,7 @@ def test_each_strobe_moves_the_light_on_and_every_sure_frame_is_of_the_light_it_
     with SequencedCamera(camera, GROUPS, mode=LightMode.EXT) as sequenced:
         for _ in range(MOST_FRAMES):
             label = sequenced.read().label
+            assert label.state is not LightState.MIXED
             on = [group for group, colours in enumerate(GROUPS) if np.array_equal(camera.latched, colours)]
             shown += [group for group in on if group not in shown[-1:]]
             if label.state is LightState.CLEAN:
@@ -93,7 +94,6 @@ def test_each_strobe_moves_the_light_on_and_every_sure_frame_is_of_the_light_it_
             if len(shown) >= CHANGES:
                 break
     assert shown == [(shown[0] + number) % 3 for number in range(CHANGES)]
-    assert sequenced.counters.mixed == 0
 
 
 def test_a_strobe_without_a_board_is_refused() -> None:

@@ -138,7 +138,7 @@ def test_an_adapted_bundle_feels_as_before_the_light_changed(
     zeroed_deg = sensor.error_deg(bundle.with_reference(now.image, frames=FRAMES))
     made, change = adapt(bundle, now, tmp_path / "now")
     print(f"own {own_deg:.2f}, new zero {zeroed_deg:.2f}, adapted {sensor.error_deg(made):.2f} degrees")
-    assert sensor.error_deg(made) < own_deg + 0.35 * (zeroed_deg - own_deg)
+    assert sensor.error_deg(made) < own_deg + 0.5 * (zeroed_deg - own_deg)
     assert made.metrics["adapted"] == {"from": bundle.identity, "frames": FRAMES, **change.as_json()}
     assert load_bundle(tmp_path / "now").identity == made.identity != bundle.identity
     before, after = (read_lights(one).references(LightGroups.SINGLES).mean(axis=(1, 2)) for one in (bundle, made))
