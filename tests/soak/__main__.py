@@ -10,8 +10,10 @@ judging.py     what has to hold; memory and handles
 """
 
 import argparse
+import json
 import logging
 import sys
+from dataclasses import asdict
 from functools import partial
 
 from gellight.base.errors import InputError
@@ -28,6 +30,7 @@ def main() -> int:
     parser.add_argument("--hours", type=float, default=8.0, help="simulated hours, about a fault a minute")
     parser.add_argument("--faults", type=int, default=1, metavar="SEED", help="seed that the faults are drawn from")
     parser.add_argument("--labels", action="store_true", help="judge labels of light alone, on virtual time")
+    parser.add_argument("--json", action="store_true", help="print all that was found")
     options = parser.parse_args()
     one_arena()
     logging.getLogger("gellight").setLevel(logging.CRITICAL)  # faults are what is made here
@@ -38,7 +41,7 @@ def main() -> int:
         report = soak(options.faults, options.hours, note)
     except InputError as error:
         parser.error(str(error))
-    print(table(report))
+    print(json.dumps(asdict(report), indent=2) if options.json else table(report))
     return 0 if report.passed else 1
 
 
