@@ -161,7 +161,7 @@ def fit(
 
     The drift of the light is taken off each difference image where the light of the presses differs from the
     reference's by more than the noise of a pixel. What the gel at rest does is measured far from the presses
-    (`gel_at_rest`). The rim of circles whose radius no light decided weighs less. The metrics say how well the fine
+    (`rest_of_presses`). The rim of circles whose radius no light decided weighs less. The metrics say how well the fine
     pattern of the reference shows (`fine_pattern`).
     Where the LEDs are known they go into the bundle, and the network learns colours as at the depth of the gel at rest
     (`level_light`).

@@ -94,18 +94,23 @@ def as_calibrated(sensor: Sensor) -> None:
 
 @pytest.fixture(scope="module")
 def bundle(sensor: Sensor, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    return calibrated(sensor, tmp_path_factory.mktemp("bundle") / "own", seed=0)
+
+
+def calibrated(sensor: Sensor, out: Path, seed: int) -> Bundle:
+    """Write the bundle of a sensor whose LEDs are even."""
     sensor.light(EVEN)
     reference = sensor.untouched().image
     parts = [sensor.rows(place) for place in PLACES]
     table = PressTable.joined(parts, np.arange(len(parts), dtype=np.int32), SHAPE)
-    network, record = train(table, TrainingOptions(recipe="fast"), untouched=reference)
+    network, record = train(table, TrainingOptions(recipe="fast", seed=seed), untouched=reference)
     leds = [
         LedSetting(colour=colour, rgb=tuple((255 * light).astype(int).tolist()))
         for colour, light in zip(sensor.scene.geometry.led_colours, sensor.scene.light, strict=True)
     ]
     lights = {"lights.json": small_bundles.ordinary().files["lights.json"]}
     return write_bundle(
-        tmp_path_factory.mktemp("bundle") / "own", sensor="C3", reference=reference, reference_frames=FRAMES,
+        out, sensor="C3", reference=reference, reference_frames=FRAMES,
         noise_grey=1.0, network=network, pixel_size_mm=(small_bundles.PIXEL_MM,) * 2, metrics={"training": record},
         presses=table.arrays(), led=tuple(leds), extra_files=lights,
         camera_height_mm=seen_height_mm(AS_BUILT),
@@ -128,21 +133,35 @@ def test_presses_are_turned_into_what_they_show_under_the_light_of_now(
         assert change.leds == pytest.approx(leds, abs=LIGHT_MODEL * np.abs(1 - leds).max())
 
 
-@pytest.mark.parametrize("leds", [0.9 * EVEN, ONE_FADED], ids=["all darker", "one faded"])
-def test_an_adapted_bundle_feels_as_before_the_light_changed(
-    sensor: Sensor, bundle: Bundle, leds: np.ndarray, tmp_path: Path
-) -> None:
-    own_deg = sensor.error_deg(bundle)
+def test_an_adapted_bundle_feels_as_before_the_light_changed(sensor: Sensor, bundle: Bundle, tmp_path: Path) -> None:
+    own_deg, leds = sensor.error_deg(bundle), 0.9 * EVEN
     sensor.light(leds)
     now = sensor.untouched()
     zeroed_deg = sensor.error_deg(bundle.with_reference(now.image, frames=FRAMES))
     made, change = adapt(bundle, now, tmp_path / "now")
     print(f"own {own_deg:.2f}, new zero {zeroed_deg:.2f}, adapted {sensor.error_deg(made):.2f} degrees")
-    assert sensor.error_deg(made) < own_deg + 0.5 * (zeroed_deg - own_deg)
+    assert sensor.error_deg(made) < own_deg + 0.35 * (zeroed_deg - own_deg)
     assert made.metrics["adapted"] == {"from": bundle.identity, "frames": FRAMES, **change.as_json()}
     assert load_bundle(tmp_path / "now").identity == made.identity != bundle.identity
     before, after = (read_lights(one).references(LightGroups.SINGLES).mean(axis=(1, 2)) for one in (bundle, made))
     assert after / before == pytest.approx(leds, abs=LIGHT_MODEL * np.abs(1 - leds).max())
+
+
+@pytest.mark.nightly
+def test_so_does_that_of_a_sensor_with_one_faded_led_by_the_mean_of_four_networks(
+    sensor: Sensor, tmp_path: Path
+) -> None:
+    """Of single ones adapting leaves 0.2 to 0.45 of what a new zero leaves."""
+    figures = []
+    for seed in range(4):
+        bundle = calibrated(sensor, tmp_path / f"own-{seed}", seed)
+        own_deg = sensor.error_deg(bundle)
+        sensor.light(ONE_FADED)
+        now = sensor.untouched()
+        zeroed_deg = sensor.error_deg(bundle.with_reference(now.image, frames=FRAMES))
+        figures.append((own_deg, zeroed_deg, sensor.error_deg(adapt(bundle, now, tmp_path / f"now-{seed}")[0])))
+    own_deg, zeroed_deg, adapted_deg = np.mean(figures, axis=0)
+    assert adapted_deg < own_deg + 0.35 * (zeroed_deg - own_deg), figures
 
 
 def test_a_network_of_light_at_rest_learns_such_light_again(
