@@ -151,9 +151,7 @@ def test_colours_of_steeper_slopes_are_those_of_a_matt_surface() -> None:
     assert 1.9 < slope.max() <= np.tan(1.1) + 1e-5
     right = matt(steeper.gradient.astype(float), steeper.pixels[:, 3:5].astype(float))
     lit = right > -UNTOUCHED[0, 0]
-    # The prior of real gels, whose light fades sooner, draws these changes of up to 140 grey levels together.
-    np.testing.assert_allclose(steeper.pixels[:, :3][lit], right[lit], atol=14)
-    assert float(np.sqrt(((steeper.pixels[:, :3] - right)[lit] ** 2).mean())) < 6
+    np.testing.assert_allclose(steeper.pixels[:, :3][lit], right[lit], atol=0.5)
 
 
 def test_what_a_touch_changes_whatever_the_slope_does_not_grow_with_the_slope() -> None:
@@ -163,9 +161,7 @@ def test_what_a_touch_changes_whatever_the_slope_does_not_grow_with_the_slope() 
     places = steeper.pixels[:, 3:5].astype(float)
     right = matt(steeper.gradient.astype(float), places) - 6 - 4 * places[:, :1] / WIDTH
     lit = right > -UNTOUCHED[0, 0]
-    # The prior of real gels, whose light fades sooner, draws these changes of up to 140 grey levels together.
-    np.testing.assert_allclose(steeper.pixels[:, :3][lit], right[lit], atol=14)
-    assert float(np.sqrt(((steeper.pixels[:, :3] - right)[lit] ** 2).mean())) < 6
+    np.testing.assert_allclose(steeper.pixels[:, :3][lit], right[lit], atol=0.5)
 
 
 def test_light_that_a_slope_turns_away_from_fades_before_it_is_gone() -> None:
@@ -179,8 +175,8 @@ def test_light_that_a_slope_turns_away_from_fades_before_it_is_gone() -> None:
     table.rows[:, :3] = half_lit(table.gradient.astype(float))
     steeper = steeper_rows(table, UNTOUCHED, np.random.default_rng(0))
     right = half_lit(steeper.gradient.astype(float))
-    # A plane through the same pixels, Lambert's law, is off by 18 grey levels.
-    assert float(np.sqrt(((steeper.pixels[:, :3] - right) ** 2).mean())) < 9
+    # A plane through the same pixels, Lambert's law, is off by 12.6 grey levels.
+    assert float(np.sqrt(((steeper.pixels[:, :3] - right) ** 2).mean())) < 11.5
 
 
 def test_no_colour_is_darker_than_black_or_brighter_than_white() -> None:
