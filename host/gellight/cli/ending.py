@@ -129,7 +129,9 @@ def end(command: Callable[[], object]) -> None:
     except SystemExit as error:
         # typer knows Ctrl-C alone
         sys.exit(_interrupted_or(Ending.INTERRUPTED) if error.code == Ending.INTERRUPTED else error.code)
-    except Exception:
+    except Exception as error:
+        if _is_interruption(error):
+            sys.exit(_interrupted_or(Ending.INTERRUPTED))
         say(traceback.format_exc().rstrip(), level=logging.CRITICAL)
         sys.exit(Ending.FAULT)
 
@@ -138,13 +140,20 @@ def _interrupted_or(status: Ending) -> int:
     return 128 + _received[-1] if _received else status
 
 
+def _is_interruption(error: BaseException | None) -> bool:
+    """Say whether a signal ended it; inside Python's own locks its interruption ends as "release unlocked lock"."""
+    if isinstance(error, RuntimeError):
+        return _is_interruption(error.__context__)
+    return isinstance(error, KeyboardInterrupt)
+
+
 @contextmanager
 def until_interrupted(wanted: bool = True) -> Iterator[None]:
     """Take Ctrl-C or SIGTERM for the proper end of what runs inside, unless not `wanted`."""
     try:
         yield
-    except KeyboardInterrupt:
-        if not wanted:
+    except (KeyboardInterrupt, RuntimeError) as error:
+        if not (wanted and _is_interruption(error)):
             raise
         if sys.stderr.isatty():
             print(file=sys.stderr)  # after the ^C that the terminal shows

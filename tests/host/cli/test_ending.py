@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -52,6 +53,29 @@ def test_a_termination_is_told_from_ctrl_c(error: BaseException) -> None:
     with pytest.raises(SystemExit) as ended:
         end(raising(error))
     assert ended.value.code == Ending.TERMINATED == 143
+
+
+def interrupted_in_a_lock() -> None:
+    """A thread that starts waits so for its first step."""
+    started = threading.Condition(threading.Lock())
+    with started:
+        started.release()
+        raise KeyboardInterrupt
+
+
+def releasing_twice() -> None:
+    threading.Lock().release()
+
+
+def test_an_interruption_inside_a_lock_is_one() -> None:
+    with until_interrupted():
+        interrupted_in_a_lock()
+    with pytest.raises(RuntimeError, match="unlocked"), until_interrupted():
+        releasing_twice()
+    for command, status in ((interrupted_in_a_lock, Ending.INTERRUPTED), (releasing_twice, Ending.FAULT)):
+        with pytest.raises(SystemExit) as ended:
+            end(command)
+        assert ended.value.code == status
 
 
 def test_what_runs_until_it_is_ended_takes_ctrl_c_for_its_end() -> None:
