@@ -126,10 +126,20 @@ def three_lights(place: Path) -> RealSet:
     """Return the 28 balls of a plate under three of six lights as red, green and blue, centres by the plate's maker."""
     folder = real("oem_six_lights")
     for kind in ("balls", "flat"):
-        lights = [read_grey(folder / f"{kind}_light{number}.png", 1020) for number in (1, 3, 5)]
-        write_png(place / f"{kind}.png", np.rint(np.stack(lights, axis=2)).clip(0, 255).astype(np.uint8))
+        write_png(place / f"{kind}.png", _in_colour(folder, f"{kind}_light"))
     centres = np.loadtxt(folder / "balls.csv", delimiter=",", skiprows=1)
     return _plate(place, place / "balls.png", place / "flat.png", centres, pixel_size_mm=0.0068069)
+
+
+def groove() -> NDArray[np.uint8]:
+    """Return (1024, 612, 3) RGB of a straight groove under these lights, where `three_lights` has its balls."""
+    return np.ascontiguousarray(_in_colour(real("oem_groove"), "light")[:, :612])
+
+
+def _in_colour(folder: Path, names: str) -> NDArray[np.uint8]:
+    """(H, W, 3) lights 1, 3 and 5 as red, green and blue."""
+    lights = [read_grey(folder / f"{names}{number}.png", 1020) for number in (1, 3, 5)]
+    return np.rint(np.stack(lights, axis=2)).clip(0, 255).astype(np.uint8)
 
 
 def three_lights_crop(place: Path) -> RealSet:

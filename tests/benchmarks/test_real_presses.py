@@ -3,14 +3,18 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from gellight.lab.training.training import TrainingOptions
+from gellight.frame_path.pipeline import Reconstructor
+from gellight.frames.frames import CameraFrame
+from gellight.lab.training.training import Learning, TrainingOptions, fit
 from tests.benchmarks.real_judging import GIVEN, PLAIN, Errors, folds_of, judged, learnt, means
 from tests.benchmarks.real_presses import FIRST, GATE, PICTURES, Row, measure, rows
 from tests.benchmarks.real_record import Record, Recorded, worse
-from tests.benchmarks.real_sets import SETS
+from tests.benchmarks.real_sets import SETS, groove
 
+FAST = Learning(options=TrainingOptions(recipe="fast"))
 ROWS = [Row(name, FIRST, None, circles, way) for name, circles, way in GATE]
 
 
@@ -49,6 +53,26 @@ def test_circles_a_pixel_off_are_worse(tmp_path: Path) -> None:
     errors = {GIVEN: means(judged(felt, images, {GIVEN: fold.held_out})[GIVEN])}
     told = worse("moved", errors, Record().rows[str(ROWS[0])])
     assert any("normals_deg is" in line for line in told)
+
+
+@pytest.mark.nightly
+@pytest.mark.real_images("oem_six_lights")
+@pytest.mark.real_images("oem_groove")
+def test_a_groove_has_the_walls_and_the_depth_that_six_lights_say(tmp_path: Path) -> None:
+    """An object that is no ball, by the balls of its sensor: a quadratic of all six lights, fitted to them without this
+    code, says walls of 43.3 degrees, 0.540 mm deep. Its shoulders are flat, its bottom too."""
+    images = SETS["three_lights"](tmp_path)
+    bundle = fit(images.presses, images.reference, images.ball, tmp_path / "bundle", sensor="oem", how=FAST)
+    frame = Reconstructor(bundle).reconstruct(CameraFrame(image=groove(), time_s=0.0, sequence=0))
+    across_deg = np.degrees(np.arctan(frame.gradient_map[..., 0]))
+    begins, left = (int(np.median(np.argmax(side, axis=1))) for side in (across_deg < -20, across_deg[:, ::-1] < -20))
+    wall = across_deg[:, begins + 25 : 612 - left - 25]
+    shoulder, bottom = frame.depth_mm[:, 20 : begins - 20], frame.depth_mm[:, 612 - left + 40 : -5]
+    deep = np.median(shoulder, axis=1) - np.median(bottom, axis=1)
+    assert np.median(wall) == pytest.approx(-43.3, abs=1)
+    assert np.median(deep) == pytest.approx(0.540, abs=0.02)
+    assert np.quantile(np.abs(deep - 0.540), 0.9) < 0.06  # it grows by that along the groove
+    assert shoulder.std() < 0.015
 
 
 def test_what_is_worse_is_what_lies_beyond_the_spread_of_the_seeds() -> None:
