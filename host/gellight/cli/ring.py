@@ -10,7 +10,7 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.cli.ending import until_interrupted
-from gellight.cli.lazy import PINS, lazy_group
+from gellight.cli.lazy import lazy_group
 from gellight.cli.options import LONGEST_S, AsJson, Seconds
 from gellight.cli.showing import show
 from gellight.ring.boards import BOARDS, LEDS, channel_ua_of, check_wiring, find_board, wired_as
@@ -32,6 +32,7 @@ app = typer.Typer(
     help="The light ring by hand.",
     no_args_is_help=True,
 )
+PINS = ("data", "trigger", "output", "status", "switch")
 Url = Annotated[str, typer.Option(help="/dev/ttyACM0, serial://, serial://NUMBER or sim://")]
 
 
