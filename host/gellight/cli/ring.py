@@ -9,6 +9,7 @@ import numpy as np
 import typer
 
 from gellight.base.errors import InputError
+from gellight.base.leds import MOST_LEDS
 from gellight.cli.ending import until_interrupted
 from gellight.cli.lazy import lazy_group
 from gellight.cli.options import LONGEST_S, AsJson, Seconds
@@ -18,7 +19,6 @@ from gellight.ring.enumerations import ColourOrder, Dark, OutputAt, ResetReason,
 from gellight.ring.heat import chip_temperature_c, dimmed_text, ring_temperature_c, warm_text
 from gellight.ring.light_ring import LightRing, connect
 from gellight.ring.protocol import ACTIVE_LOW, CURRENT_CAP_MA, NO_PIN, Configuration
-from gellight.ring.wire import MOST_LEDS
 
 app = typer.Typer(
     cls=lazy_group(
