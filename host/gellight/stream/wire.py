@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AliasChoices, Field, FiniteFloat, TypeAdapter, ValidationError
+from pydantic import FiniteFloat, TypeAdapter, ValidationError
 
 from gellight.base.allowed import Byte, StrictModel, in_words
 from gellight.base.errors import StreamError
@@ -47,8 +47,6 @@ CHANNELS = {
     "quality_flags": (1, 1),
 }
 """type and channels of each plane by its name; a reader passes over names it does not know"""
-NOW_CALLED = {"doubts": "quality_flags"}
-"""planes of older senders"""
 NEEDED = ("image", "gradient", "depth_mm", "contact")
 REMEDY = "update GelLight on both sides to the same version"
 
@@ -87,7 +85,7 @@ class Details(StrictModel):
     slip: Slip | None = None
     contacts: tuple[Patch, ...] = ()
     pose: PoseFigures | None = None
-    from_network: bool | None = Field(None, validation_alias=AliasChoices("from_network", "learnt"))
+    from_network: bool | None = None
     """`FrameMeasures.from_network`; None for a frame without measures, as one under another light"""
     provenance: Provenance
 
@@ -225,7 +223,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
     light = None if details.light is None else np.array(details.light, np.uint8).reshape(-1, 3)
     provenance = details.provenance
     ages_s = {**provenance.ages_s, "received": time.time() - unix_s}
-    dots = _dots(details)
+    dots, pose, shear = _felt(details)
     camera_frame = CameraFrame(
         image=maps["image"], time_s=time_s, sequence=sequence, source=details.source, light=light, label=details.label,
         dots=dots,
@@ -243,7 +241,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
         "contact": contact,
         "contacts": details.contacts,
         "slip": details.slip,
-        "pose": _pose(details.pose),
+        "pose": pose,
         "exposures": _report(details.exposures, maps),
         "stage_seconds": details.stage_seconds,
         "_from_network": details.from_network,
@@ -251,7 +249,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
     }
     frame = ReceivedFrame(bundle_of, fields)
     vars(frame)["force"] = _force(details.force, frame, maps)
-    vars(frame)["shear"] = _shear(details.shear, dots, frame)
+    vars(frame)["shear"] = _with_traction(shear, frame)
     if "confidence" in maps and "quality_flags" in maps:
         vars(frame)["confidence"] = Confidence(value=maps["confidence"], quality_flags=maps["quality_flags"])
     return frame
@@ -273,33 +271,26 @@ def _force(figures: ForceFigures | None, frame: ReceivedFrame, maps: Mapping[str
     return Force(**figures.model_dump(), pressure_of=pressure_mpa)
 
 
-def _pose(figures: PoseFigures | None) -> ObjectPose | None:
+def _felt(details: Details) -> tuple[DotsSeen | None, ObjectPose | None, Shear | None]:
+    """Return dots, pose and shear, of which the figures travelled."""
     try:
-        return ObjectPose.of(figures) if figures else None
-    except ValueError as error:
-        raise _damaged(f"pose: {error}") from None
-
-
-def _dots(details: Details) -> DotsSeen | None:
-    try:
-        return details.dots.dots() if details.dots else None
+        dots = details.dots.dots() if details.dots else None
+        pose = ObjectPose.of(details.pose) if details.pose else None
+        return dots, pose, details.shear.shear(dots) if details.shear and dots else None
     except ValueError as error:
         raise _damaged(str(error)) from None
 
 
-def _shear(figures: ShearFigures | None, dots: DotsSeen | None, frame: ReceivedFrame) -> Shear | None:
-    """Return the shear that travelled; its traction map is computed when it is asked for."""
-    if figures is None or dots is None:
+def _with_traction(shear: Shear | None, frame: ReceivedFrame) -> Shear | None:
+    """Return the shear with a traction map that is computed when it is asked for."""
+    if shear is None:
         return None
 
     def traction_mpa() -> NDArray[np.float32] | None:
-        shear = frame.measures.shear(frame.depth_mm, dots, frame.force) if frame.measures else None
-        return shear.traction_mpa if shear else None
+        felt = frame.measures.shear(frame.depth_mm, shear.dots, frame.force) if frame.measures else None
+        return felt.traction_mpa if felt else None
 
-    try:
-        return replace(figures.shear(dots), traction_of=traction_mpa)
-    except ValueError as error:
-        raise _damaged(str(error)) from None
+    return replace(shear, traction_of=traction_mpa)
 
 
 def check_version(message: bytes) -> None:
@@ -320,7 +311,6 @@ def _read_planes(message: bytes, count: int, shape: tuple[int, int]) -> dict[str
     for number in range(count):
         raw, kind, channels, place = PLANE.unpack_from(message, PREFIX.size + number * PLANE.size)
         name = raw.rstrip(b"\0").decode("ascii", "replace")
-        name = NOW_CALLED.get(name, name)
         if name in CHANNELS:
             found[name] = _plane(message, name, (kind, channels), place, shape)
     if missing := [name for name in NEEDED if name not in found]:
