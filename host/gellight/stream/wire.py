@@ -13,13 +13,22 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import FiniteFloat, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from gellight.base.allowed import Byte, StrictModel, in_words
 from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Patch, Provenance, TactileFrame
-from gellight.frames.measures import Confidence, Force, MapOnRequest
+from gellight.frames.frames import (
+    CameraFrame,
+    Contact,
+    ExposureFigures,
+    ExposureReport,
+    LightLabel,
+    Patch,
+    Provenance,
+    TactileFrame,
+)
+from gellight.frames.measures import Confidence, Force, ForceFigures, MapOnRequest
 from gellight.frames.pose import ObjectPose, PoseFigures
 from gellight.frames.shear import DotFigures, DotsSeen, Shear, ShearFigures, Slip
 from gellight.reconstruction.light_drift import difference_of
@@ -51,26 +60,6 @@ NEEDED = ("image", "gradient", "depth_mm", "contact")
 REMEDY = "update GelLight on both sides to the same version"
 
 
-class ExposureFigures(StrictModel):
-    """`ExposureReport` without its maps, which travel as the planes `lights` and `moving`."""
-
-    exposures: int
-    duration_s: float
-    moved: bool
-    repetition_grey: float
-    repetition_limit_grey: float
-    misfit: float
-    least_lights: int
-
-
-class ForceFigures(StrictModel):
-    """`Force` without its map, which is a plane on request; else the reader computes it from depth and bundle."""
-
-    normal_n: FiniteFloat
-    error_n: FiniteFloat
-    flags: tuple[str, ...]
-
-
 class Details(StrictModel):
     """What the prefix leaves out, as JSON."""
 
@@ -79,7 +68,9 @@ class Details(StrictModel):
     label: LightLabel | None
     stage_seconds: dict[str, float]
     exposures: ExposureFigures | None
+    """the maps of an `ExposureReport` travel as the planes `lights` and `moving`"""
     force: ForceFigures | None = None
+    """the map is a plane on request; else the reader computes it from depth and bundle"""
     dots: DotFigures | None = None
     shear: ShearFigures | None = None
     slip: Slip | None = None
@@ -173,19 +164,17 @@ def _prefix(frame: TactileFrame, provenance: Provenance, planes: int, details_at
 
 
 def _details(frame: TactileFrame) -> bytes:
-    camera_frame, exposures, provenance = frame.camera_frame, frame.exposures, frame.provenance
+    camera_frame, provenance = frame.camera_frame, frame.provenance
     assert provenance is not None
     published = {**provenance.ages_s, "published": time.time() - provenance.unix_s}
-    known = vars(exposures) if exposures else {}
-    figures = ExposureFigures(**{name: known[name] for name in ExposureFigures.model_fields}) if exposures else None
     return _DETAILS.dump_json(
         Details.model_construct(
             source=camera_frame.source,
             light=None if camera_frame.light is None else tuple(map(tuple, camera_frame.light.tolist())),
             label=camera_frame.label,
             stage_seconds=frame.stage_seconds,
-            exposures=figures,
-            force=_figures(frame.force),
+            exposures=frame.exposures,
+            force=frame.force,
             dots=DotFigures.of(camera_frame.dots) if camera_frame.dots else None,
             shear=ShearFigures.of(frame.shear) if frame.shear else None,
             slip=frame.slip,
@@ -195,10 +184,6 @@ def _details(frame: TactileFrame) -> bytes:
             provenance=replace(provenance, ages_s=published),
         )
     )
-
-
-def _figures(force: Force | None) -> ForceFigures | None:
-    return ForceFigures(normal_n=force.normal_n, error_n=force.error_n, flags=force.flags) if force else None
 
 
 def _aligned(size: int) -> int:
@@ -268,7 +253,7 @@ def _force(figures: ForceFigures | None, frame: ReceivedFrame, maps: Mapping[str
             raise StreamError("the daemon's bundle has no force.json any more: read a newer frame")
         return force.pressure_mpa
 
-    return Force(**figures.model_dump(), pressure_of=pressure_mpa)
+    return Force(**vars(figures), pressure_of=pressure_mpa)
 
 
 def _felt(details: Details) -> tuple[DotsSeen | None, ObjectPose | None, Shear | None]:
@@ -341,7 +326,7 @@ def _report(figures: ExposureFigures | None, maps: Mapping[str, NDArray[Any]]) -
         return None
     if missing := [name for name in ("lights", "moving") if name not in maps]:
         raise _damaged(f"the plane {missing[0]} is missing")
-    return ExposureReport(**figures.model_dump(), lights=maps["lights"], moving=maps["moving"].view(np.bool_))
+    return ExposureReport(**vars(figures), lights=maps["lights"], moving=maps["moving"].view(np.bool_))
 
 
 def _damaged(what: str) -> StreamError:
