@@ -21,13 +21,13 @@ Cells that do not fit, for a finger may come to the gel, are weighted down (w, C
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from gellight.base.errors import CameraError, InputError
 from gellight.frames.camera import Camera, CameraTiming
+from gellight.frames.pixel_grid import area_means
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.light_ring import Step
 from gellight.sensor.lighting.hold import expose, ring_in_hand
@@ -99,8 +99,7 @@ def cells(image: Image) -> Array:
     height, width = image.shape[:2]
     if height < BANDS or width < CELLS:
         raise InputError(f"an image of {width} x {height} px is too small to measure the shutter")
-    means = cv2.resize(image.astype(np.float32), (CELLS, BANDS), interpolation=cv2.INTER_AREA)
-    return means.reshape(BANDS, CELLS * 3).astype(np.float64)
+    return area_means(image.astype(np.float32), (BANDS, CELLS)).reshape(BANDS, CELLS * 3).astype(np.float64)
 
 
 def robust_fit(basis: Array, observed: Array, scale: Array) -> Array:
