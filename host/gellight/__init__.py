@@ -26,18 +26,27 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gellight.base.errors import GellightError, StreamError
-    from gellight.bundle.bundle import Bundle, load_bundle
-    from gellight.daemon.session import SensorSession
-    from gellight.frame_path.pipeline import Reconstructor
-    from gellight.frames.camera import EndOfStream
-    from gellight.frames.frames import CameraFrame, Contact, Patch, Provenance, TactileFrame
-    from gellight.opening import open_camera
-    from gellight.reconstruction.contact import find_contact
-    from gellight.reconstruction.integration import integrate, normals
-    from gellight.stream.sensor import Sensor, connect
-    from gellight.stream.source import NoFrameError
-    from gellight.stream.subscription import Subscription, subscribe
+    from gellight.base.errors import GellightError as GellightError
+    from gellight.base.errors import StreamError as StreamError
+    from gellight.bundle.bundle import Bundle as Bundle
+    from gellight.bundle.bundle import load_bundle as load_bundle
+    from gellight.daemon.session import SensorSession as SensorSession
+    from gellight.frame_path.pipeline import Reconstructor as Reconstructor
+    from gellight.frames.camera import EndOfStream as EndOfStream
+    from gellight.frames.frames import CameraFrame as CameraFrame
+    from gellight.frames.frames import Contact as Contact
+    from gellight.frames.frames import Patch as Patch
+    from gellight.frames.frames import Provenance as Provenance
+    from gellight.frames.frames import TactileFrame as TactileFrame
+    from gellight.opening import open_camera as open_camera
+    from gellight.reconstruction.contact import find_contact as find_contact
+    from gellight.reconstruction.integration import integrate as integrate
+    from gellight.reconstruction.integration import normals as normals
+    from gellight.stream.sensor import Sensor as Sensor
+    from gellight.stream.sensor import connect as connect
+    from gellight.stream.source import NoFrameError as NoFrameError
+    from gellight.stream.subscription import Subscription as Subscription
+    from gellight.stream.subscription import subscribe as subscribe
 
     __version__: str
 
@@ -47,61 +56,30 @@ os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 26))
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
 _HOME = {
-    "Bundle": "bundle.bundle",
-    "load_bundle": "bundle.bundle",
-    "open_camera": "opening",
-    "find_contact": "reconstruction.contact",
-    "SensorSession": "daemon.session",
-    "GellightError": "base.errors",
-    "StreamError": "base.errors",
-    "EndOfStream": "frames.camera",
-    "CameraFrame": "frames.frames",
-    "Contact": "frames.frames",
-    "Patch": "frames.frames",
-    "Provenance": "frames.frames",
-    "TactileFrame": "frames.frames",
-    "Reconstructor": "frame_path.pipeline",
-    "integrate": "reconstruction.integration",
-    "normals": "reconstruction.integration",
-    "NoFrameError": "stream.source",
-    "Sensor": "stream.sensor",
-    "connect": "stream.sensor",
-    "Subscription": "stream.subscription",
-    "subscribe": "stream.subscription",
+    "base.errors": "GellightError StreamError",
+    "bundle.bundle": "Bundle load_bundle",
+    "daemon.session": "SensorSession",
+    "frame_path.pipeline": "Reconstructor",
+    "frames.camera": "EndOfStream",
+    "frames.frames": "CameraFrame Contact Patch Provenance TactileFrame",
+    "opening": "open_camera",
+    "reconstruction.contact": "find_contact",
+    "reconstruction.integration": "integrate normals",
+    "stream.sensor": "Sensor connect",
+    "stream.source": "NoFrameError",
+    "stream.subscription": "Subscription subscribe",
 }
-
-__all__ = [
-    "Bundle",
-    "CameraFrame",
-    "Contact",
-    "EndOfStream",
-    "GellightError",
-    "NoFrameError",
-    "Patch",
-    "Provenance",
-    "Reconstructor",
-    "Sensor",
-    "SensorSession",
-    "StreamError",
-    "Subscription",
-    "TactileFrame",
-    "connect",
-    "find_contact",
-    "integrate",
-    "load_bundle",
-    "normals",
-    "open_camera",
-    "subscribe",
-]
+_MODULES = {name: module for module, names in _HOME.items() for name in names.split()}
+__all__ = sorted(_MODULES)
 
 
 def __getattr__(name: str) -> object:
     """Import a public name from the module it lives in; `__version__` is that of the installed package."""
     if name == "__version__":
         return version("gellight")
-    if name not in _HOME:
+    if name not in _MODULES:
         raise AttributeError(f"module 'gellight' has no attribute {name!r}")
-    return getattr(import_module(f"gellight.{_HOME[name]}"), name)
+    return getattr(import_module(f"gellight.{_MODULES[name]}"), name)
 
 
 def __dir__() -> list[str]:

@@ -6,10 +6,11 @@ import zlib
 
 import pytest
 
+from gellight.base.leds import MOST_LEDS
 from gellight.lab.core_board.core import FLASH_BYTES
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Status
-from gellight.ring.wire import COLOUR_BYTES, MOST_LEDS
+from gellight.ring.wire import COLOUR_BYTES
 from tests.firmware.helpers.virtual_board import BLACK, RED, VirtualBoard
 
 

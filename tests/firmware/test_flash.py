@@ -10,11 +10,11 @@ import pytest
 import usb.core
 
 from firmware.tools import build
+from firmware.tools.build import boot2_crc
 from gellight.base.errors import BoardError, InputError
 from gellight.ring.firmware import flash
 from gellight.ring.firmware.image import (
     HEADER,
-    boot2_crc,
     from_uf2,
     header_at,
     image_crc,

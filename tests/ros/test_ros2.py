@@ -25,9 +25,9 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.measures import Force
 from gellight.frames.pose import ObjectPose
 from gellight.frames.shear import DotsSeen, Shear, Unseen
-from gellight.recording.ros_messages import DEFINITIONS, HASHES, POSE, TF
 from gellight_ros.ros2 import QOS, Ros2Publisher
 from gellight_ros.ros_topics import RosTopics, covariance_of, wrench_of
+from gellight_ros.ros_types import DEFINITIONS, HASHES, POSE, TF
 from gellight_scan.tracking.rigid import pose_of
 from tests.helpers.cdr import decoded
 from tests.helpers.children import run

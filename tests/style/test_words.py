@@ -37,7 +37,7 @@ PHRASES = {
     "name one of them": "pass one name",
 }
 NAMESAKES = {
-    "Board", "Capability", "ForceFigures", "Identity", "Layer", "Level", "Light", "Mode", "Need", "Press", "Record",
+    "Capability", "Identity", "Layer", "Level", "Light", "Mode", "Need", "Press", "Record",
     "Sensor", "State", "Status", "Target", "Trim", "Zero",
 }  # fmt: skip
 """names that two classes still have; the list may only become shorter"""

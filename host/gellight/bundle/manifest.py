@@ -20,7 +20,7 @@ from pydantic import (
 
 from gellight.base.allowed import Byte, Positive, in_words
 from gellight.base.errors import BundleError
-from gellight.ring.wire import MOST_LEDS
+from gellight.base.leds import MOST_LEDS
 
 SCHEMA_VERSION = 1
 MANIFEST, REFERENCE, METRICS = "manifest.toml", "reference.png", "metrics.json"

@@ -41,46 +41,6 @@ BESIDE = "Other distributions"
 MOST = 8
 """options that a verb shows above these groups"""
 _TITLES = {option: title for title, options in PANELS.items() for option in options.split()}
-
-SETTINGS_NOW = {
-    "--port": "dashboard.port",
-    "--host": "dashboard.host",
-    "--tls-cert": "dashboard.tls_cert",
-    "--tls-key": "dashboard.tls_key",
-    "--mode": "reconstruction.mode",
-    "--sequence": "lighting.sequence",
-    "--light-mode": "lighting.light_mode",
-    "--no-publish": "stream.enabled",
-    "--name": "stream.name",
-    "--lan": "stream.lan",
-    "--zenoh-config": "stream.zenoh_config",
-    "--ros2": "stream.ros2",
-    "--foxglove": "stream.foxglove",
-    "--sinks": "stream.sinks",
-    "--log": "service.log",
-    "--realtime": "service.realtime",
-}
-"""former options of the verbs that run a sensor: the setting that each set"""
-PINS = ("data", "trigger", "output", "status", "switch")
-"""of `ring configure`"""
-OPTIONS_GONE = {
-    **{f"{verb} --threads": "is no more: one thread trains" for verb in ("calibrate", "fit", "channels")},
-    "--trainer": "is no more: NumPy trains; `python -m gelnet.train --trainer` has the others, in a checkout",
-    "calibrate --folder": "is no more: the state of a calibration is OUT.state, beside its --out",
-    "calibrate --pin-pitch-mm": "is no more: `gellight calibrate lens` measures the lens on the finished bundle",
-    "channels --width": "is no more: the network is as wide as any",
-    "channels --epochs": "is no more: the --recipe has them",
-    "adapt --frames": "is no more: 30 pictures are averaged",
-    "lights --frames": "is no more: 8 pictures are averaged under each light",
-    "force --gel-thickness-mm": "is the setting geometry.gel_thickness_mm: write it into gellight.toml",
-    "force --poisson-ratio": "is the setting geometry.poisson_ratio: write it into gellight.toml",
-    "force --camera-height-mm": "is the setting geometry.camera_height_mm: write it into gellight.toml",
-    "surface --blur-mm": "is the setting geometry.coating_smoothing_mm: write it into gellight.toml",
-    "press --path": "is no more: `gellight_touch` drags a gel, by `TouchSensor.drag`",
-    "flash --drive": "is no more: copy the UF2 file, which `gellight firmware info` names, onto that drive",
-    **{f"configure --{pin}-pin": f"is `--pin {pin}=GPIO` now" for pin in PINS},
-}
-"""other former options, or VERB OPTION where another verb has it: what takes their place"""
 LARGEST = 1_000_000_000
 """largest number that an option takes, in any unit"""
 _type_of_value = TyperOption.display_type_rich
@@ -116,21 +76,24 @@ class LazyVerb(TyperCommand):
     def make_context(self, info_name: Any, args: Any, *more: Any, **options: Any) -> Any:
         """Parse the arguments of the verb: the first thing that a group does with the verb that was typed."""
         verb = self.load()
-        _refuse_former(verb, args)
+        _refuse_settings(verb, args)
         return verb.make_context(info_name, args, *more, **options)
 
 
-def _refuse_former(verb: Any, words: list[str]) -> None:
-    """Raise InputError for an option that a verb has no more; it says what takes its place."""
+def _refuse_settings(verb: Any, words: list[str]) -> None:
+    """Raise InputError for what is no option of a verb but a setting; it says how that is set."""
     if words and (below := getattr(verb, "commands", {}).get(words[0])):
         verb = below
     known = {option for one in verb.params for option in (*one.opts, *one.secondary_opts)}
-    for option in (word.partition("=")[0] for word in words if not isinstance(verb, LazyVerb)):
-        if option in SETTINGS_NOW and option not in known and "--set" in known:
-            raise InputError(f"{option} is a setting now: give --set {SETTINGS_NOW[option]}=VALUE")
-        gone = OPTIONS_GONE.get(f"{verb.name} {option}") or OPTIONS_GONE.get(option)
-        if gone and option not in known:
-            raise InputError(f"{option} {gone}")
+    unknown = {word.partition("=")[0] for word in words if word.startswith("--") and not isinstance(verb, LazyVerb)}
+    for option in unknown - known:
+        from gellight.base.settings import SECTIONS  # a third of the time of `--help`
+
+        key = option.removeprefix("--").replace("-", "_")
+        names = [f"{section}.{key}" for section, model in SECTIONS.items() if key in model.model_fields]
+        how = f"give --set {' or '.join(names)}=VALUE" if "--set" in known else "write it into gellight.toml"
+        if names:
+            raise InputError(f"{option} is the setting {' or '.join(names)}: {how}")
 
 
 def refuse_senseless(command: Any) -> Any:

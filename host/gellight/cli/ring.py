@@ -1,16 +1,17 @@
 """`gellight ring`: the light ring by hand."""
 
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from enum import IntEnum
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 
 from gellight.base.errors import InputError
+from gellight.base.leds import MOST_LEDS
 from gellight.cli.ending import until_interrupted
-from gellight.cli.lazy import PINS, lazy_group
+from gellight.cli.lazy import lazy_group
 from gellight.cli.options import LONGEST_S, AsJson, Seconds
 from gellight.cli.showing import show
 from gellight.ring.boards import BOARDS, LEDS, channel_ua_of, check_wiring, find_board, wired_as
@@ -18,7 +19,6 @@ from gellight.ring.enumerations import ColourOrder, Dark, OutputAt, ResetReason,
 from gellight.ring.heat import chip_temperature_c, dimmed_text, ring_temperature_c, warm_text
 from gellight.ring.light_ring import LightRing, connect
 from gellight.ring.protocol import ACTIVE_LOW, CURRENT_CAP_MA, NO_PIN, Configuration
-from gellight.ring.wire import MOST_LEDS
 
 app = typer.Typer(
     cls=lazy_group(
@@ -32,6 +32,7 @@ app = typer.Typer(
     help="The light ring by hand.",
     no_args_is_help=True,
 )
+PINS = ("data", "trigger", "output", "status", "switch")
 Url = Annotated[str, typer.Option(help="/dev/ttyACM0, serial://, serial://NUMBER or sim://")]
 
 
@@ -42,30 +43,6 @@ def _wait(lit: str, seconds: float) -> None:
         time.sleep(seconds or LONGEST_S)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Board:
-    """What a board says of itself."""
-
-    board: str
-    firmware: str
-    image_crc: str
-    protocol: str
-    schema_crc: str
-    reset_reason: str
-    uptime_s: float
-    temperature_c: float | None
-    ring_temperature_c: float | None
-    """of its NTC; None: the board reads none"""
-    dimmed: int
-    """how often every colour is halved because chip, ring or housing is hot"""
-    current_ma: int
-    limit_ma: int
-    dark: str
-    mode: str
-    running: bool
-    counters: dict[str, int]
-
-
 @app.command("info")
 def information(url: Url = "serial://", as_json: AsJson = False) -> None:
     """Show which board it is, what it is doing and what went wrong."""
@@ -74,39 +51,43 @@ def information(url: Url = "serial://", as_json: AsJson = False) -> None:
     show(board, as_json, _text(board))
 
 
-def _board(ring: LightRing) -> Board:
+def _board(ring: LightRing) -> dict[str, Any]:
+    """Return what a board says of itself. `ring_temperature_c`: None where it reads no NTC; `dimmed`: how often every
+    colour is halved because chip, ring or housing is hot."""
     hello, status = ring.hello, ring.status()
-    return Board(
-        board=hello.unique_id.hex().upper(),
-        firmware=f"{hello.firmware_major}.{hello.firmware_minor}.{hello.firmware_patch}",
-        image_crc=f"{hello.image_crc:08x}",
-        protocol=f"{hello.protocol_major}.{hello.protocol_minor}",
-        schema_crc=f"{hello.schema_crc:08x}",
-        reset_reason=ResetReason(hello.reset_reason).name,
-        uptime_s=status.time_us / 1e6,
-        temperature_c=chip_temperature_c(status),
-        ring_temperature_c=ring_temperature_c(status),
-        dimmed=status.dimmed,
-        current_ma=status.current_ma,
-        limit_ma=status.limit_ma,
-        dark=Dark(status.dark).name,
-        mode=SyncMode(status.mode).name,
-        running=bool(status.state),
-        counters=asdict(ring.counters()),
-    )
+    return {
+        "board": hello.unique_id.hex().upper(),
+        "firmware": f"{hello.firmware_major}.{hello.firmware_minor}.{hello.firmware_patch}",
+        "image_crc": f"{hello.image_crc:08x}",
+        "protocol": f"{hello.protocol_major}.{hello.protocol_minor}",
+        "schema_crc": f"{hello.schema_crc:08x}",
+        "reset_reason": ResetReason(hello.reset_reason).name,
+        "uptime_s": status.time_us / 1e6,
+        "temperature_c": chip_temperature_c(status),
+        "ring_temperature_c": ring_temperature_c(status),
+        "dimmed": status.dimmed,
+        "current_ma": status.current_ma,
+        "limit_ma": status.limit_ma,
+        "dark": Dark(status.dark).name,
+        "mode": SyncMode(status.mode).name,
+        "running": bool(status.state),
+        "counters": asdict(ring.counters()),
+    }
 
 
-def _text(b: Board) -> str:
-    wrong = {k: v for k, v in b.counters.items() if v and k not in ("packets", "lights", "triggers")}
-    started = [f"by {b.reset_reason}, {b.uptime_s:.1f} s ago", warm_text(b.temperature_c, b.ring_temperature_c)]
-    light = [f"{b.current_ma} of {b.limit_ma} mA, {b.dark}", dimmed_text(b.dimmed)]
+def _text(b: dict[str, Any]) -> str:
+    counters = b["counters"]
+    wrong = {k: v for k, v in counters.items() if v and k not in ("packets", "lights", "triggers")}
+    warm = warm_text(b["temperature_c"], b["ring_temperature_c"])
+    started = [f"by {b['reset_reason']}, {b['uptime_s']:.1f} s ago", warm]
+    light = [f"{b['current_ma']} of {b['limit_ma']} mA, {b['dark']}", dimmed_text(b["dimmed"])]
     return (
-        f"board     {b.board}, firmware {b.firmware}, image {b.image_crc}\n"
-        f"protocol  {b.protocol}, schema {b.schema_crc}\n"
+        f"board     {b['board']}, firmware {b['firmware']}, image {b['image_crc']}\n"
+        f"protocol  {b['protocol']}, schema {b['schema_crc']}\n"
         f"started   {', '.join(filter(None, started))}\n"
         f"light     {', '.join(filter(None, light))}\n"
-        f"mode      {b.mode}, {'running' if b.running else 'still'}\n"
-        f"counters  {b.counters['packets']} packets, {b.counters['lights']} lights, {wrong or 'nothing wrong'}"
+        f"mode      {b['mode']}, {'running' if b['running'] else 'still'}\n"
+        f"counters  {counters['packets']} packets, {counters['lights']} lights, {wrong or 'nothing wrong'}"
     )
 
 

@@ -17,8 +17,8 @@ from pydantic import Field, JsonValue, TypeAdapter, ValidationError
 
 from gellight.base.allowed import Byte, StrictModel, in_words
 from gellight.base.errors import InputError
+from gellight.base.leds import MOST_LEDS
 from gellight.bundle.bundle import packed_bundle
-from gellight.ring.wire import MOST_LEDS
 
 if TYPE_CHECKING:
     from gellight.daemon.calibration_service import CalibrationService

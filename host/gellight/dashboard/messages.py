@@ -40,8 +40,9 @@ from typing import Any
 
 import numpy as np
 
-from gellight.dashboard.view import ReferenceViews, jpeg, pack_contact, pack_depth, reduce, view_shape
+from gellight.dashboard.view import ReferenceViews, jpeg, pack_contact, pack_depth, view_shape
 from gellight.frames.frames import GroundTruth, TactileFrame
+from gellight.frames.pixel_grid import area_means
 from gellight.frames.pose import ObjectPose
 from gellight.reconstruction.errors import depth_errors
 
@@ -59,7 +60,7 @@ def encode(frame: TactileFrame, *, pixel_size_mm: tuple[float, float], reference
     """
     truth, shape = frame.camera_frame.truth, view_shape(frame.depth_mm.shape)
     planes = {
-        "image": jpeg(reduce(frame.camera_frame.image, shape)),
+        "image": jpeg(area_means(frame.camera_frame.image, shape)),
         "depth": pack_depth(frame.depth_mm, shape),
         "contact": pack_contact(frame.contact.mask, shape),
     }

@@ -2,7 +2,6 @@
 
 import hashlib
 import zlib
-from typing import Any
 
 import cv2
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.frames.frames import TactileFrame
+from gellight.frames.pixel_grid import area_means
 
 VIEW_WIDTH_PX = 320
 VIEW_HEIGHT_PX = 240
@@ -27,11 +27,6 @@ def view_shape(image_shape: tuple[int, ...]) -> tuple[int, int]:
     height, width = image_shape
     scale = min(VIEW_WIDTH_PX / width, VIEW_HEIGHT_PX / height, 1.0)
     return max(round(height * scale), 1), max(round(width * scale), 1)
-
-
-def reduce(plane: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
-    """Reduce an (H, W, ...) plane to `shape` by area averaging, so that no pixel is left out."""
-    return np.asarray(cv2.resize(plane, (shape[1], shape[0]), interpolation=cv2.INTER_AREA))
 
 
 def jpeg(image: NDArray[np.uint8]) -> bytes:
@@ -55,7 +50,7 @@ def pack_depth(depth_mm: NDArray[np.float32], shape: tuple[int, int]) -> bytes:
     both modulo 65536, so that nothing is lost. Small numbers of either sign become small ones without sign (0, -1, 1,
     -2 are 0, 1, 2, 3). All low bytes come first, then all high bytes, which are nearly all 0.
     """
-    code = np.rint((reduce(depth_mm, shape) + DEPTH_OFFSET_MM) / DEPTH_UNIT_MM)
+    code = np.rint((area_means(depth_mm, shape) + DEPTH_OFFSET_MM) / DEPTH_UNIT_MM)
     codes = np.where(np.isfinite(code), np.clip(code, 0, NO_DEPTH - 1), NO_DEPTH).astype(np.uint16)
     steps = np.diff(codes, axis=1, prepend=np.uint16(0))
     steps = np.diff(steps, axis=0, prepend=np.uint16(0)).view(np.int16)
@@ -65,7 +60,7 @@ def pack_depth(depth_mm: NDArray[np.float32], shape: tuple[int, int]) -> bytes:
 
 def pack_contact(mask: NDArray[np.bool_], shape: tuple[int, int]) -> bytes:
     """Pack a contact patch at view size, one bit a pixel, highest bit first, deflated."""
-    return deflate(np.packbits(reduce(mask.astype(np.float32), shape) >= 0.5).tobytes())
+    return deflate(np.packbits(area_means(mask.astype(np.float32), shape) >= 0.5).tobytes())
 
 
 def deflate(block: bytes) -> bytes:
@@ -119,7 +114,7 @@ class ReferenceViews:
 
     def _keep(self, frame: TactileFrame) -> str:
         reference = frame.camera_frame.image.astype(np.float32) - frame.difference
-        picture = webp(reduce(reference, view_shape(frame.depth_mm.shape)))
+        picture = webp(area_means(reference, view_shape(frame.depth_mm.shape)))
         name = hashlib.sha256(picture).hexdigest()[:16]
         self._pictures.pop(name, None)
         self._pictures[name] = picture

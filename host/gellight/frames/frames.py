@@ -207,8 +207,8 @@ class Patch:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ExposureReport:
-    """What is known of the exposures under different lights that were put together to one tactile frame."""
+class ExposureFigures:
+    """What is known of the exposures under different lights that were put together to one tactile frame, as numbers."""
 
     exposures: int
     """light groups"""
@@ -222,12 +222,18 @@ class ExposureReport:
     """what noise can do of it"""
     misfit: float
     """how badly the exposures fit one surface at worst; above 1 they do not"""
+    least_lights: int
+    """with fewer than this the slope of a pixel is a guess"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ExposureReport(ExposureFigures):
+    """All that is known of these exposures."""
+
     lights: NDArray[np.uint8] = field(repr=False)
     """(H, W) LEDs that were neither shadowed nor clipped, and so were used"""
     moving: NDArray[np.bool_] = field(repr=False)
     """(H, W) where the picture under one light changed meanwhile, by means over 8 x 8 pixels"""
-    least_lights: int
-    """with fewer than this the slope of a pixel is a guess"""
 
     def as_json(self) -> ExposuresStatus:
         """Return the figures without the maps."""

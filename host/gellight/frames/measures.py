@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gellight.base.field_docs import with_field_docs
 from gellight.frames.shear import DotsSeen, Floats, Shear
-from gellight.frames.status import ForceFigures
+from gellight.frames.status import ForceStatus
 
 BEYOND_VIEW = "beyond_view"
 """flag of a force: the touch reaches the border of the view, so a part of it is missing"""
@@ -19,10 +19,9 @@ HEAVIER = "heavier"
 """flag of a force: it is larger than any that the sensor was calibrated with"""
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Force:
-    """The force that presses the gel, along its normal; found by depth, so shear is not in it."""
+class ForceFigures:
+    """`Force` without its map."""
 
     normal_n: float
     """N, 0 where nothing touches"""
@@ -30,6 +29,17 @@ class Force:
     """N, one standard deviation; with a flag the force may be farther off"""
     flags: tuple[str, ...] = ()
     """`beyond_view`, `heavier`"""
+
+    def as_json(self) -> ForceStatus:
+        """Return the figures, ready for JSON."""
+        return {"normal_n": self.normal_n, "error_n": self.error_n, "flags": self.flags}
+
+
+@with_field_docs
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Force(ForceFigures):
+    """The force that presses the gel, along its normal; found by depth, so shear is not in it."""
+
     pressure_of: Callable[[], NDArray[np.float32]] = field(repr=False)
     """computes the pressure map"""
 
@@ -40,10 +50,6 @@ class Force:
         Its integral is the force.
         """
         return self.pressure_of()
-
-    def as_json(self) -> ForceFigures:
-        """Return the figures without the map, ready for JSON."""
-        return {"normal_n": self.normal_n, "error_n": self.error_n, "flags": self.flags}
 
 
 STEEP, DARK, CLIPPED, ELSEWHERE, STRANGE = 1, 2, 4, 8, 16

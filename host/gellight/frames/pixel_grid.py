@@ -50,6 +50,11 @@ def block_means(image: NDArray[Any], side: int) -> NDArray[Any]:
     return np.asarray(np.divide(sums, side**2, dtype=image.dtype if floats else np.float32))
 
 
+def area_means(plane: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
+    """Reduce an (H, W, ...) plane to `shape` by area averaging, so that no pixel is left out."""
+    return np.asarray(cv2.resize(plane, (shape[1], shape[0]), interpolation=cv2.INTER_AREA))
+
+
 def plane_means(planes: NDArray[Any], side: int) -> NDArray[Any]:
     """Return the block means of each plane: (K, H, W) -> (K, H // side, W // side)."""
     return np.moveaxis(block_means(np.moveaxis(planes, 0, 2), side), 2, 0)

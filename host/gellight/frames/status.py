@@ -1,6 +1,6 @@
 """What a sensor says of itself: the records of every `status()`, key by key as they stand in JSON and on the wire."""
 
-from typing import Required, TypedDict
+from typing import NotRequired, Required, TypedDict
 
 from gellight.ring.heat import RingHeat
 
@@ -127,18 +127,13 @@ class FrameCounts(TypedDict):
     """median wall time of each stage of the frame path"""
 
 
-class ForceFigures(TypedDict):
-    """Of the force in one frame, as `Force`."""
+class ForceStatus(TypedDict):
+    """Of the force in one frame, as `Force`; of the newest frame of a sensor with the largest value of its map."""
 
     normal_n: float
     error_n: float
     flags: tuple[str, ...]
-
-
-class ForceStatus(ForceFigures):
-    """Of the force, with the largest value of its map."""
-
-    largest_pressure_mpa: float
+    largest_pressure_mpa: NotRequired[float]
 
 
 class TouchStatus(TypedDict):

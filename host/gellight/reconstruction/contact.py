@@ -56,23 +56,30 @@ def find_contact(
     Raises ValueError for a wrong shape or a pixel size or threshold that is not above 0.
     """
     _check(depth_mm, threshold_mm)
-    size_x, size_y = pixel_size_xy(pixel_size_mm)
+    size_mm = pixel_size_xy(pixel_size_mm)
     blocks = _second_largest_of_blocks(depth_mm)
     labels, count = ndimage.label(blocks > threshold_mm, structure=_NEIGHBOURS)
     if count == 0:
-        return Contact(mask=np.zeros(depth_mm.shape, np.bool_), area_mm2=0.0, indentation_mm=0.0, centroid_mm=None)
+        return _contact(np.zeros(depth_mm.shape, np.bool_), 0.0, size_mm)
     deepest, inside = np.zeros(count + 1, np.float64), labels > 0
     np.maximum.at(deepest, labels[inside], blocks[inside].astype(np.float64))
-    level = np.maximum(deepest * _rims(blocks, labels, deepest, size_x / size_y), threshold_mm)
+    level = np.maximum(deepest * _rims(blocks, labels, deepest, size_mm[0] / size_mm[1]), threshold_mm)
     level[0] = np.inf
     mask = _at_least(depth_mm, level[labels].astype(depth_mm.dtype))
+    return _contact(mask, float(deepest[1:].max()), size_mm)
+
+
+def _contact(mask: NDArray[np.bool_], indentation_mm: float, size_mm: tuple[float, float]) -> Contact:
+    """Return a contact by its patch, which may be empty, and its depth."""
+    if not mask.any():
+        return Contact(mask=mask, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None)
     # The counts of the columns along x, of the rows along y.
     x, y = (_mean_place(np.count_nonzero(mask, axis=axis)) for axis in (0, 1))
     return Contact(
         mask=mask,
-        area_mm2=float(np.count_nonzero(mask) * size_x * size_y),
-        indentation_mm=float(deepest[1:].max()),
-        centroid_mm=(x * size_x, y * size_y),
+        area_mm2=float(np.count_nonzero(mask) * size_mm[0] * size_mm[1]),
+        indentation_mm=indentation_mm,
+        centroid_mm=(x * size_mm[0], y * size_mm[1]),
     )
 
 
@@ -97,16 +104,7 @@ def without_untouched(
         return contact
     mask = np.zeros_like(contact.mask)
     mask[part] = felt[labels]
-    size_x, size_y = pixel_size_xy(pixel_size_mm)
-    if not mask.any():
-        return Contact(mask=mask, area_mm2=0.0, indentation_mm=0.0, centroid_mm=None)
-    x, y = (_mean_place(np.count_nonzero(mask, axis=axis)) for axis in (0, 1))
-    return Contact(
-        mask=mask,
-        area_mm2=float(np.count_nonzero(mask) * size_x * size_y),
-        indentation_mm=deepest_mm(mask, depth_mm),
-        centroid_mm=(x * size_x, y * size_y),
-    )
+    return _contact(mask, deepest_mm(mask, depth_mm), pixel_size_xy(pixel_size_mm))
 
 
 def deepest_mm(mask: NDArray[np.bool_], depth_mm: NDArray[np.floating]) -> float:

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gellight.base.errors import InputError
+from gellight.base.leds import MOST_LEDS
 from gellight.ring.firmware.targets import Target, packaged
 from gellight.ring.protocol import ACTIVE_LOW, CURRENT_CAP_EXTERNAL_MA, CURRENT_CAP_MA, NO_PIN, Configuration
-from gellight.ring.wire import MOST_LEDS
 
 
 @dataclass(frozen=True, kw_only=True)

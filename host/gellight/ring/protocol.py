@@ -18,11 +18,11 @@ import zlib
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
+from gellight.base.leds import MOST_LEDS
 from gellight.ring.enumerations import ENUMS
 from gellight.ring.wire import (
     COLOUR_BYTES,
     LED_COUNT,
-    MOST_LEDS,
     PACKET_BYTES,
     Bytes8,
     Bytes16,

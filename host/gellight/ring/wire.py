@@ -7,10 +7,10 @@ from dataclasses import MISSING, fields
 from typing import Annotated, NamedTuple, Self, get_type_hints
 
 from gellight.base.errors import BoardError
+from gellight.base.leds import MOST_LEDS
 
 LED_COUNT = 12
 """of the paper's ring, and of a board that was not configured otherwise"""
-MOST_LEDS = 24
 COLOUR_BYTES = 3 * MOST_LEDS
 PACKET_BYTES = 128
 """of a decoded packet, its CRC included"""

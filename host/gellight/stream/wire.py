@@ -13,13 +13,22 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AliasChoices, Field, FiniteFloat, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from gellight.base.allowed import Byte, StrictModel, in_words
 from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
-from gellight.frames.frames import CameraFrame, Contact, ExposureReport, LightLabel, Patch, Provenance, TactileFrame
-from gellight.frames.measures import Confidence, Force, MapOnRequest
+from gellight.frames.frames import (
+    CameraFrame,
+    Contact,
+    ExposureFigures,
+    ExposureReport,
+    LightLabel,
+    Patch,
+    Provenance,
+    TactileFrame,
+)
+from gellight.frames.measures import Confidence, Force, ForceFigures, MapOnRequest
 from gellight.frames.pose import ObjectPose, PoseFigures
 from gellight.frames.shear import DotFigures, DotsSeen, Shear, ShearFigures, Slip
 from gellight.reconstruction.light_drift import difference_of
@@ -47,30 +56,8 @@ CHANNELS = {
     "quality_flags": (1, 1),
 }
 """type and channels of each plane by its name; a reader passes over names it does not know"""
-NOW_CALLED = {"doubts": "quality_flags"}
-"""planes of older senders"""
 NEEDED = ("image", "gradient", "depth_mm", "contact")
 REMEDY = "update GelLight on both sides to the same version"
-
-
-class ExposureFigures(StrictModel):
-    """`ExposureReport` without its maps, which travel as the planes `lights` and `moving`."""
-
-    exposures: int
-    duration_s: float
-    moved: bool
-    repetition_grey: float
-    repetition_limit_grey: float
-    misfit: float
-    least_lights: int
-
-
-class ForceFigures(StrictModel):
-    """`Force` without its map, which is a plane on request; else the reader computes it from depth and bundle."""
-
-    normal_n: FiniteFloat
-    error_n: FiniteFloat
-    flags: tuple[str, ...]
 
 
 class Details(StrictModel):
@@ -81,13 +68,15 @@ class Details(StrictModel):
     label: LightLabel | None
     stage_seconds: dict[str, float]
     exposures: ExposureFigures | None
+    """the maps of an `ExposureReport` travel as the planes `lights` and `moving`"""
     force: ForceFigures | None = None
+    """the map is a plane on request; else the reader computes it from depth and bundle"""
     dots: DotFigures | None = None
     shear: ShearFigures | None = None
     slip: Slip | None = None
     contacts: tuple[Patch, ...] = ()
     pose: PoseFigures | None = None
-    from_network: bool | None = Field(None, validation_alias=AliasChoices("from_network", "learnt"))
+    from_network: bool | None = None
     """`FrameMeasures.from_network`; None for a frame without measures, as one under another light"""
     provenance: Provenance
 
@@ -175,19 +164,17 @@ def _prefix(frame: TactileFrame, provenance: Provenance, planes: int, details_at
 
 
 def _details(frame: TactileFrame) -> bytes:
-    camera_frame, exposures, provenance = frame.camera_frame, frame.exposures, frame.provenance
+    camera_frame, provenance = frame.camera_frame, frame.provenance
     assert provenance is not None
     published = {**provenance.ages_s, "published": time.time() - provenance.unix_s}
-    known = vars(exposures) if exposures else {}
-    figures = ExposureFigures(**{name: known[name] for name in ExposureFigures.model_fields}) if exposures else None
     return _DETAILS.dump_json(
         Details.model_construct(
             source=camera_frame.source,
             light=None if camera_frame.light is None else tuple(map(tuple, camera_frame.light.tolist())),
             label=camera_frame.label,
             stage_seconds=frame.stage_seconds,
-            exposures=figures,
-            force=_figures(frame.force),
+            exposures=frame.exposures,
+            force=frame.force,
             dots=DotFigures.of(camera_frame.dots) if camera_frame.dots else None,
             shear=ShearFigures.of(frame.shear) if frame.shear else None,
             slip=frame.slip,
@@ -197,10 +184,6 @@ def _details(frame: TactileFrame) -> bytes:
             provenance=replace(provenance, ages_s=published),
         )
     )
-
-
-def _figures(force: Force | None) -> ForceFigures | None:
-    return ForceFigures(normal_n=force.normal_n, error_n=force.error_n, flags=force.flags) if force else None
 
 
 def _aligned(size: int) -> int:
@@ -225,7 +208,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
     light = None if details.light is None else np.array(details.light, np.uint8).reshape(-1, 3)
     provenance = details.provenance
     ages_s = {**provenance.ages_s, "received": time.time() - unix_s}
-    dots = _dots(details)
+    dots, pose, shear = _felt(details)
     camera_frame = CameraFrame(
         image=maps["image"], time_s=time_s, sequence=sequence, source=details.source, light=light, label=details.label,
         dots=dots,
@@ -243,7 +226,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
         "contact": contact,
         "contacts": details.contacts,
         "slip": details.slip,
-        "pose": _pose(details.pose),
+        "pose": pose,
         "exposures": _report(details.exposures, maps),
         "stage_seconds": details.stage_seconds,
         "_from_network": details.from_network,
@@ -251,7 +234,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
     }
     frame = ReceivedFrame(bundle_of, fields)
     vars(frame)["force"] = _force(details.force, frame, maps)
-    vars(frame)["shear"] = _shear(details.shear, dots, frame)
+    vars(frame)["shear"] = _with_traction(shear, frame)
     if "confidence" in maps and "quality_flags" in maps:
         vars(frame)["confidence"] = Confidence(value=maps["confidence"], quality_flags=maps["quality_flags"])
     return frame
@@ -270,36 +253,29 @@ def _force(figures: ForceFigures | None, frame: ReceivedFrame, maps: Mapping[str
             raise StreamError("the daemon's bundle has no force.json any more: read a newer frame")
         return force.pressure_mpa
 
-    return Force(**figures.model_dump(), pressure_of=pressure_mpa)
+    return Force(**vars(figures), pressure_of=pressure_mpa)
 
 
-def _pose(figures: PoseFigures | None) -> ObjectPose | None:
+def _felt(details: Details) -> tuple[DotsSeen | None, ObjectPose | None, Shear | None]:
+    """Return dots, pose and shear, of which the figures travelled."""
     try:
-        return ObjectPose.of(figures) if figures else None
-    except ValueError as error:
-        raise _damaged(f"pose: {error}") from None
-
-
-def _dots(details: Details) -> DotsSeen | None:
-    try:
-        return details.dots.dots() if details.dots else None
+        dots = details.dots.dots() if details.dots else None
+        pose = ObjectPose.of(details.pose) if details.pose else None
+        return dots, pose, details.shear.shear(dots) if details.shear and dots else None
     except ValueError as error:
         raise _damaged(str(error)) from None
 
 
-def _shear(figures: ShearFigures | None, dots: DotsSeen | None, frame: ReceivedFrame) -> Shear | None:
-    """Return the shear that travelled; its traction map is computed when it is asked for."""
-    if figures is None or dots is None:
+def _with_traction(shear: Shear | None, frame: ReceivedFrame) -> Shear | None:
+    """Return the shear with a traction map that is computed when it is asked for."""
+    if shear is None:
         return None
 
     def traction_mpa() -> NDArray[np.float32] | None:
-        shear = frame.measures.shear(frame.depth_mm, dots, frame.force) if frame.measures else None
-        return shear.traction_mpa if shear else None
+        felt = frame.measures.shear(frame.depth_mm, shear.dots, frame.force) if frame.measures else None
+        return felt.traction_mpa if felt else None
 
-    try:
-        return replace(figures.shear(dots), traction_of=traction_mpa)
-    except ValueError as error:
-        raise _damaged(str(error)) from None
+    return replace(shear, traction_of=traction_mpa)
 
 
 def check_version(message: bytes) -> None:
@@ -320,7 +296,6 @@ def _read_planes(message: bytes, count: int, shape: tuple[int, int]) -> dict[str
     for number in range(count):
         raw, kind, channels, place = PLANE.unpack_from(message, PREFIX.size + number * PLANE.size)
         name = raw.rstrip(b"\0").decode("ascii", "replace")
-        name = NOW_CALLED.get(name, name)
         if name in CHANNELS:
             found[name] = _plane(message, name, (kind, channels), place, shape)
     if missing := [name for name in NEEDED if name not in found]:
@@ -351,7 +326,7 @@ def _report(figures: ExposureFigures | None, maps: Mapping[str, NDArray[Any]]) -
         return None
     if missing := [name for name in ("lights", "moving") if name not in maps]:
         raise _damaged(f"the plane {missing[0]} is missing")
-    return ExposureReport(**figures.model_dump(), lights=maps["lights"], moving=maps["moving"].view(np.bool_))
+    return ExposureReport(**vars(figures), lights=maps["lights"], moving=maps["moving"].view(np.bool_))
 
 
 def _damaged(what: str) -> StreamError:

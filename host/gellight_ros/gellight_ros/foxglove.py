@@ -24,9 +24,9 @@ from gellight.base.errors import StreamError, needed
 from gellight.base.settings import Settings
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
-from gellight.recording.ros_messages import DEFINITIONS, DIAGNOSTICS
 from gellight.stream.frame_thread import sending
 from gellight_ros.ros_topics import DIAGNOSTICS_S, DIAGNOSTICS_TOPIC, RosTopics, taken_s, topic_of
+from gellight_ros.ros_types import DEFINITIONS, DIAGNOSTICS
 
 if TYPE_CHECKING:
     from foxglove import Channel

@@ -23,10 +23,10 @@ from gellight.daemon.session import SensorSession
 from gellight.frames.frames import TactileFrame
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.recording.recording_file import topic_name
-from gellight.recording.ros_messages import DIAGNOSTICS, HASHES
 from gellight.stream.frame_thread import sending
 from gellight.stream.network import close, is_loopback, opened_session, subscribing_session
 from gellight_ros.ros_topics import DIAGNOSTICS_S, DIAGNOSTICS_TOPIC, RosTopics, topic_of
+from gellight_ros.ros_types import DIAGNOSTICS, HASHES
 
 ROUTER_COMMAND = "`ros2 run rmw_zenoh_cpp rmw_zenohd`"
 QOS = "::,1:,:,:,,"

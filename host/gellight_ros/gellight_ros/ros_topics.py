@@ -19,21 +19,11 @@ from gellight.frames.point_cloud import points_of
 from gellight.frames.pose import ObjectPose
 from gellight.frames.shear import Shear
 from gellight.photometric.ring_geometry import RingGeometry
-from gellight.reconstruction.lens.undistortion import intrinsics
 from gellight.recording.kinds import DepthKind
 from gellight.recording.recording_file import depth_image
-from gellight.recording.ros_messages import (
-    CAMERA_INFO,
-    IMAGE,
-    MULTI_ARRAY,
-    POINT,
-    POINTS,
-    POSE,
-    TF,
-    WRENCH,
-    CdrWriter,
-    RosImage,
-)
+from gellight.recording.ros_messages import IMAGE, CdrWriter, RosImage
+from gellight_ros.intrinsics import intrinsics
+from gellight_ros.ros_types import CAMERA_INFO, MULTI_ARRAY, POINT, POINTS, POSE, TF, WRENCH
 
 DIAGNOSTICS_TOPIC = "/diagnostics"
 DIAGNOSTICS_S = 1.0

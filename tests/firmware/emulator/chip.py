@@ -15,9 +15,10 @@ from typing import Any
 from rp2040py.rp2040 import RP2040
 from rp2040py.simulator import Simulator
 
+from firmware.tools.build import boot2_crc
 from gellight.lab.core_board.light_timeline import LightTimeline
 from gellight.lab.core_board.simulated_board import thermistor_ohm
-from gellight.ring.firmware.image import FLASH_BASE, boot2_crc
+from gellight.ring.firmware.image import FLASH_BASE
 from gellight.ring.protocol import Configuration
 from tests.firmware.emulator import clocks, registers, ticks
 from tests.firmware.emulator.analog import OUTPUT_OFF, THERMISTOR_PIN, AnalogInputs, Divider

@@ -194,13 +194,8 @@ def test_a_verb_that_is_not_here_is_named_with_its_remedy() -> None:
         ("demo --mode photometric", "give --set reconstruction.mode=VALUE"),
         ("run --host=0.0.0.0", "give --set dashboard.host=VALUE"),
         ("run --port 8421", "give --set dashboard.port=VALUE"),
-        ("calibrate --folder state", "OUT.state, beside its --out"),
-        ("calibrate --pin-pitch-mm 2", "`gellight calibrate lens`"),
-        ("calibrate fit --trainer torch", "NumPy trains"),
-        ("calibrate adapt --frames 9", "30 pictures are averaged"),
-        ("calibrate force forces.csv --gel-thickness-mm 5", "the setting geometry.gel_thickness_mm"),
-        ("ring configure --data-pin=7", "`--pin data=GPIO`"),
-        ("firmware flash --drive /mnt", "copy the UF2 file"),
+        ("record --enabled false", "is the setting watch.enabled or tracking.enabled or stream.enabled"),
+        ("calibrate force forces.csv --gel-thickness-mm 5", "the setting geometry.gel_thickness_mm: write it into"),
     ],
 )
 def test_what_was_typed_before_is_answered_with_what_is_typed_now(typed: str, now: str) -> None:

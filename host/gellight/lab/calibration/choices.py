@@ -10,11 +10,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gellight.base.allowed import refusals
 from gellight.base.errors import InputError
+from gellight.base.leds import MOST_LEDS
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.limits import Limits
 from gellight.lab.training.training import TrainingOptions
 from gellight.photometric.ring_geometry import RingGeometry
-from gellight.ring.wire import MOST_LEDS
 
 
 class ToolSizes(BaseModel):

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BoardError
+from gellight.base.leds import MOST_LEDS
 from gellight.lab.core_board.core import FLASH_BYTES, RESTARTED, Core, packaged_library
 from gellight.lab.core_board.light_timeline import Light, LightTimeline
 from gellight.ring.protocol import CURRENT_CAP_EXTERNAL_MA, CURRENT_CAP_MA, Configuration
-from gellight.ring.wire import LED_COUNT, MOST_LEDS
+from gellight.ring.wire import LED_COUNT
 
 COLDEST_C, HOTTEST_C = -40.0, 125.0
 """the NTC of the strip is made for these"""

@@ -20,7 +20,6 @@ Cells that do not fit, for a finger may come to the gel, are weighted down (w, C
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +27,7 @@ from scipy.optimize import nnls
 
 from gellight.base.errors import CameraError, InputError
 from gellight.frames.camera import Camera, CameraTiming
+from gellight.frames.pixel_grid import area_means
 from gellight.ring.enumerations import SyncMode
 from gellight.ring.light_ring import Step
 from gellight.sensor.lighting.hold import expose, ring_in_hand
@@ -36,8 +36,6 @@ from gellight.sensor.lighting.light_watch import LightWatch
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8] | NDArray[np.float32]
 BANDS, CELLS = 16, 32
-STEP_PX = 2
-"""every second pixel of every second row is enough for the mean of a cell"""
 ROUNDS = 4
 NOISE_GREY, SHADING = 0.15, 0.05
 """error of a cell: grey levels of noise, and the share of its level by drift and reflexes"""
@@ -98,15 +96,10 @@ class TwoLights:
 
 def cells(image: Image) -> Array:
     """Return the mean of the cells of each row band of (H, W, 3): (BANDS, CELLS * 3) grey levels."""
-    sampled: NDArray[Any] = image[::STEP_PX, ::STEP_PX].astype(np.float32)
-    for axis, count in ((0, BANDS), (1, CELLS)):
-        edges = np.linspace(0, sampled.shape[axis], count + 1).astype(int)
-        if (np.diff(edges) < 1).any():
-            raise InputError(f"an image of {image.shape[1]} x {image.shape[0]} px is too small to measure the shutter")
-        shape = [1, 1, 1]
-        shape[axis] = count
-        sampled = np.add.reduceat(sampled, edges[:-1], axis=axis) / np.diff(edges).reshape(shape).astype(np.float32)
-    return sampled.reshape(BANDS, CELLS * 3).astype(np.float64)
+    height, width = image.shape[:2]
+    if height < BANDS or width < CELLS:
+        raise InputError(f"an image of {width} x {height} px is too small to measure the shutter")
+    return area_means(image.astype(np.float32), (BANDS, CELLS)).reshape(BANDS, CELLS * 3).astype(np.float64)
 
 
 def robust_fit(basis: Array, observed: Array, scale: Array) -> Array:

@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from gellight.base.allowed import query_of
 from gellight.base.errors import BoardError, CameraError, ConfigError, InputError
+from gellight.base.leds import MOST_LEDS
 from gellight.bundle.bundle import Bundle
 from gellight.frames.camera import Camera, CameraTiming, ReconnectingError
 from gellight.frames.dots import find_dots
@@ -50,7 +51,6 @@ from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.lab.simulator.stage import Stage
 from gellight.lab.simulator.unit import CalibratedControls, Unit
 from gellight.ring.light_ring import LightRing
-from gellight.ring.wire import MOST_LEDS
 from sim_reference.camera import WHITE
 from sim_reference.deformation import NotConverged
 from sim_reference.geometry import AS_BUILT, SensorGeometry

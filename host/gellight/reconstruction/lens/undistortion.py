@@ -10,7 +10,6 @@ leans by (X(u) - X(c)) / R = J (u - c) / R, with J = dX/du. So the truth is J n 
 that learnt true slopes (as that of the simulated sensor) needs no such step.
 """
 
-from dataclasses import dataclass
 from typing import Annotated, Any, TypeVar, cast
 
 import cv2
@@ -22,7 +21,7 @@ from gellight.base.allowed import Positive
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.bundle_file import PictureFile, read_bundle_file
 from gellight.frames.pixel_grid import bounding_box, gel_points_mm
-from gellight.reconstruction.lens.model import Lens, half_diagonal_px, middle_px
+from gellight.reconstruction.lens.model import Lens
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -134,30 +133,3 @@ def lens_of(record: LensRecord) -> Lens:
         px_per_mm=record.px_per_mm,
         origin_mm=record.origin_mm,
     )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Intrinsics:
-    """One camera, for pictures of one size."""
-
-    matrix: NDArray[np.float64]
-    """(3, 3) K, px"""
-    distortion: tuple[float, float]
-    """k1 and k2"""
-
-
-def intrinsics(bundle: Bundle, distance_mm: float) -> Intrinsics:
-    """Return the camera of a bundle whose gel is at this distance; without a lens file it has no distortion.
-
-    Raises BundleError for a lens file that is damaged.
-    """
-    matrix = np.eye(3)
-    if not has_lens(bundle):
-        matrix[:2, :2] = np.diag(distance_mm / np.array(bundle.pixel_size_mm))
-        matrix[:2, 2] = middle_px(bundle.image_shape)
-        return Intrinsics(matrix=matrix, distortion=(0.0, 0.0))
-    lens = lens_of(read_record(bundle))
-    matrix[:2, :2] = lens.scale * distance_mm
-    matrix[:2, 2] = lens.centre_px
-    focal_lengths = np.sqrt(np.linalg.det(lens.scale)) * distance_mm / half_diagonal_px(lens.image_shape)
-    return Intrinsics(matrix=matrix, distortion=(float(lens.k1 * focal_lengths**2), float(lens.k2 * focal_lengths**4)))

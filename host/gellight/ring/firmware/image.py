@@ -44,16 +44,6 @@ def image_crc(image: bytes) -> int:
     return int(crc)
 
 
-def boot2_crc(boot2: bytes) -> int:
-    """Return the checksum that the boot ROM demands: polynomial 0x04C11DB7, not reflected, not inverted at the end."""
-    crc = 0xFFFFFFFF
-    for byte in boot2:
-        crc ^= byte << 24
-        for _ in range(8):
-            crc = ((crc << 1) ^ 0x04C11DB7 if crc & 0x80000000 else crc << 1) & 0xFFFFFFFF
-    return crc
-
-
 def to_uf2(image: bytes) -> bytes:
     """Wrap a flash image, filled up with zeros to whole pages of 256 bytes."""
     family = image_family(image)

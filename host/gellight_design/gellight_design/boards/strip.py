@@ -12,7 +12,7 @@ from itertools import pairwise
 from math import asin, atan2, hypot, pi
 
 from gellight.base.errors import InputError
-from gellight.ring.wire import MOST_LEDS
+from gellight.base.leds import MOST_LEDS
 from gellight_design.boards import catalogue
 from gellight_design.boards.catalogue import Lamp
 from gellight_design.boards.footprints import CHIP_0603, contacts

@@ -1,10 +1,7 @@
-"""A bundle with a lens: what is felt has its true shape and size; and the lens as a pinhole camera of OpenCV."""
+"""A bundle with a lens: what is felt has its true shape and size."""
 
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
@@ -19,7 +16,6 @@ from gellight.reconstruction.lens.model import Lens
 from gellight.reconstruction.lens.undistortion import (
     FILE_NAME,
     Undistortion,
-    intrinsics,
     read_record,
 )
 from tests.helpers.distorted import TrueLens
@@ -165,31 +161,3 @@ def test_a_small_contact_keeps_its_slopes_between_the_pixels(plain: Bundle) -> N
     error = np.abs(moved - slopes(0.5)).max() / np.abs(slopes(0.5)).max()
     assert error < 0.01
     assert abs(int(moved_touch.sum()) - int(touched.sum())) < 0.02 * touched.sum()
-
-
-# ---- the same lens in OpenCV ----
-
-LENS = Lens(
-    image_shape=(480, 640), centre_px=(322.5, 236.25), k1=-0.08, k2=0.01, px_per_mm=(17.0, 0.0, 17.0),
-    origin_mm=(0.4, -0.3),
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("distance_mm", [25.0, 40.0])
-def test_opencv_projects_with_it_as_the_lens_does(monkeypatch: pytest.MonkeyPatch, distance_mm: float) -> None:
-    monkeypatch.setattr(module, "read_record", lambda bundle: None)
-    monkeypatch.setattr(module, "lens_of", lambda record: LENS)
-    bundle: Any = SimpleNamespace(files={"lens.json": b""})
-    camera = intrinsics(bundle, distance_mm)
-    gel_mm = np.random.default_rng(3).uniform([-18, -13], [18, 13], (50, 2))
-    points = np.column_stack([gel_mm + LENS.origin_mm, np.full(50, distance_mm)])
-    coefficients = np.array([*camera.distortion, 0, 0, 0])
-    projected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.matrix, coefficients)
-    assert projected[:, 0] == pytest.approx(LENS.to_picture(gel_mm), abs=1e-6)
-
-
-def test_without_a_lens_the_pixel_size_tells_the_focal_length() -> None:
-    bundle: Any = SimpleNamespace(files={}, pixel_size_mm=(0.05, 0.04), image_shape=(480, 640))
-    camera = intrinsics(bundle, 40.0)
-    assert camera.matrix.tolist() == [[800, 0, 319.5], [0, 1000, 239.5], [0, 0, 1]]
-    assert camera.distortion == (0, 0)
