@@ -1,6 +1,6 @@
 // The small drawings of the wizard: a curve, the map of places, the rose of slopes.
 
-import { shape } from "./dom.js";
+import { svg } from "./dom.js";
 import { plot, roundUp } from "./plot.js";
 
 const FULL = 3; // presses of a place that is drawn in full colour; one is enough
@@ -14,32 +14,30 @@ export function drawCurve(canvas, points, label) {
   });
 }
 
-/** Draw counts of presses, rows x columns, as cells from empty to enough. */
-export function drawPlaces(svg, places) {
-  const [rows, columns] = [places.length, places[0].length];
-  svg.setAttribute("viewBox", `0 0 ${columns * 10} ${rows * 10}`);
-  svg.replaceChildren(...places.flatMap((row, y) => row.flatMap((count, x) => {
-    const cell = shape("rect", { x: x * 10 + 0.4, y: y * 10 + 0.4, width: 9.2, height: 9.2, rx: 1.4, fill: tint(count / FULL) });
-    const label = shape("text", { x: x * 10 + 5, y: y * 10 + 6.8, "text-anchor": "middle", "font-size": 5.2, fill: count > 1 ? "#06201e" : "#ffffff" }, String(count));
-    return [cell, label];
-  })));
+/** Return cells from empty to enough, 10 x 10 units each, for counts of presses, rows x columns. */
+export function placeCells(places) {
+  return places.flatMap((row, y) => row.map((count, x) => svg`
+    <rect x=${x * 10 + 0.4} y=${y * 10 + 0.4} width="9.2" height="9.2" rx="1.4" fill=${tint(count / FULL)}></rect>
+    <text x=${x * 10 + 5} y=${y * 10 + 6.8} text-anchor="middle" font-size="5.2"
+      fill=${count > 1 ? "#06201e" : "#ffffff"}>${count}</text>`));
 }
 
-/** Draw counts of pixels, directions x steepness, as sectors of a rose: gentle slopes inside, steep ones outside. */
-export function drawSlopes(svg, slopes, steepnessDeg) {
+/** Return the sectors of a rose for counts of pixels, directions x steepness: gentle slopes inside, steep outside. */
+export function slopeSectors(slopes, steepnessDeg) {
   const most = Math.max(1, ...slopes.flat());
-  const bands = slopes[0].length;
+  const width = 50 / slopes[0].length;
   const turn = (2 * Math.PI) / slopes.length;
-  svg.replaceChildren(...slopes.flatMap((row, direction) => row.map((count, band) => {
-    const title = shape("title", {}, `${steepnessDeg[band]} to ${steepnessDeg[band + 1]} degrees: ${count} pixels`);
-    return shape("path", { d: ring(direction * turn, turn, (band / bands) * 50, ((band + 1) / bands) * 50), fill: tint(Math.sqrt(count / most)), stroke: "#11161f", "stroke-width": 0.8 }, title);
-  })));
+  return slopes.flatMap((row, direction) => row.map((count, band) => svg`
+    <path d=${sector(direction * turn, turn, band * width, (band + 1) * width)} fill=${tint(Math.sqrt(count / most))}
+      stroke="#11161f" stroke-width="0.8">
+      <title>${steepnessDeg[band]} to ${steepnessDeg[band + 1]} degrees: ${count} pixels</title></path>`));
 }
 
-function ring(start, turn, inner, outer) {
+function sector(start, turn, inner, outer) {
   const at = (angle, radius) => `${(radius * Math.cos(angle)).toFixed(2)} ${(-radius * Math.sin(angle)).toFixed(2)}`;
   const end = start + turn;
-  return `M${at(start, outer)}A${outer} ${outer} 0 0 0 ${at(end, outer)}L${at(end, inner)}A${inner} ${inner} 0 0 1 ${at(start, inner)}Z`;
+  const [out, back] = [`A${outer} ${outer} 0 0 0 ${at(end, outer)}`, `A${inner} ${inner} 0 0 1 ${at(start, inner)}`];
+  return `M${at(start, outer)}${out}L${at(end, inner)}${back}Z`;
 }
 
 /** From the colour of nothing to that of enough. */

@@ -3,51 +3,35 @@
 const KEY = "gellight.choices";
 
 export class Choices {
-  #controls = new Map(); // name: {read(), write(text), first}
+  #controls = new Map(); // a select or details element: {apply(value), first}
 
-  /** Keep the value of `select`; `apply(value)` is called with it now and whenever it changes. */
-  select(select, apply) {
-    this.#keep(select.id, {
-      read: () => select.value,
-      write: (value) => {
-        if (![...select.options].some((option) => option.value === value)) return;
-        select.value = value;
-        apply(value);
-      },
-    });
-    select.addEventListener("change", () => {
-      apply(select.value);
+  /** Keep a control's value, of a details element whether it is open; `apply(value)` is called now and on changes. */
+  keep(control, apply = () => {}) {
+    const first = read(control);
+    this.#controls.set(control, { apply, first });
+    const inAddress = new URLSearchParams(location.hash.slice(1)).get(control.id);
+    this.#write(control, inAddress ?? remembered()[control.id] ?? first);
+    control.addEventListener(isFold(control) ? "toggle" : "change", () => {
+      apply(read(control));
       this.#save();
     });
   }
 
-  /** Keep whether `details` is open. */
-  details(details) {
-    this.#keep(details.id, { read: () => (details.open ? "1" : "0"), write: (value) => { details.open = value === "1"; } });
-    details.addEventListener("toggle", () => this.#save());
-  }
-
-  /** Apply all choices again, to what was not there when they were made. */
-  apply() {
-    for (const { read, write } of this.#controls.values()) write(read());
-  }
-
   /** Choose again what the page chooses on a first visit. */
   reset() {
-    for (const { write, first } of this.#controls.values()) write(first);
+    for (const [control, { first }] of this.#controls) this.#write(control, first);
     this.#save();
   }
 
-  #keep(name, control) {
-    const chosen = fromAddress().get(name) ?? remembered()[name];
-    control.first = control.read();
-    control.write(chosen ?? control.first);
-    this.#controls.set(name, control);
+  #write(control, value) {
+    if (isFold(control)) control.open = value === "1";
+    else if ([...control.options].some((option) => option.value === value)) control.value = value;
+    this.#controls.get(control).apply(read(control));
   }
 
   #save() {
-    const values = [...this.#controls].map(([name, { read, first }]) => [name, read(), first]);
-    const chosen = Object.fromEntries(values.filter(([, value, first]) => value !== first).map(([name, value]) => [name, value]));
+    const others = [...this.#controls].filter(([control, { first }]) => read(control) !== first);
+    const chosen = Object.fromEntries(others.map(([control]) => [control.id, read(control)]));
     const text = new URLSearchParams(chosen).toString();
     window.history.replaceState(null, "", text ? `#${text}` : location.pathname);
     try {
@@ -58,9 +42,8 @@ export class Choices {
   }
 }
 
-function fromAddress() {
-  return new URLSearchParams(location.hash.slice(1));
-}
+const isFold = (control) => control.matches("details");
+const read = (control) => (isFold(control) ? String(Number(control.open)) : control.value);
 
 function remembered() {
   try {

@@ -6,44 +6,43 @@ const LEAST_RADIUS = 4;
 export class CirclePicture {
   #canvas;
   #image = null;
-  #circle = null; // {center_x_px, center_y_px, contact_radius_px}
+  #circle = null; // {x, y, radius} in px of the image
   #editable = false;
-  #dragged = null; // "centre" or "rim" while the pointer holds it
-  #from = null;
-  #onChange;
+  #drag = null; // what a pointer that holds the circle does with it, at a place
 
   /** `onChange(circle)` is called when the visitor has let go of a circle that he changed. */
   constructor(canvas, onChange) {
     this.#canvas = canvas;
-    this.#onChange = onChange;
     canvas.addEventListener("pointerdown", (event) => this.#take(event));
-    canvas.addEventListener("pointermove", (event) => this.#drag(event));
-    canvas.addEventListener("lostpointercapture", () => this.#release());
+    canvas.addEventListener("pointermove", (event) => {
+      this.#drag?.(this.#place(event));
+      if (this.#drag) this.#draw();
+    });
+    canvas.addEventListener("lostpointercapture", () => {
+      if (!this.#drag) return;
+      this.#drag = null;
+      const { x, y, radius } = this.#circle;
+      onChange({ center_x_px: x, center_y_px: y, contact_radius_px: radius });
+    });
   }
 
   get dragging() {
-    return this.#dragged !== null;
+    return this.#drag !== null;
   }
 
-  /** Show an image; null shows that there is none. */
-  show(image) {
-    this.#image = image;
-    if (image && (this.#canvas.width !== image.width || this.#canvas.height !== image.height)) {
-      this.#canvas.width = image.width;
-      this.#canvas.height = image.height;
-    }
-    this.#draw();
-  }
-
-  /** Lay a circle on the image, null for none; what the visitor holds is not taken out of his hand. */
-  lay(circle, editable) {
+  /** Show `image` with the circle of `press`, null for none, unless the visitor holds what is there. */
+  show(image, press, editable) {
     if (this.dragging) return;
-    this.#circle = circle && { center_x_px: circle.center_x_px, center_y_px: circle.center_y_px, contact_radius_px: circle.contact_radius_px };
-    this.#editable = Boolean(circle) && editable;
+    this.#image = image;
+    const { width, height } = image;
+    if (this.#canvas.width !== width || this.#canvas.height !== height) Object.assign(this.#canvas, { width, height });
+    this.#circle = press && { x: press.center_x_px, y: press.center_y_px, radius: press.contact_radius_px };
+    this.#editable = Boolean(press) && editable;
     this.#canvas.classList.toggle("editable", this.#editable);
     this.#draw();
   }
 
+  /** Place of a pointer in px of the image, and how many of them a px of the screen is. */
   #place(event) {
     const box = this.#canvas.getBoundingClientRect();
     const scale = this.#canvas.width / box.width;
@@ -52,54 +51,35 @@ export class CirclePicture {
 
   #take(event) {
     if (!this.#editable || event.button !== 0) return;
-    const [x, y, scale] = this.#place(event);
-    const distance = Math.hypot(x - this.#circle.center_x_px, y - this.#circle.center_y_px);
-    if (Math.abs(distance - this.#circle.contact_radius_px) < HANDLE_PX * scale) this.#dragged = "rim";
-    else if (distance < this.#circle.contact_radius_px) this.#dragged = "centre";
-    else return;
-    this.#from = [x - this.#circle.center_x_px, y - this.#circle.center_y_px];
+    const [fromX, fromY, scale] = this.#place(event);
+    const circle = this.#circle;
+    const [right, down] = [fromX - circle.x, fromY - circle.y];
+    const distance = Math.hypot(right, down);
+    const { width, height } = this.#canvas;
+    if (Math.abs(distance - circle.radius) < HANDLE_PX * scale) {
+      this.#drag = ([x, y]) => { circle.radius = Math.max(LEAST_RADIUS, Math.hypot(x - circle.x, y - circle.y)); };
+    } else if (distance < circle.radius) {
+      this.#drag = ([x, y]) => Object.assign(circle, { x: within(x - right, width), y: within(y - down, height) });
+    } else return;
     this.#canvas.setPointerCapture(event.pointerId);
-  }
-
-  #drag(event) {
-    if (!this.#dragged) return;
-    const [x, y] = this.#place(event);
-    if (this.#dragged === "rim") {
-      this.#circle.contact_radius_px = Math.max(LEAST_RADIUS, Math.hypot(x - this.#circle.center_x_px, y - this.#circle.center_y_px));
-    } else {
-      this.#circle.center_x_px = Math.min(Math.max(x - this.#from[0], 0), this.#canvas.width - 1);
-      this.#circle.center_y_px = Math.min(Math.max(y - this.#from[1], 0), this.#canvas.height - 1);
-    }
-    this.#draw();
-  }
-
-  #release() {
-    if (!this.#dragged) return;
-    this.#dragged = null;
-    this.#onChange({ ...this.#circle });
   }
 
   #draw() {
     const pen = this.#canvas.getContext("2d");
-    pen.clearRect(0, 0, this.#canvas.width, this.#canvas.height);
-    if (this.#image) pen.drawImage(this.#image, 0, 0);
+    pen.drawImage(this.#image, 0, 0);
     if (!this.#circle) return;
+    const { x, y, radius } = this.#circle;
     const line = this.#canvas.width / 320;
+    const path = new Path2D(`M${x - 6 * line} ${y}h${12 * line}M${x} ${y - 6 * line}v${12 * line}M${x + radius} ${y}`);
+    path.arc(x, y, radius, 0, 7);
     for (const [style, width] of [["rgba(0, 0, 0, .6)", 2.4 * line], [this.#editable ? "#f5b453" : "#4cc9c0", line]]) {
       pen.strokeStyle = style;
       pen.lineWidth = width;
-      pen.beginPath();
-      this.#traceCircle(pen, line);
-      pen.stroke();
+      pen.stroke(path);
     }
   }
+}
 
-  #traceCircle(pen, line) {
-    const { center_x_px: x, center_y_px: y, contact_radius_px: radius } = this.#circle;
-    pen.arc(x, y, radius, 0, 7);
-    pen.moveTo(x - 6 * line, y);
-    pen.lineTo(x + 6 * line, y);
-    pen.moveTo(x, y - 6 * line);
-    pen.lineTo(x, y + 6 * line);
-  }
+function within(place, size) {
+  return Math.min(Math.max(place, 0), size - 1);
 }

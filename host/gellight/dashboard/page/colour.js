@@ -2,16 +2,15 @@
 
 import { NO_DEPTH, depthMm } from "./packed.js";
 
-export const DEPTH_SCALES_UM = [100, 200, 400, 800, 1200, 1600, 2000];
-
 // Dark to light, so that deeper always looks brighter, to every eye and in grey.
-export const MAPS = {
+const MAPS = {
   ocean: "1f2642 2a3670 34549e 2c7eb2 2ca6a6 58c882 a8de62 eee674 fffada",
   viridis: "440154 482878 3e4989 31688e 26828e 1f9e89 35b779 6ece58 b5de2b fde725",
   cividis: "00224e 123570 3b496c 575d6d 707173 8a8678 a59c74 c3b369 e1cc55 fee838",
   grey: "202020 f0f0f0",
 };
-const stopsOf = (name) => MAPS[name].split(" ").map((hex) => [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16)));
+const levels = (hex) => [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16));
+const stopsOf = (name) => MAPS[name].split(" ").map(levels);
 let stops = stopsOf("ocean");
 
 /** Choose one of `MAPS`; tables made before keep their colours. */

@@ -1,11 +1,34 @@
-// The one way in which the page asks for something: a call of daemon/calls.py.
+// What the page asks the sensor's program for.
 
-/** Ask the sensor to do `call`; return "" when it is done, else why not. */
+const SILENT = "the sensor's program does not answer";
+
+/** Ask the sensor to do `call`, one of daemon/calls.py; return "" when it is done, else why not. */
 export async function command(call) {
+  const headers = { "Content-Type": "application/json" };
+  return ask("command", () => {}, { method: "POST", headers, body: JSON.stringify(call) });
+}
+
+/** Save what the server has at `address`; return "" or why there is none, which a link alone would not say. */
+export function fetchFile(address) {
+  return ask(address, async (answer) => {
+    download(await answer.blob(), answer.headers.get("Content-Disposition").match(/"(.*)"/)[1]);
+  });
+}
+
+async function ask(address, take, options) {
   try {
-    const answer = await fetch("command", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(call) });
-    return answer.ok ? "" : (await answer.json()).message;
+    const answer = await fetch(address, options);
+    if (!answer.ok) return (await answer.json()).message;
+    await take(answer);
+    return "";
   } catch {
-    return "the sensor's program does not answer";
+    return SILENT;
   }
+}
+
+/** Save `blob` as a file. */
+export function download(blob, name) {
+  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }

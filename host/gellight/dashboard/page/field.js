@@ -13,13 +13,11 @@ export function depthAt(view, codes, place) {
   const [left, top] = [clamp(Math.floor(column), view.width - 2), clamp(Math.floor(row), view.height - 2)];
   if (Math.abs(column - left - 0.5) > 1 || Math.abs(row - top - 0.5) > 1) return null;
   const [right, down] = [column - left, row - top];
-  let sum = 0;
-  for (const [dx, dy, weight] of [[0, 0, (1 - right) * (1 - down)], [1, 0, right * (1 - down)], [0, 1, (1 - right) * down], [1, 1, right * down]]) {
-    const code = codes[(top + dy) * view.width + left + dx];
-    if (code === NO_DEPTH) return null;
-    sum += weight * depthMm(code);
-  }
-  return sum;
+  const first = top * view.width + left;
+  const corners = [first, first + 1, first + view.width, first + view.width + 1].map((i) => codes[i]);
+  if (corners.includes(NO_DEPTH)) return null;
+  const [a, b, c, d] = corners.map(depthMm);
+  return (1 - down) * (a + right * (b - a)) + down * (c + right * (d - c));
 }
 
 /** Return the angle in degrees between the surface at a place and the gel at rest; null where it is not known. */
@@ -27,25 +25,26 @@ export function slopeDegAt(view, place) {
   const [width, height] = sizeMm(view.header);
   const steps = [[width / view.width, 0], [0, height / view.height]];
   const slopes = steps.map(([dx, dy]) => {
-    const [before, after] = [-1, 1].map((side) => depthAt(view, view.depth, [place[0] + side * dx, place[1] + side * dy]));
+    const at = (side) => depthAt(view, view.depth, [place[0] + side * dx, place[1] + side * dy]);
+    const [before, after] = [at(-1), at(1)];
     return before === null || after === null ? null : (after - before) / (2 * (dx + dy));
   });
   return slopes.includes(null) ? null : (Math.atan(Math.hypot(...slopes)) * 180) / Math.PI;
 }
 
+/** Return `count` + 1 places at the same distances along the line from `start` to `end`. */
+export function along([start, end], count) {
+  return Array.from({ length: count + 1 }, (_, i) => start.map((mm, axis) => mm + (i / count) * (end[axis] - mm)));
+}
+
 /**
- * Return the section of `codes` along the line from `start` to `end`: [[distance from start in mm, depth in mm], ...],
- * about one point a pixel; a depth is null where there is none.
+ * Return the section of `codes` along a line: [[distance from its start in mm, depth in mm], ...], about one point a
+ * pixel; a depth is null where there is none.
  */
 export function sectionOf(view, codes, [start, end]) {
   const length = Math.hypot(end[0] - start[0], end[1] - start[1]);
-  const pixelMm = sizeMm(view.header)[0] / view.width;
-  const count = Math.max(Math.ceil(length / pixelMm), 1);
-  return Array.from({ length: count + 1 }, (_, i) => {
-    const part = i / count;
-    const place = [0, 1].map((axis) => start[axis] + part * (end[axis] - start[axis]));
-    return [part * length, depthAt(view, codes, place)];
-  });
+  const count = Math.max(Math.ceil((length / sizeMm(view.header)[0]) * view.width), 1);
+  return along([start, end], count).map((place, i) => [(i / count) * length, depthAt(view, codes, place)]);
 }
 
 /** Column and row of a place, in pixels from the middle of the first pixel. */

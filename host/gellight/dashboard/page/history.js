@@ -13,13 +13,13 @@ export class History {
   #cursorS = null; // the moment that is shown; null is the newest
   #timeAt = () => 0; // from a px of the canvas to seconds before the newest point
   #drawn = null; // the newest point when the chart was drawn
-  #listeners;
 
   /** `listeners`: choose(timeS) when a moment is pointed at, step(count) for the arrow keys. */
   constructor(canvas, listeners) {
     this.#canvas = canvas;
-    this.#listeners = listeners;
-    const point = (event) => this.#points.length && listeners.choose(this.#points.at(-1)[0] + this.#timeAt(event.offsetX));
+    const point = ({ offsetX }) => {
+      if (this.#points.length) listeners.choose(this.#points.at(-1)[0] + this.#timeAt(offsetX));
+    };
     canvas.addEventListener("pointerdown", (event) => {
       canvas.setPointerCapture(event.pointerId);
       point(event);
@@ -33,11 +33,6 @@ export class History {
     new ResizeObserver(() => this.draw(true)).observe(canvas);
   }
 
-  set spanS(seconds) {
-    this.#spanS = seconds;
-    this.draw(true);
-  }
-
   /** Add an indentation in mm at `timeS`. */
   add(timeS, indentationMm) {
     if (this.#points.length && timeS < this.#points.at(-1)[0]) this.#points = []; // the sensor's clock was restarted
@@ -45,9 +40,10 @@ export class History {
     while (this.#points[0][0] < timeS - KEPT_S) this.#points.shift();
   }
 
-  /** Mark the moment that is shown; null where it is the newest. */
-  set cursorS(timeS) {
-    this.#cursorS = timeS;
+  /** Show the last `spanS` seconds, and mark the moment that is shown, `cursorS`; null where it is the newest. */
+  set({ spanS = this.#spanS, cursorS = this.#cursorS }) {
+    this.#spanS = spanS;
+    this.#cursorS = cursorS;
     this.draw(true);
   }
 

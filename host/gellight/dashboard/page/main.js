@@ -2,69 +2,65 @@
 
 import { Banners } from "./banners.js";
 import { Choices } from "./choices.js";
-import { offerSensors } from "./chooser.js";
+import { command, fetchFile } from "./command.js";
 import { Connection } from "./connection.js";
-import { element, write } from "./dom.js";
-import { showContact, showContacts, showForce, showStatus } from "./figures.js";
+import { element, render, write } from "./dom.js";
+import { bundleText, contactFigures, contactRows, diagnostics, fixed, header, lamps } from "./figures.js";
 import { History } from "./history.js";
 import { Link } from "./link.js";
+import { Marks } from "./marks.js";
 import { Measure } from "./measure.js";
 import { Decoder } from "./message.js";
 import { Pictures } from "./pictures.js";
-import { Planes, fillMaps, fillScales } from "./planes.js";
+import { Planes } from "./planes.js";
 import { PressPanel } from "./press.js";
 import { Recent } from "./recent.js";
-import { Relief } from "./relief.js";
-import { Ring } from "./ring.js";
 import { ScanPanel } from "./scan.js";
-import { fetchFile, savePng } from "./saving.js";
-import { arrowsOf, showShear } from "./shear.js";
-import { judge, tellBanners } from "./state.js";
+import { savePng } from "./saving.js";
+import { judge } from "./state.js";
 import { listenToKeys, offerFullScreen } from "./toolbar.js";
-import { Tracking } from "./tracking.js";
-import { Truth } from "./truth.js";
-import { WatchNotice } from "./watch.js";
 
 const FPS_WINDOW_MS = 2000;
 const TICK_MS = 200;
+const LOOK_MS = 3000; // how often other sensors are looked for
 const LEVELS = ["320 × 240 mesh", "160 × 120 mesh", "2D relief"]; // how finely the surface is drawn
 const RELIEF = LEVELS.length - 1;
 const UNDECODED_MS = 1000; // a frame that cannot be shown is followed by the next one after this time
 
 /** What the page knows, for scripts and tests. */
 const stats = {
-  state: "connecting", sequence: -1, drawn: 0, drawn_fps: 0, fps: null, age_ms: null, level: "",
-  indentation_mm: null, area_mm2: null, centroid_mm: null, contacts: [], pose: null, section: null, error: null, kept: 0, surface: "waiting",
+  state: "connecting", sequence: -1, drawn: 0, drawn_fps: 0, fps: null, age_ms: null, level: "", indentation_mm: null,
+  area_mm2: null, centroid_mm: null, contacts: [], pose: null, section: null, error: null, kept: 0, surface: "waiting",
 };
 window.gellight = stats;
 
-const planes = new Planes();
-const decoder = new Decoder((view) => planes.complete(view));
-const truth = new Truth();
-const ring = new Ring(element("ring"));
-const recent = new Recent();
-const link = new Link();
-const banners = new Banners(element("banners"));
-const watch = new WatchNotice();
-const choices = new Choices();
-const measure = new Measure(mark);
-const relief = new Relief(element("surface"));
 let surface = null; // drawn in 3D; its library is most of the page's bytes, so the first frame does not wait for it
-let level = RELIEF; // of `LEVELS`
-const history = new History(element("history"), { choose: (timeS) => revisit(recent.nearest(timeS)), step: (count) => revisit(recent.step(shown?.header.time_s, count)) });
-
-let moving = null; // the axes of the tracked object and its way
 let waiting = null; // the newest view not yet drawn
 let shown = null; // the view on the screen
 let status = null; // what the server said last
+let sensors = []; // [name, address] of those that have a page on this computer
 let paused = false;
 let swallowed = 0; // credits to give back at the end of a pause
-let turned = false; // the surface has to be drawn again without a new frame
 let asked = false; // the browser will call `turn`
 let noSurface = ""; // why there is no 3D
+let undecoded = ""; // why the newest frame cannot be shown
 let drawnTimes = [];
 let tickedAt = 0;
 
+const planes = new Planes();
+const decoder = new Decoder((view) => planes.complete(view));
+const recent = new Recent();
+const link = new Link();
+const choices = new Choices();
+const measure = new Measure(mark);
+const press = new PressPanel();
+const scan = new ScanPanel(press);
+const marks = new Marks(planes.canvases);
+const pictures = new Pictures(planes.canvases, measure, press, () => (measuring() ? measure : press));
+const history = new History(element("history"), {
+  choose: (timeS) => revisit(recent.nearest(timeS)),
+  step: (count) => revisit(recent.step(shown?.header.time_s, count)),
+});
 const connection = new Connection({
   open: () => { stats.connected = true; },
   lost: () => {
@@ -76,23 +72,17 @@ const connection = new Connection({
   frame: receive,
   status: takeStatus,
 });
-const press = new PressPanel();
-const tracking = new Tracking(element("track"));
-const scan = new ScanPanel(press);
-const tool = () => (measuring() ? measure : press);
-const pictures = new Pictures([...planes.canvases, element("truth")], {
-  point: (place) => measure.pointAt(place),
-  down: (place) => tool().down(place),
-  move: (place) => tool().move(place),
-  up: () => tool().up(),
-  enter: (place) => tool().enter(place),
-  wheel: (event) => press.wheel(event),
+const banners = new Banners(element("banners"), {
+  retry: () => connection.retryNow(),
+  resume: () => pause(false),
+  diagnose: () => { element("diagnostics").open = true; },
+  show: tick,
 });
 
 async function openSurface() {
   const { Surface } = await import("./surface.js");
   try {
-    surface = new Surface(element("surface"), planes.imageCanvas, again);
+    surface = new Surface(element("surface"), planes.image.canvas, again);
   } catch (error) {
     noSurface = `: ${error.message}`;
     console.info(`the surface is drawn in 2D: ${error.message}`);
@@ -102,8 +92,7 @@ async function openSurface() {
   }
   surface.canvas.addEventListener("pointermove", (event) => event.buttons || measure.pointAt(surface.placeAt(event)));
   surface.canvas.addEventListener("pointerleave", () => measure.pointAt(null));
-  choices.apply();
-  surface.update(shown, planes.normalPixels);
+  surface.update(shown, planes.normal.pixels.data);
   drawSurface();
   stats.surface = "3D";
 }
@@ -111,9 +100,12 @@ async function openSurface() {
 // ---- frames ----
 
 async function receive(buffer) {
-  const view = await decoder.decode(buffer).catch((error) => tellUndecoded(error));
+  const view = await decoder.decode(buffer).catch((error) => {
+    undecoded = `A frame cannot be shown: ${error.message}.`;
+    setTimeout(giveCredit, UNDECODED_MS);
+  });
   if (!view) return;
-  banners.hide("undecoded");
+  undecoded = "";
   recent.add(view.header.time_s, buffer);
   history.add(view.header.time_s, view.header.contact.indentation_mm);
   if (waiting) {
@@ -121,26 +113,13 @@ async function receive(buffer) {
     giveCredit();
   }
   waiting = view;
-  ask();
-}
-
-/** Say why a frame cannot be shown, and wait for the next one. */
-function tellUndecoded(error) {
-  banners.show("undecoded", "fault", `A frame cannot be shown: ${error.message}.`, [["Reload", () => location.reload()]]);
-  setTimeout(giveCredit, UNDECODED_MS);
+  again();
 }
 
 /** Let the browser call `turn`: only where something is to be drawn, for every call has it compose the whole page. */
-function ask() {
-  if (asked) return;
-  asked = true;
-  requestAnimationFrame(turn);
-}
-
-/** Have the surface drawn again. */
 function again() {
-  turned = true;
-  ask();
+  if (!asked) requestAnimationFrame(turn);
+  asked = true;
 }
 
 function giveCredit() {
@@ -156,40 +135,42 @@ function turn() {
     draw(view);
     if (performance.now() - tickedAt > TICK_MS) tick(); // together with the pictures, so that the page is composed once
     giveCredit();
-  } else if (turned && shown) {
-    drawSurface();
-  }
-  turned = false;
+  } else if (shown) drawSurface();
 }
 
 function draw(view) {
+  const { sequence, contact, contacts, pose } = view.header;
   if (!shown) openSurface();
   shown = view;
+  contacts.sort((one, other) => one.number - other.number);
   pictures.learn(view.header);
   planes.draw(view);
   view.bitmap.close();
-  truth.draw(view, planes.colours);
-  surface?.update(view, planes.normalPixels);
+  surface?.update(view, planes.normal.pixels.data);
   measure.show(view);
-  moving = tracking.follow(view.header.pose);
-  stats.pose = view.header.pose;
-  stats.contacts = view.header.contacts.toSorted((one, other) => one.number - other.number);
+  marks.follow(pose);
   drawSurface();
   overlay();
-  ring.show(view.header.light);
-  count(view.header);
+  if (sequence !== stats.sequence) drawnTimes.push(performance.now());
+  Object.assign(stats, contact, { sequence, contacts, pose, drawn: stats.drawn + 1 });
+}
+
+/** How finely the surface is drawn, of `LEVELS`. */
+function level() {
+  const detail = element("detail").value;
+  if (!surface) return RELIEF;
+  return Number(detail === "auto" ? surface.software : detail);
 }
 
 function drawSurface() {
-  const flat = level === RELIEF;
-  relief.canvas.hidden = !flat;
+  const chosen = (id) => Number(element(id).value);
+  const [exaggeration, colouring, scaleMm] = [chosen("exaggeration"), chosen("surface-colour"), chosen("scale") / 1000];
+  const flat = level() === RELIEF;
+  planes.relief.canvas.hidden = !flat;
   if (surface) surface.canvas.hidden = flat;
-  if (flat) relief.draw(shown, planes.depthPixels, Number(element("exaggeration").value));
-  else {
-    surface.drawLine(measure.places);
-    surface.draw(level);
-  }
-  stats.level = LEVELS[level];
+  if (flat) planes.drawRelief(exaggeration);
+  else surface.draw(level(), { exaggeration, colouring, scaleMm }, measure.places);
+  stats.level = LEVELS[level()];
 }
 
 /** Draw what lies over the pictures and the surface, after it has changed. */
@@ -199,17 +180,9 @@ function mark() {
   again();
 }
 
-/** Draw what lies over the pictures: the line, the place pointed at, the numbers of the contacts. */
 function overlay() {
-  const several = stats.contacts.length > 1 ? stats.contacts : [];
-  const labels = several.map(({ number, centroid_mm: place }) => [String(number), place]);
-  pictures.mark({ line: measure.line, point: measure.point, moving, labels, ...arrowsOf(shown.header.shear) });
+  marks.draw(shown.header, measure);
   stats.section = measure.section;
-}
-
-function count({ sequence, contact }) {
-  if (sequence !== stats.sequence) drawnTimes.push(performance.now());
-  Object.assign(stats, contact, { sequence, drawn: stats.drawn + 1 });
 }
 
 // ---- what the server says, and how old all that is ----
@@ -219,11 +192,9 @@ function takeStatus(said) {
   link.note(performance.now() / 1000, said.now_s);
   stats.fps = said.fps ?? null;
   stats.error = said.error ?? null;
-  showStatus(said);
+  element("track").setAttribute("aria-pressed", Boolean(said.tracking));
   press.show(said.stage);
-  tracking.show(said);
   scan.show(said);
-  watch.show(said.watch);
 }
 
 function tick() {
@@ -232,38 +203,41 @@ function tick() {
   if (!paused) history.draw();
   drawnTimes = drawnTimes.filter((time) => now - time < FPS_WINDOW_MS);
   stats.drawn_fps = drawnTimes.length / (FPS_WINDOW_MS / 1000);
-  write("drawn-fps", stats.drawn_fps.toFixed(1));
-  write("level", level === RELIEF ? `${LEVELS[RELIEF]}${noSurface}` : `${LEVELS[level]}, grid 5 mm`);
-  write("link-behind", (link.behindS(now / 1000) * 1000).toFixed(0));
   stats.kept = recent.count;
-  write("kept", `${recent.count} frames, ${(recent.bytes / 1e6).toFixed(0)} MB`);
-  if (shown) {
-    showContact(shown.header.contact);
-    showForce(shown.header.force);
-    showShear(shown.header.shear, shown.header.force);
-    truth.write(shown.header.truth);
-    showContacts(stats.contacts);
-  }
-  judgeState(now / 1000);
+  const behindS = link.behindS(now / 1000);
+  const kept = `${recent.count} frames, ${(recent.bytes / 1e6).toFixed(0)} MB`;
+  render(diagnostics(status, { drawnFps: stats.drawn_fps, behindMs: behindS * 1000, kept }), element("drawer"));
+  write("level", level() === RELIEF ? `${LEVELS[RELIEF]}${noSurface}` : `${LEVELS[level()]}, grid 5 mm`);
+  showFrame(shown?.header ?? { contact: {}, contacts: [] });
+  showState(now / 1000, behindS);
 }
 
-function judgeState(nowS) {
+function showFrame(said) {
+  render(contactFigures(said), element("figures"));
+  render(contactRows(said.contacts), element("contacts"));
+  render(lamps(said.light), element("ring"));
+  write("pose", said.pose?.text ?? "");
+  if (!said.truth) return;
+  const { indentation_mm: indentation, depth_error_mm: error } = said.truth;
+  write("truth-error", `indentation ${fixed(indentation, 3)} mm · error ${fixed(error * 1000, 1)} µm`);
+}
+
+function showState(nowS, behindS) {
   const ageS = shown && !paused ? link.ageS(nowS, shown.header.time_s) : null;
   stats.age_ms = ageS === null ? stats.age_ms : ageS * 1000;
-  const state = judge({ connected: stats.connected, paused, status, ageS, behindS: link.behindS(nowS) });
+  const state = judge({ connected: stats.connected, paused, status, ageS, behindS });
   stats.state = state.name;
   document.body.dataset.state = state.name;
-  write("state", state.text);
-  element("state").title = state.why;
+  render(header(status, state, sensors), element("header"));
   press.forbid(state.noPress);
-  tellBanners(banners, state, status, { retry: () => connection.retryNow(), resume: () => pause(false), diagnose });
+  banners.show(state, status, undecoded);
 }
 
-function diagnose() {
-  element("diagnostics").open = true;
+async function lookForSensors() {
+  const answer = await fetch("sensors").catch(() => null);
+  sensors = Object.entries(answer?.ok ? await answer.json() : {});
+  setTimeout(lookForSensors, LOOK_MS);
 }
-
-element("diagnostics").addEventListener("toggle", ({ target }) => target.open && target.scrollIntoView({ block: "nearest" }));
 
 // ---- pause, and earlier frames ----
 
@@ -274,8 +248,8 @@ function pause(wanted) {
   document.body.classList.toggle("paused", paused);
   for (const id of ["save-npz", "save-ply"]) element(id).disabled = paused; // they are of the newest frame
   if (paused) return;
-  ask();
-  history.cursorS = null;
+  again();
+  history.set({ cursorS: null });
   if (swallowed) connection.grant(swallowed);
   swallowed = 0;
 }
@@ -285,12 +259,14 @@ async function revisit(frame) {
   const view = await decoder.decode(frame.buffer);
   if (!paused) return;
   draw(view);
-  history.cursorS = frame.timeS;
+  history.set({ cursorS: frame.timeS });
 }
 
 // ---- what the visitor chooses ----
 
-const measuring = () => element("measure").getAttribute("aria-pressed") === "true";
+function measuring() {
+  return element("measure").getAttribute("aria-pressed") === "true";
+}
 
 function chooseMeasure(wanted) {
   element("measure").setAttribute("aria-pressed", wanted);
@@ -299,51 +275,53 @@ function chooseMeasure(wanted) {
 
 function savePictures() {
   drawSurface();
-  const solid = level === RELIEF ? relief.canvas : surface.canvas;
-  const named = [["Surface", solid], ["Depth", element("depth")], ["True depth", element("truth")], ["Camera", element("image")], ["Difference", element("difference")], ["Normals", element("normal")]];
-  savePng(shown, named.filter(([title]) => title !== "True depth" || shown.truth), { sensor: element("sensor").textContent, bundle: element("bundle").textContent });
+  const solid = level() === RELIEF ? planes.relief : surface;
+  const { depth, truth, image, difference, normal } = planes;
+  const known = shown.truth ? { "True depth": truth } : {};
+  const named = { Surface: solid, Depth: depth, ...known, Camera: image, Difference: difference, Normals: normal };
+  savePng(shown, named, `${status?.sensor} · ${bundleText(status?.calibration)}`);
 }
 
-function onClick(id, act) {
-  element(id).addEventListener("click", act);
-}
-
-fillMaps(element("map"));
-fillScales(element("scale"), planes.scaleUm);
-const redraw = (act) => (value) => {
-  act(value);
-  again();
+for (const id of ["exaggeration", "surface-colour", "detail"]) choices.keep(element(id), again);
+const CHOICES = {
+  scale: (um) => planes.setScale(Number(um)),
+  map: (name) => {
+    planes.setMap(name);
+    surface?.recolour();
+  },
+  gain: (gain) => planes.setGain(Number(gain)),
+  span: (seconds) => history.set({ spanS: Number(seconds) }),
 };
-choices.select(element("scale"), redraw((um) => {
-  planes.setScale(Number(um));
-  if (shown) truth.draw(shown, planes.colours);
-  if (surface) surface.scaleUm = Number(um);
-}));
-choices.select(element("map"), redraw((name) => {
-  planes.setMap(name);
-  if (shown) truth.draw(shown, planes.colours);
-  surface?.recolour();
-}));
-choices.select(element("gain"), redraw((gain) => planes.setGain(Number(gain))));
-choices.select(element("exaggeration"), redraw((times) => { if (surface) surface.exaggeration = Number(times); }));
-choices.select(element("surface-colour"), redraw((mode) => { if (surface) surface.colouring = Number(mode); }));
-choices.select(element("detail"), redraw((chosen) => { if (surface) level = chosen === "auto" ? Number(surface.software) : Number(chosen); }));
-choices.select(element("span"), (seconds) => { history.spanS = Number(seconds); });
-choices.details(element("diagnostics"));
-
-onClick("pause", () => pause(!paused));
-onClick("measure", () => chooseMeasure(!measuring()));
-onClick("save-png", () => shown && savePictures());
-for (const kind of ["npz", "ply"]) onClick(`save-${kind}`, async () => write("readout", await fetchFile(`frame/${kind}`)));
-onClick("reset-view", () => {
-  choices.reset();
-  surface?.orbit.reset();
+for (const [id, apply] of Object.entries(CHOICES)) {
+  choices.keep(element(id), (value) => {
+    apply(value);
+    again();
+  });
+}
+choices.keep(element("diagnostics"));
+element("diagnostics").addEventListener("toggle", ({ target }) => {
+  if (target.open) target.scrollIntoView({ block: "nearest" });
 });
+
+const CLICKS = {
+  pause: () => pause(!paused),
+  measure: () => chooseMeasure(!measuring()),
+  track: () => command({ type: "track", on: !status?.tracking, hand: true }), // what is simulated moves by itself then
+  "save-png": () => shown && savePictures(),
+  "save-npz": async () => write("readout", await fetchFile("frame/npz")),
+  "save-ply": async () => write("readout", await fetchFile("frame/ply")),
+  "reset-view": () => {
+    choices.reset();
+    surface?.orbit.reset();
+  },
+};
+for (const [id, act] of Object.entries(CLICKS)) element(id).addEventListener("click", act);
 offerFullScreen(element("full-screen"));
-offerSensors(element("sensors"));
 listenToKeys(() => {
   if (measure.line) measure.clear();
   else chooseMeasure(false);
 });
 
+lookForSensors();
+tick();
 setInterval(() => performance.now() - tickedAt > TICK_MS && tick(), TICK_MS / 2);

@@ -1,7 +1,7 @@
 // Measuring: what is under the pointer, and the section along a line drawn over a picture.
 
 import { element, write } from "./dom.js";
-import { depthAt, sectionOf, slopeDegAt } from "./field.js";
+import { along, depthAt, sectionOf, slopeDegAt } from "./field.js";
 import { fixed } from "./figures.js";
 import { plot, roundUp } from "./plot.js";
 
@@ -35,9 +35,7 @@ export class Measure {
 
   /** Places along the line, for drawing it on the surface. */
   get places() {
-    if (!this.line) return [];
-    const [start, end] = this.line;
-    return Array.from({ length: LINE_POINTS + 1 }, (_, i) => start.map((mm, axis) => mm + ((end[axis] - mm) * i) / LINE_POINTS));
+    return this.line ? along(this.line, LINE_POINTS) : [];
   }
 
   pointAt(place) {
@@ -80,16 +78,12 @@ export class Measure {
   }
 
   #read() {
-    if (!this.#view || !this.point) {
-      write("readout", "point at a picture to measure");
-      return;
-    }
-    const view = this.#view;
-    const [x, y] = this.point.map((mm) => fixed(mm, 2));
-    const parts = [`x ${x} y ${y} mm`, `depth ${fixed(depthAt(view, view.depth, this.point), 3)} mm`];
-    if (view.truth) parts.push(`true ${fixed(depthAt(view, view.truth, this.point), 3)} mm`);
-    parts.push(`slope ${fixed(slopeDegAt(view, this.point), 1)}°`);
-    write("readout", parts.join(" · "));
+    const [view, place] = [this.#view, this.point];
+    if (!view || !place) return write("readout", "point at a picture to measure");
+    const [x, y] = place.map((mm) => fixed(mm, 2));
+    const depth = (name, codes) => `${name} ${fixed(depthAt(view, codes, place), 3)} mm`;
+    const depths = [depth("depth", view.depth), ...(view.truth ? [depth("true", view.truth)] : [])];
+    write("readout", [`x ${x} y ${y} mm`, ...depths, `slope ${fixed(slopeDegAt(view, place), 1)}°`].join(" · "));
   }
 
   #cut() {
@@ -97,7 +91,8 @@ export class Measure {
     if (!this.line || !this.#view) write("section-text", ADVICE);
     else {
       const { depth, truth } = this.#view;
-      this.section = { measured: sectionOf(this.#view, depth, this.line), truth: truth && sectionOf(this.#view, truth, this.line) };
+      const cut = (codes) => codes && sectionOf(this.#view, codes, this.line);
+      this.section = { measured: cut(depth), truth: cut(truth) };
       write("section-text", describe(this.section));
     }
     this.#drawSection();
@@ -121,5 +116,6 @@ export class Measure {
 
 function describe({ measured, truth }) {
   const deepest = (points) => fixed(Math.max(...points.map(([, mm]) => mm ?? -Infinity)), 3);
-  return `${fixed(measured.at(-1)[0], 2)} mm long, deepest ${deepest(measured)} mm${truth ? `, true ${deepest(truth)} mm (dashed)` : ""}`;
+  const known = truth ? `, true ${deepest(truth)} mm (dashed)` : "";
+  return `${fixed(measured.at(-1)[0], 2)} mm long, deepest ${deepest(measured)} mm${known}`;
 }

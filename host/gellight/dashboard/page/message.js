@@ -1,8 +1,6 @@
 // The binary message of one tactile frame; messages.py on the server describes every byte.
 
-import { differenceOf, pixelsOf, slopesOf } from "./derived.js";
-import { inflate, unpackDepth } from "./packed.js";
-import { References } from "./references.js";
+import { differenceOf, inflate, pixelsOf, slopesOf, unpackDepth } from "./packed.js";
 
 const MAGIC = 0x464c4547; // "GELF", little-endian
 const VERSION = 2;
@@ -10,7 +8,8 @@ const PREFIX_BYTES = 12;
 
 /** Turns messages into views, in the order in which they came. */
 export class Decoder {
-  #references = new References();
+  #reference = { name: "", pixels: null }; // the image behind the difference images; the browser keeps what it fetched
+  #newest = null; // {view, image}: whose difference is found when the reference has been fetched
   #truth = { packed: null, codes: null }; // the last one: it stays while an object rests
   #completed;
   #last = Promise.resolve();
@@ -57,21 +56,36 @@ export class Decoder {
   }
 
   #subtract(view, image) {
-    const { reference: name, light_drift: drift } = view.header;
-    const reference = this.#references.get(name);
-    if (reference) {
-      view.difference = differenceOf(image, reference, drift);
-      return;
+    const { reference: name } = view.header;
+    this.#newest = { view, image };
+    if (name !== this.#reference.name) this.#fetch(name);
+    else if (this.#reference.pixels) this.#subtractNewest();
+  }
+
+  #subtractNewest() {
+    const { view, image } = this.#newest;
+    view.difference = differenceOf(image, this.#reference.pixels, view.header.light_drift);
+  }
+
+  async #fetch(name) {
+    this.#reference = { name, pixels: null };
+    try {
+      const answer = await fetch(`reference/${name}`);
+      if (!answer.ok) throw new Error(await answer.text());
+      const bitmap = await createImageBitmap(await answer.blob(), { colorSpaceConversion: "none" });
+      if (name !== this.#reference.name) return;
+      this.#reference.pixels = pixelsOf(bitmap);
+      this.#subtractNewest();
+      this.#completed(this.#newest.view);
+    } catch (error) {
+      console.info(`no difference image for now: ${error.message}`);
+      if (name === this.#reference.name) this.#reference.name = ""; // the next frame asks again
     }
-    this.#references.whenFetched((pixels) => {
-      view.difference = differenceOf(image, pixels, drift);
-      this.#completed(view);
-    });
   }
 }
 
 /** Return {header, plane}: `plane(name)` is the bytes of a plane. Throws where the message is not of this version. */
-export function parse(buffer) {
+function parse(buffer) {
   const prefix = new DataView(buffer);
   if (prefix.getUint32(0, true) !== MAGIC || prefix.getUint32(4, true) !== VERSION) {
     throw new Error("the server speaks another version: reload this page");

@@ -62,8 +62,8 @@ export class Orbit {
   /** Put `camera` where the orbit says, looking at the origin from `reach` times the distance. */
   place(camera, reach) {
     const radius = reach * this.distance;
-    const flat = radius * Math.cos(this.elevation);
-    camera.position.set(flat * Math.sin(this.azimuth), -flat * Math.cos(this.azimuth), radius * Math.sin(this.elevation));
+    const [flat, high] = [radius * Math.cos(this.elevation), radius * Math.sin(this.elevation)];
+    camera.position.set(flat * Math.sin(this.azimuth), -flat * Math.cos(this.azimuth), high);
     camera.up.set(0, 0, 1);
     camera.lookAt(0, 0, -0.03 * reach * Math.cos(this.elevation)); // leaves room for what rises from the gel
   }

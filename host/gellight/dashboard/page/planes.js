@@ -1,7 +1,7 @@
-// The four flat pictures: camera image, difference, normals, depth.
+// The flat pictures: camera image, difference, normals, measured and true depth, and the relief, a flat surface.
 
-import { DEPTH_SCALES_UM, MAPS, chooseMap, depthColour, depthTable, differenceTable } from "./colour.js";
-import { element, node } from "./dom.js";
+import { chooseMap, depthColour, depthTable, differenceTable } from "./colour.js";
+import { element, html, render } from "./dom.js";
 
 const OUTLINE = 0xffffffff;
 const OPAQUE = 0xff000000;
@@ -11,10 +11,10 @@ class Plane {
   constructor(id) {
     this.canvas = element(id);
     this.context = this.canvas.getContext("2d");
-    this.fit(320, 240);
+    this.fit({ width: 320, height: 240 });
   }
 
-  fit(width, height) {
+  fit({ width, height }) {
     if (this.pixels?.width === width && this.pixels.height === height) return;
     Object.assign(this.canvas, { width, height });
     this.pixels = new ImageData(width, height);
@@ -28,99 +28,125 @@ class Plane {
 }
 
 export class Planes {
-  #image = new Plane("image");
-  #difference = new Plane("difference");
-  #normal = new Plane("normal");
-  #depth = new Plane("depth");
+  image = new Plane("image");
+  difference = new Plane("difference");
+  normal = new Plane("normal");
+  depth = new Plane("depth");
+  truth = new Plane("truth");
+  relief = new Plane("relief");
   #view = null;
+  #scaleUm = 0;
+  #differences = null; // grey level of each coded difference
+  #colours = null; // of each depth code
+  #drawnTruth = []; // its codes, and the colours
 
-  constructor() {
-    this.setGain(2);
-    this.setScale(1600);
+  /** What a pointer can be over. */
+  get canvases() {
+    return [this.image, this.difference, this.normal, this.depth, this.truth].map((plane) => plane.canvas);
   }
 
-  /** Show `view`. */
+  /** Show `view`; its true depth map where a simulated sensor knows it. */
   draw(view) {
     this.#view = view;
-    for (const plane of [this.#image, this.#difference, this.#normal, this.#depth]) plane.fit(view.width, view.height);
-    this.#image.context.drawImage(view.bitmap, 0, 0);
-    this.#drawDifference(view.difference);
+    for (const plane of [this.image, this.difference, this.normal, this.depth]) plane.fit(view);
+    this.image.context.drawImage(view.bitmap, 0, 0);
+    this.#drawDifference();
     this.#drawNormals(view.slopes);
-    this.#drawDepth(view);
+    this.#drawDepth();
   }
 
   /** Show the difference image of `view`, which was not known when the rest was drawn. */
   complete(view) {
-    if (view === this.#view) this.#drawDifference(view.difference);
-  }
-
-  get canvases() {
-    return [this.#image, this.#difference, this.#normal, this.#depth].map((plane) => plane.canvas);
-  }
-
-  get imageCanvas() {
-    return this.#image.canvas;
-  }
-
-  get normalPixels() {
-    return this.#normal.pixels.data;
-  }
-
-  get depthPixels() {
-    return this.#depth.words;
+    if (view === this.#view) this.#drawDifference();
   }
 
   setGain(gain) {
-    this.differences = differenceTable(gain);
-    if (this.#view) this.#drawDifference(this.#view.difference);
+    this.#differences = differenceTable(gain);
+    this.#drawDifference();
   }
 
-  /** Show depth in the colours of one of `MAPS`. */
+  /** Show depth in one of the sets of colours. */
   setMap(name) {
     chooseMap(name);
-    this.setScale(this.scaleUm);
+    this.setScale(this.#scaleUm);
   }
 
   setScale(scaleUm) {
-    this.scaleUm = scaleUm;
-    this.colours = depthTable(scaleUm);
+    this.#scaleUm = scaleUm;
+    this.#colours = depthTable(scaleUm);
     drawBar(scaleUm);
-    if (this.#view) this.#drawDepth(this.#view);
+    this.#drawDepth();
   }
 
-  #drawDifference(difference) {
-    if (!difference) return;
-    const { data } = this.#difference.pixels;
-    for (let from = 0, to = 0; from < difference.length; from += 3, to += 4) {
-      data[to] = this.differences[difference[from]];
-      data[to + 1] = this.differences[difference[from + 1]];
-      data[to + 2] = this.differences[difference[from + 2]];
+  /** Shade the depth by the slopes, `exaggeration` times as steep, as on a map: where 3D is too slow or missing. */
+  drawRelief(exaggeration) {
+    this.relief.fit(this.#view);
+    const { slopes } = this.#view;
+    const { words } = this.relief;
+    for (let i = 0; i < words.length; i++) {
+      const light = 0.45 + 0.85 * brightness(exaggeration * slopes[2 * i], exaggeration * slopes[2 * i + 1]);
+      const lit = (shift) => Math.min(((this.depth.words[i] >> shift) & 255) * light + 0.5, 255);
+      words[i] = rgb(lit(0), lit(8), lit(16));
     }
-    this.#difference.show();
+    this.relief.show();
+  }
+
+  #drawDifference() {
+    const difference = this.#view?.difference;
+    if (!difference) return;
+    const { data } = this.difference.pixels;
+    for (let from = 0, to = 0; from < difference.length; from += 3, to += 4) {
+      data[to] = this.#differences[difference[from]];
+      data[to + 1] = this.#differences[difference[from + 1]];
+      data[to + 2] = this.#differences[difference[from + 2]];
+    }
+    this.difference.show();
   }
 
   #drawNormals(slopes) {
-    const { words } = this.#normal;
+    const { words } = this.normal;
     for (let i = 0; i < words.length; i++) {
       const x = slopes[2 * i];
       const y = slopes[2 * i + 1];
       const z = 127.5 / Math.sqrt(x * x + y * y + 1);
       words[i] = rgb(128 - x * z, 128 - y * z, 128 + z);
     }
-    this.#normal.show();
+    this.normal.show();
   }
 
-  #drawDepth({ depth, contact, width, height }) {
-    const { words } = this.#depth;
-    for (let i = 0; i < depth.length; i++) words[i] = this.colours[depth[i]];
-    outline(words, contact, width, height);
-    this.#depth.show();
+  #drawDepth() {
+    if (!this.#view) return;
+    const { depth, contact, width, height } = this.#view;
+    this.#paint(this.depth, depth);
+    outline(this.depth.words, contact, width, height);
+    this.depth.show();
+    this.#drawTruth();
+  }
+
+  #drawTruth() {
+    const { truth } = this.#view;
+    element("truth-panel").hidden = !truth;
+    document.body.classList.toggle("has-truth", Boolean(truth));
+    if (!truth || (truth === this.#drawnTruth[0] && this.#colours === this.#drawnTruth[1])) return;
+    this.#drawnTruth = [truth, this.#colours];
+    this.truth.fit(this.#view);
+    this.#paint(this.truth, truth);
+    this.truth.show();
+  }
+
+  #paint({ words }, codes) {
+    for (let i = 0; i < words.length; i++) words[i] = this.#colours[codes[i]];
   }
 }
 
 /** Return an opaque pixel of three levels from 0 to below 256, each cut to a whole number. */
-export function rgb(red, green, blue) {
+function rgb(red, green, blue) {
   return OPAQUE | (blue << 16) | (green << 8) | red;
+}
+
+/** Light from the upper left, (-0.5, -0.6, 0.62), on a surface with slopes x and y and the normal (-x, -y, 1). */
+function brightness(x, y) {
+  return Math.max((0.62 + 0.5 * x + 0.6 * y) / Math.sqrt(x * x + y * y + 1), 0);
 }
 
 /** Draw the rim of the contact patch: pixels inside it with a neighbour outside. */
@@ -134,22 +160,10 @@ function outline(words, contact, width, height) {
 }
 
 function drawBar(scaleUm) {
-  const bar = element("bar");
-  Object.assign(bar, { width: 256, height: 1 });
-  const context = bar.getContext("2d");
+  const context = element("bar").getContext("2d");
   for (let column = 0; column < 256; column++) {
     context.fillStyle = `rgb(${depthColour(column / 255)})`;
     context.fillRect(column, 0, 1, 1);
   }
-  element("ticks").replaceChildren(...[0, 0.5, 1].map((part) => node("li", `${scaleUm * part} µm`)));
-}
-
-/** Fill the chooser of the colours. */
-export function fillMaps(select) {
-  for (const name of Object.keys(MAPS)) select.add(new Option(name, name));
-}
-
-/** Fill the chooser of the depth scale. */
-export function fillScales(select, chosen) {
-  for (const um of DEPTH_SCALES_UM) select.add(new Option(`0 – ${um} µm`, um, um === chosen, um === chosen));
+  render([0, 0.5, 1].map((part) => html`<li>${scaleUm * part} µm</li>`), element("ticks"));
 }

@@ -94,13 +94,14 @@ function draw(pen, { points, dashed = false, filled = false }, at, inner, ink) {
 }
 
 /** Round values within an axis, at most `most` steps apart; and the digits they need. */
-export function ticks({ from, to }, most) {
+function ticks({ from, to }, most) {
   const least = (to - from) / Math.max(most, 1);
   const ten = 10 ** Math.floor(Math.log10(least));
   const step = [1, 2, 5, 10].map((times) => times * ten).find((size) => size >= least * 0.999);
   const first = Math.ceil(from / step - 1e-9);
   const count = Math.floor(to / step + 1e-9) - first + 1;
-  return { values: Array.from({ length: count }, (_, i) => (first + i) * step), digits: Math.max(-Math.floor(Math.log10(step) + 1e-9), 0) };
+  const digits = Math.max(-Math.floor(Math.log10(step) + 1e-9), 0);
+  return { values: Array.from({ length: count }, (_, i) => (first + i) * step), digits };
 }
 
 /** Round up to 1, 2 or 5 times a power of ten. */

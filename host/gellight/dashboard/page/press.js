@@ -1,85 +1,47 @@
 // Pressing objects into the simulated gel: the pointer says where, the slider and the wheel say how deep.
 
 import { command } from "./command.js";
-import { button, element, write } from "./dom.js";
+import { element, html, render } from "./dom.js";
 
 const DEPTH_STEP_MM = 0.05;
+const STEPS = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
+const ADVICE = "Hold the pointer on a picture to press there; drag to move; turn the wheel meanwhile for depth.";
 
 export class PressPanel {
+  place = [0, 0]; // of the last press, mm from the middle of the picture
+  #stage = null; // what it says of itself
   #object = "";
-  #place = [0, 0];
   #active = false; // an object of ours is in the gel
   #busy = false; // a command waits for its answer
   #next = null; // the newest command that waits for its turn
-  #slider = element("press-depth");
-  #advice = element("press-hint").textContent;
-
-  constructor() {
-    this.#slider.addEventListener("input", () => this.#setDepth(this.depthMm));
-    element("press-here").addEventListener("click", () => this.#press(this.#place));
-    element("release").addEventListener("click", () => this.release());
-    element("objects").addEventListener("keydown", (event) => this.#turnObjects(event));
-    this.#setDepth(this.depthMm);
-  }
-
-  get depthMm() {
-    return Number(this.#slider.value);
-  }
+  #forbidden = ""; // why nothing can be pressed
+  #refusal = ""; // why what was asked for could not be done
 
   /** Show what the stage says of itself; null hides the panel. */
   show(stage) {
+    this.#stage = stage;
     element("press").hidden = !stage;
     document.body.classList.toggle("can-press", Boolean(stage));
     if (!stage) return;
+    if (!stage.objects.includes(this.#object)) [this.#object] = stage.objects;
     if (stage.preparing) this.#goOn();
-    if (element("objects").childElementCount !== stage.objects.length) this.#fill(stage);
-    const who = stage.visitor ? "you" : "programme";
-    if (stage.preparing) write("stage-now", `preparing ${stage.preparing}`);
-    else write("stage-now", stage.depth_mm > 0 ? `${who}: ${stage.object} ${stage.depth_mm.toFixed(2)} mm` : `${who}: nothing pressed`);
-  }
-
-  /** Whether there is something to press objects into. */
-  get offered() {
-    return !element("press").hidden;
-  }
-
-  /** Where the last press was, mm from the middle of the picture. */
-  get place() {
-    return this.#place;
-  }
-
-  /** Choose an object where it is offered. */
-  offer(name) {
-    if (element("objects").querySelector(`[data-testid="object-${name}"]`)) this.#choose(name);
-  }
-
-  /** Press what is chosen, until it is released. */
-  pressAt(place) {
-    this.#press(place);
-  }
-
-  /** Whether objects can be pressed now. */
-  get ready() {
-    return !element("press").hidden && !element("press-controls").disabled;
+    this.#draw();
   }
 
   /** Offer no press while there is a reason against it; an empty reason allows it again. */
   forbid(reason) {
-    element("press-controls").disabled = reason !== "";
-    if (!element("press-hint").classList.contains("wrong")) element("press-hint").textContent = reason || this.#advice;
+    this.#forbidden = reason;
+    if (this.#stage) this.#draw();
   }
 
-  /** Say why what was asked for could not be done; "" where it was. */
-  #say(refusal) {
-    const hint = element("press-hint");
-    hint.textContent = refusal || this.#advice;
-    hint.classList.toggle("wrong", refusal !== "");
+  /** Whether there is something to press objects into. */
+  get offered() {
+    return Boolean(this.#stage);
   }
 
-  /** Send what waits: a press that is being computed answers late, and a newer command takes its place. */
-  #goOn() {
-    this.#busy = false;
-    this.#flush();
+  /** Choose an object where it is offered. */
+  offer(name) {
+    if (this.#stage?.objects.includes(name)) this.#choose(name);
   }
 
   /** Forget what was asked of a server that is gone. */
@@ -89,47 +51,72 @@ export class PressPanel {
     this.#active = false;
   }
 
-  #fill({ objects, max_depth_mm: deepest }) {
-    this.#slider.max = deepest;
-    this.#setDepth(this.depthMm);
-    element("objects").replaceChildren(...objects.map((name) => button(name, () => this.#choose(name), "", { role: "radio", testid: `object-${name}` })));
-    this.#choose(objects[0]);
+  #draw() {
+    const { objects, max_depth_mm: deepest } = this.#stage;
+    const depthMm = Number(element("press-depth")?.value ?? 0.8);
+    render(html`
+      <div class="head">
+        <h2>Press <span class="dim" id="stage-now" data-testid="stage-now">${this.#now()}</span></h2>
+      </div>
+      <fieldset ?disabled=${this.#forbidden !== ""}>
+        <div id="objects" class="objects" role="radiogroup" aria-label="object" @keydown=${this.#turn}>
+          ${objects.map((name) => this.#choice(name))}</div>
+        <label class="slider">depth
+          <input id="press-depth" data-testid="press-depth" type="range" min="0" max=${deepest} step="0.05"
+            value="0.8" @input=${() => this.#changed()}>
+          <output class="mono" data-testid="press-depth-mm">${depthMm.toFixed(2)} mm</output></label>
+        <div class="buttons">
+          <button data-testid="press-here" @click=${() => this.pressAt(this.place)}>Press</button>
+          <button data-testid="release" @click=${() => this.release()}>Release</button>
+          <label class="keep"><input id="hold" data-testid="hold" type="checkbox"> keep pressed</label>
+        </div>
+      </fieldset>
+      <p class=${this.#refusal ? "hint wrong" : "hint"}
+        data-testid="press-hint">${this.#refusal || this.#forbidden || ADVICE}</p>`, element("press"));
+  }
+
+  #now() {
+    const { preparing, visitor, object, depth_mm: depthMm } = this.#stage;
+    if (preparing) return `preparing ${preparing}`;
+    const pressed = depthMm > 0 ? `${object} ${depthMm.toFixed(2)} mm` : "nothing pressed";
+    return `${visitor ? "you" : "programme"}: ${pressed}`;
+  }
+
+  #choice(name) {
+    const chosen = name === this.#object;
+    return html`<button role="radio" data-testid="object-${name}" aria-checked=${chosen} tabindex=${chosen ? 0 : -1}
+      @click=${() => this.#choose(name)}>${name}</button>`;
   }
 
   /** Let the arrow keys choose among the objects, as in any group of which one is chosen. */
-  #turnObjects(event) {
-    const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
+  #turn = (event) => {
+    const step = STEPS[event.key];
     if (!step) return;
     event.preventDefault();
-    const buttons = [...element("objects").children];
-    const next = buttons[(buttons.indexOf(event.target) + step + buttons.length) % buttons.length];
-    this.#choose(next.textContent);
-    next.focus();
-  }
+    const { objects } = this.#stage;
+    this.#choose(objects.at((objects.indexOf(this.#object) + step) % objects.length));
+    element("objects").querySelector("[aria-checked=true]").focus();
+  };
 
   #choose(name) {
     this.#object = name;
-    for (const button of element("objects").children) {
-      button.setAttribute("aria-checked", button.textContent === name);
-      button.tabIndex = button.textContent === name ? 0 : -1;
-    }
-    if (this.#active) this.#press(this.#place);
+    this.#changed();
   }
 
-  #setDepth(depthMm) {
-    this.#slider.value = depthMm;
-    element("press-depth-mm").textContent = `${this.depthMm.toFixed(2)} mm`;
-    if (this.#active) this.#press(this.#place);
+  /** The object or its depth is another one now. */
+  #changed() {
+    this.#draw();
+    if (this.#active) this.pressAt(this.place);
   }
 
   // ---- the tool of the pictures: see `Pictures` ----
 
   down(place) {
-    if (this.ready) this.#press(place);
+    if (this.#stage && !this.#forbidden) this.pressAt(place);
   }
 
   move(place) {
-    if (this.#active) this.#press(place);
+    if (this.#active) this.pressAt(place);
   }
 
   up() {
@@ -145,21 +132,24 @@ export class PressPanel {
   wheel(event) {
     if (!this.#active) return;
     event.preventDefault();
-    this.#setDepth(this.depthMm - Math.sign(event.deltaY) * DEPTH_STEP_MM);
+    element("press-depth").value -= Math.sign(event.deltaY) * DEPTH_STEP_MM;
+    this.#changed();
   }
 
-  #press(place) {
-    this.#place = place;
+  /** Press what is chosen, until it is released. */
+  pressAt(place) {
+    this.place = place;
     this.#active = true;
-    this.#next = { type: "press", object: this.#object, depth_mm: this.depthMm, x_mm: place[0], y_mm: place[1] };
+    const depthMm = Number(element("press-depth").value);
+    this.#next = { type: "press", object: this.#object, depth_mm: depthMm, x_mm: place[0], y_mm: place[1] };
     this.#flush();
   }
 
   /** Lift the object off the gel, without waiting for a press that is being computed. */
-  async release() {
+  release() {
     this.#active = false;
     this.#next = null;
-    this.#say(await command({ type: "release" }));
+    return this.#ask({ type: "release" });
   }
 
   async #flush() {
@@ -167,7 +157,18 @@ export class PressPanel {
     this.#busy = true;
     const press = this.#next;
     this.#next = null;
-    this.#say(await command(press));
+    await this.#ask(press);
     this.#goOn();
+  }
+
+  /** Send what waits: a press that is being computed answers late, and a newer command takes its place. */
+  #goOn() {
+    this.#busy = false;
+    this.#flush();
+  }
+
+  async #ask(call) {
+    this.#refusal = await command(call);
+    if (this.#stage) this.#draw();
   }
 }

@@ -33,7 +33,8 @@ export class Recent {
   /** Return the frame nearest to `timeS`, as {timeS, buffer}; null where there is none. */
   nearest(timeS) {
     const distance = (frame) => Math.abs(frame.timeS - timeS);
-    return this.#frames.reduce((best, frame) => (best === null || distance(frame) < distance(best) ? frame : best), null);
+    const nearer = (best, frame) => (best === null || distance(frame) < distance(best) ? frame : best);
+    return this.#frames.reduce(nearer, null);
   }
 
   /** Return the frame `count` frames after the one nearest to `timeS`, or before it; the first or last at the ends. */

@@ -2,11 +2,11 @@
 
 import * as THREE from "./vendor/three-0.185/three.module.min.js";
 import { depthColour } from "./colour.js";
-import { depthAt } from "./field.js";
-import { DEPTH_OFFSET_MM, DEPTH_UNIT_MM, NO_DEPTH } from "./packed.js";
+import { depthAt, sizeMm } from "./field.js";
 import { Orbit } from "./orbit.js";
+import { NO_DEPTH, depthMm } from "./packed.js";
 
-/** How finely the surface is drawn; the last level is no mesh, but a picture: see relief.js. */
+/** How finely the surface is drawn; the last level is no mesh, but a picture: see planes.js. */
 const MESHES = [[320, 240], [160, 120]];
 const PICK_STEPS = 300;
 const LIFT_MM = 0.05; // of the line over the surface, so that it is seen
@@ -56,20 +56,19 @@ void main() {
 }`;
 
 export class Surface {
-  #size = { width: 0, height: 0 };
   #level = -1;
+  #size = ""; // of the view, in pixels and mm
   #scene = new THREE.Scene();
   #camera = new THREE.PerspectiveCamera(30, 1, 1, 1000);
-  #uniforms = {
-    depth: { value: null }, normals: { value: null }, image: { value: null }, colours: { value: colourTexture() },
-    exaggeration: { value: 4 }, scaleMm: { value: 1.6 }, colouring: { value: 0 },
-  };
-  #material;
+  #uniforms = { depth: {}, normals: {}, image: {}, colours: {}, exaggeration: {}, scaleMm: {}, colouring: {} };
+  #material = new THREE.ShaderMaterial({
+    uniforms: this.#uniforms, vertexShader: VERTEX, fragmentShader: FRAGMENT, side: THREE.DoubleSide,
+    polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
+  });
   #mesh = null;
   #frame = null;
-  #line = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xffffff, depthTest: false }));
+  #line = new THREE.Line(lines([]), new THREE.LineBasicMaterial({ color: 0xffffff, depthTest: false }));
   #view = null;
-  #reach = 100; // distance in mm at which the whole gel is seen
 
   /** Draw into `box`; call `changed` when the view was turned. Throws where there is no WebGL. */
   constructor(box, imageCanvas, changed) {
@@ -78,38 +77,34 @@ export class Surface {
     this.canvas = this.renderer.domElement;
     box.append(this.canvas);
     this.orbit = new Orbit(box, changed);
-    this.#uniforms.image.value = new THREE.CanvasTexture(imageCanvas);
-    this.#uniforms.image.value.flipY = false;
+    this.#tell({ image: Object.assign(new THREE.CanvasTexture(imageCanvas), { flipY: false }) });
+    this.recolour();
     this.#line.frustumCulled = false;
     this.#line.renderOrder = 1; // over the mesh
     this.#scene.add(this.#line);
-    this.#material = new THREE.ShaderMaterial({ uniforms: this.#uniforms, vertexShader: VERTEX, fragmentShader: FRAGMENT, side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
-    new ResizeObserver(() => this.#resize(box, changed)).observe(box);
+    new ResizeObserver(() => {
+      this.renderer.setSize(box.clientWidth, box.clientHeight, false);
+      this.#camera.aspect = box.clientWidth / Math.max(box.clientHeight, 1);
+      this.#camera.updateProjectionMatrix();
+      changed();
+    }).observe(box);
   }
 
-  set exaggeration(times) { this.#uniforms.exaggeration.value = times; }
-  set scaleUm(um) { this.#uniforms.scaleMm.value = um / 1000; }
   /** Take over the colours that were chosen. */
-  recolour() { this.#uniforms.colours.value = colourTexture(); }
-  set colouring(mode) { this.#uniforms.colouring.value = mode; }
+  recolour() {
+    const colours = Array.from({ length: 256 }, (_, i) => [...depthColour(i === 255 ? 2 : i / 254), 255]);
+    this.#tell({ colours: texture(new Uint8Array(colours.flat()), 256, 1) });
+    this.#uniforms.colours.value.needsUpdate = true;
+  }
 
   /** Take over the depth of `view` and the painted normals. */
   update(view, normalPixels) {
     this.#view = view;
-    this.#fit(view.width, view.height, view.header);
-    const texture = this.#uniforms.depth.value;
-    const { data } = texture.image;
-    for (let i = 0; i < data.length; i++) data[i] = view.depth[i] === NO_DEPTH ? 0 : view.depth[i] * DEPTH_UNIT_MM - DEPTH_OFFSET_MM;
+    this.#fit(view);
+    const { data } = this.#uniforms.depth.value.image;
+    for (let i = 0; i < data.length; i++) data[i] = view.depth[i] === NO_DEPTH ? 0 : depthMm(view.depth[i]);
     this.#uniforms.normals.value.image.data.set(normalPixels);
     for (const name of ["depth", "normals", "image"]) this.#uniforms[name].value.needsUpdate = true;
-  }
-
-  /** Draw a line over the surface through `places` [[x, y], ...] in mm; none where there are none. */
-  drawLine(places) {
-    const heights = places.map((place) => (depthAt(this.#view, this.#view.depth, place) ?? 0) * this.#uniforms.exaggeration.value + LIFT_MM);
-    this.#line.geometry.dispose();
-    this.#line.geometry = new THREE.BufferGeometry();
-    this.#line.geometry.setAttribute("position", new THREE.Float32BufferAttribute(places.flatMap(([x, y], i) => [x, -y, heights[i]]), 3));
   }
 
   /** Return the place [x, y] in mm that a pointer on the canvas points at; null beside the gel. */
@@ -117,67 +112,67 @@ export class Surface {
     if (!this.#view) return null;
     const box = this.canvas.getBoundingClientRect();
     const caster = new THREE.Raycaster();
-    caster.setFromCamera(new THREE.Vector2(((clientX - box.left) / box.width) * 2 - 1, 1 - ((clientY - box.top) / box.height) * 2), this.#camera);
+    const at = [((clientX - box.left) / box.width) * 2 - 1, 1 - ((clientY - box.top) / box.height) * 2];
+    caster.setFromCamera(new THREE.Vector2(...at), this.#camera);
     const { origin, direction } = caster.ray;
-    const tallest = this.#uniforms.depth.value.image.data.reduce((a, b) => Math.max(a, b), 0) * this.#uniforms.exaggeration.value;
+    const times = this.#uniforms.exaggeration.value;
+    const tallest = this.#uniforms.depth.value.image.data.reduce((a, b) => Math.max(a, b), 0) * times;
     for (let i = 0; i <= PICK_STEPS; i++) {
       const z = tallest * (1 - i / PICK_STEPS);
       const along = (z - origin.z) / direction.z;
       const place = [origin.x + along * direction.x, -(origin.y + along * direction.y)];
       const depth = along > 0 ? depthAt(this.#view, this.#view.depth, place) : null;
-      if (depth !== null && (depth * this.#uniforms.exaggeration.value >= z || i === PICK_STEPS)) return place;
+      if (depth !== null && (depth * times >= z || i === PICK_STEPS)) return place;
     }
     return null;
   }
 
-  /** Render at a level of `MESHES`. */
-  draw(level) {
-    if (!this.#size.width) return;
-    if (level !== this.#level) this.#remesh(level);
-    this.orbit.place(this.#camera, this.#reach);
+  /**
+   * Draw at a level of `MESHES`, from so far away that the whole gel is seen, whatever the shape of the box. `look`:
+   * {exaggeration, scaleMm, colouring}; over the surface lies a line through `places` [[x, y], ...] in mm.
+   */
+  draw(level, look, places) {
+    this.#tell(look);
+    const size = sizeMm(this.#view.header);
+    if (level !== this.#level) this.#remesh(level, size);
+    const height = (place) => (depthAt(this.#view, this.#view.depth, place) ?? 0) * look.exaggeration + LIFT_MM;
+    this.#line.geometry.dispose();
+    this.#line.geometry = lines(places.map(([x, y]) => [x, -y, height([x, y])]));
+    const half = Math.tan((this.#camera.fov * Math.PI) / 360);
+    this.orbit.place(this.#camera, (Math.hypot(...size) / half) * Math.max(0.53 / this.#camera.aspect, 0.405));
     this.renderer.render(this.#scene, this.#camera);
   }
 
-  #fit(width, height, { image_px: image, pixel_size_mm: pixel }) {
-    const [widthMm, heightMm] = [image[0] * pixel[0], image[1] * pixel[1]];
-    if (this.#size.width === width && this.#size.height === height && this.#size.widthMm === widthMm) return;
-    this.#size = { width, height, widthMm, heightMm };
-    this.#uniforms.depth.value = new THREE.DataTexture(new Float32Array(width * height), width, height, THREE.RedFormat, THREE.FloatType);
-    const normals = new THREE.DataTexture(new Uint8Array(width * height * 4), width, height);
-    normals.minFilter = normals.magFilter = THREE.LinearFilter;
-    this.#uniforms.normals.value = normals;
-    this.#frame?.removeFromParent();
-    this.#frame = frameLines(widthMm, heightMm);
-    this.#scene.add(this.#frame);
-    this.#level = -1;
-    this.#aim();
+  /** Give the shaders values of their uniforms. */
+  #tell(values) {
+    for (const [name, value] of Object.entries(values)) this.#uniforms[name].value = value;
   }
 
-  #remesh(level) {
-    const { widthMm, heightMm } = this.#size;
+  /** Make what depends on the size of the view. */
+  #fit({ width, height, header }) {
+    const size = [width, height, ...sizeMm(header)].join();
+    if (this.#size === size) return;
+    this.#size = size;
+    const smooth = { minFilter: THREE.LinearFilter, magFilter: THREE.LinearFilter };
+    this.#tell({
+      depth: texture(new Float32Array(width * height), width, height, THREE.RedFormat, THREE.FloatType),
+      normals: Object.assign(texture(new Uint8Array(width * height * 4), width, height), smooth),
+    });
+    this.#frame?.removeFromParent();
+    this.#frame = frameLines(...sizeMm(header));
+    this.#scene.add(this.#frame);
+    this.#level = -1;
+  }
+
+  #remesh(level, size) {
     const [columns, rows] = MESHES[level];
     this.#mesh?.geometry.dispose();
     this.#mesh?.removeFromParent();
-    this.#mesh = new THREE.Mesh(new THREE.PlaneGeometry(widthMm, heightMm, columns - 1, rows - 1), this.#material);
+    this.#mesh = new THREE.Mesh(new THREE.PlaneGeometry(...size, columns - 1, rows - 1), this.#material);
     this.#mesh.frustumCulled = false;
     this.#scene.add(this.#mesh);
     this.renderer.setPixelRatio(level === 0 ? Math.min(devicePixelRatio, 2) : 1);
     this.#level = level;
-  }
-
-  #resize(box, changed) {
-    this.renderer.setSize(box.clientWidth, box.clientHeight, false);
-    this.#camera.aspect = box.clientWidth / Math.max(box.clientHeight, 1);
-    this.#camera.updateProjectionMatrix();
-    this.#aim();
-    changed();
-  }
-
-  /** Move the camera away until the whole gel is seen, whatever the shape of the box. */
-  #aim() {
-    const half = Math.tan((this.#camera.fov * Math.PI) / 360);
-    const { widthMm = 40, heightMm = 30 } = this.#size;
-    this.#reach = (Math.hypot(widthMm, heightMm) / half) * Math.max(0.53 / this.#camera.aspect, 0.405);
   }
 }
 
@@ -191,23 +186,28 @@ function rendererName() {
   return name;
 }
 
-function colourTexture() {
-  const data = new Uint8Array(256 * 4);
-  for (let i = 0; i < 256; i++) data.set([...depthColour(i === 255 ? 2 : i / 254), 255], i * 4);
-  const texture = new THREE.DataTexture(data, 256, 1);
-  texture.minFilter = texture.magFilter = THREE.NearestFilter;
-  texture.needsUpdate = true;
-  return texture;
+/** A texture of which each point has the value of its pixel. */
+function texture(...what) {
+  const made = new THREE.DataTexture(...what);
+  made.minFilter = made.magFilter = THREE.NearestFilter;
+  return made;
+}
+
+/** A geometry of points [x, y, z] in mm. */
+function lines(points) {
+  const geometry = new THREE.BufferGeometry();
+  return geometry.setAttribute("position", new THREE.Float32BufferAttribute(points.flat(), 3));
 }
 
 /** The rim of the view at rest, and its axes: x red to the right, y green downwards, z blue towards the camera. */
 function frameLines(widthMm, heightMm) {
   const [x, y] = [widthMm / 2, heightMm / 2];
-  const rim = [-x, y, 0, x, y, 0, x, y, 0, x, -y, 0, x, -y, 0, -x, -y, 0, -x, -y, 0, -x, y, 0];
-  const axes = [-x, y, 0, -x + 5, y, 0, -x, y, 0, -x, y - 5, 0, -x, y, 0, -x, y, 5];
-  const colours = [...Array(8).fill([0.25, 0.32, 0.42]), ...[[1, 0.36, 0.36], [0.32, 0.82, 0.45], [0.36, 0.55, 1]].flatMap((c) => [c, c])];
-  const geometry = new THREE.BufferGeometry();
-  geometry.setAttribute("position", new THREE.Float32BufferAttribute([...rim, ...axes], 3));
-  geometry.setAttribute("color", new THREE.Float32BufferAttribute(colours.flat(), 3));
+  const corners = [[-x, y, 0], [x, y, 0], [x, -y, 0], [-x, -y, 0]];
+  const rim = corners.map((corner, i) => [corner, corners[(i + 1) % 4], [0.25, 0.32, 0.42]]);
+  const ends = [[[-x + 5, y, 0], [1, 0.36, 0.36]], [[-x, y - 5, 0], [0.32, 0.82, 0.45]], [[-x, y, 5], [0.36, 0.55, 1]]];
+  const all = [...rim, ...ends.map(([end, colour]) => [corners[0], end, colour])];
+  const geometry = lines(all.flatMap(([start, end]) => [start, end]));
+  const colours = all.flatMap(([, , colour]) => [...colour, ...colour]);
+  geometry.setAttribute("color", new THREE.Float32BufferAttribute(colours, 3));
   return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ vertexColors: true }));
 }

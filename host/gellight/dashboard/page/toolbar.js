@@ -1,6 +1,6 @@
 // The keys of the page: every element with a `data-key` is clicked by it, and the help lists them.
 
-import { element, node } from "./dom.js";
+import { element, html, render } from "./dom.js";
 
 const MORE_KEYS = [
   ["arrows", "on a picture: move the cursor; with Shift by 0.1 mm"],
@@ -25,13 +25,12 @@ export function listenToKeys(escape) {
 }
 
 function fillHelp(keyed) {
-  const own = [...keyed].map(([key, node]) => [key === " " ? "Space" : key.toUpperCase(), node.title ? `${node.textContent.trim()}: ${node.title}` : node.textContent.trim()]);
-  element("keys").replaceChildren(...[...own, ...MORE_KEYS].map(([key, text]) => {
-    const [line, term] = [node("div", ""), node("dt", "")];
-    term.append(node("kbd", key));
-    line.append(term, node("dd", text));
-    return line;
-  }));
+  const own = [...keyed].map(([key, { title, textContent }]) => {
+    const name = textContent.trim();
+    return [key === " " ? "Space" : key.toUpperCase(), title ? `${name}: ${title}` : name];
+  });
+  const line = ([key, text]) => html`<div><dt><kbd>${key}</kbd></dt><dd>${text}</dd></div>`;
+  render([...own, ...MORE_KEYS].map(line), element("keys"));
 }
 
 /** Make `button` enter and leave full screen. */
@@ -41,5 +40,7 @@ export function offerFullScreen(button) {
     if (document.fullscreenElement) document.exitFullscreen();
     else document.documentElement.requestFullscreen();
   });
-  document.addEventListener("fullscreenchange", () => button.setAttribute("aria-pressed", Boolean(document.fullscreenElement)));
+  document.addEventListener("fullscreenchange", () => {
+    button.setAttribute("aria-pressed", Boolean(document.fullscreenElement));
+  });
 }
