@@ -26,9 +26,11 @@ def test_the_program_in_the_readme_runs(block: str) -> None:
     [
         ("gellight", ("numpy", "cv2", "onnxruntime", "aiohttp", "zenoh", "mcap")),
         ("gellight.stream.subscription", ("onnxruntime", "aiohttp", "mcap", "serial", "gellight.daemon.session")),
+        ("gellight.stream.sensor", ("scipy.ndimage", "scipy.sparse", "scipy.optimize", "asyncio", "aiohttp", "zenoh")),
+        ("gellight.cli.one_sensor", ("scipy.ndimage", "scipy.sparse", "scipy.optimize", "aiohttp", "gellight.lab")),
     ],
 )
-def test_importing_the_package_or_what_a_subscriber_needs_imports_nothing_heavy(
+def test_importing_the_package_or_what_a_program_needs_imports_nothing_heavy_that_it_does_not(
     imported: str, heavy: tuple[str, ...]
 ) -> None:
     code = f"import sys, {imported}; print([name for name in {heavy} if name in sys.modules])"

@@ -22,7 +22,6 @@ gellight` costs nothing that is not needed.
 
 import os
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -76,6 +75,8 @@ __all__ = sorted(_MODULES)
 def __getattr__(name: str) -> object:
     """Import a public name from the module it lives in; `__version__` is that of the installed package."""
     if name == "__version__":
+        from importlib.metadata import version
+
         return version("gellight")
     if name not in _MODULES:
         raise AttributeError(f"module 'gellight' has no attribute {name!r}")

@@ -22,9 +22,7 @@ from gellight.cli.ending import with_program_path
 from gellight.cli.options import RunOptions
 from gellight.cli.showing import show
 from gellight.daemon.assembly import open_session
-from gellight.daemon.calibration_service import CalibrationService
 from gellight.daemon.session import SensorSession
-from gellight.dashboard.server import DashboardServer
 from gellight.frames.camera import EndOfStream
 from gellight.frames.frames import TactileFrame
 from gellight.frames.status import SensorStatus
@@ -148,6 +146,10 @@ def served(daemon: SensorSession, settings: Settings, wanted: bool = True) -> It
     if not wanted:
         yield ""
         return
+    # The lab, SciPy and aiohttp take longer, and half as much memory, as all that a sensor without a page needs.
+    from gellight.daemon.calibration_service import CalibrationService
+    from gellight.dashboard.server import DashboardServer
+
     with (
         CalibrationService(daemon, geometry=settings.geometry.overrides()) as service,
         panel("scan", daemon, lambda: service.calibrating) as scan,

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from gellight.base.errors import InputError
 
@@ -85,6 +84,8 @@ def _gel_around(small: NDArray[np.uint8], diameter_px: float) -> NDArray[np.floa
 
 def _peaks(dark: NDArray[np.float32], diameter_px: float, least: float) -> tuple[Floats, NDArray[np.float32]]:
     """Return (M, 2) x, y and (M,) darkness of the darkest pixels within half a diameter."""
+    from scipy.spatial import cKDTree  # SciPy takes longer than all else of a start
+
     smooth = cv2.GaussianBlur(dark, (0, 0), 0.3 * diameter_px)
     side = int(diameter_px) | 1
     rows, columns = np.nonzero((smooth >= cv2.dilate(smooth, np.ones((side, side), np.uint8))) & (smooth > least))

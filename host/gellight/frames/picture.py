@@ -6,6 +6,7 @@ Without such a file pictures are taken as they are. With it a view is taken (`vi
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +16,12 @@ from gellight.bundle.bundle import Bundle
 from gellight.bundle.bundle_file import PictureFile, read_bundle_file
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
-from gellight.frames.dot_following import DotFollower
 from gellight.frames.dots import Dots, find_dots
 from gellight.frames.frames import CameraFrame
 from gellight.frames.view import View
+
+if TYPE_CHECKING:
+    from gellight.frames.dot_following import DotFollower
 
 FILE_NAME = "picture.json"
 _REMEDY = "make it with `gellight calibrate view` and `gellight calibrate fit`"
@@ -69,11 +72,13 @@ class PictureSteps(PictureFile):
         """Return a view with its dots filled."""
         return self.dots.filled(seen) if self.dots else seen
 
-    def follower(self) -> DotFollower | None:
+    def follower(self) -> "DotFollower | None":
         """Return what follows the dots of a gel; None where it has none, or the bundle does not say where."""
         dots = self.dots
         if dots is None or not dots.places_px:
             return None
+        from gellight.frames.dot_following import DotFollower  # SciPy takes longer than all else of a start
+
         return DotFollower(np.array(dots.places_px), dots.diameter_px, dots.darkness)
 
 

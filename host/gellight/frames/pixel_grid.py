@@ -78,6 +78,23 @@ def between_blocks(blocks: NDArray[np.float32], side: int, image_shape: tuple[in
     return np.ascontiguousarray(pixels[: image_shape[0], : image_shape[1]], np.float32)
 
 
+def grown(marked: NDArray[np.bool_], steps: int, *, corners: bool = True) -> NDArray[np.bool_]:
+    """Mark the (H, W) pixels within so many steps of a marked one too; corners: a step may go across a corner."""
+    step = np.ones((3, 3), np.uint8) if corners else cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    return cv2.dilate(np.ascontiguousarray(marked).view(np.uint8), step, iterations=steps).view(np.bool_)
+
+
+def connected(marked: NDArray[np.bool_], *, corners: bool = True) -> tuple[NDArray[np.int32], list[Box]]:
+    """Return the number of the part that each marked (H, W) pixel is of, from 1 on, and the rectangle of each part.
+
+    0 is what is not marked. corners: pixels that meet at a corner are of one part.
+    """
+    pixels = np.ascontiguousarray(marked).view(np.uint8)
+    _, labels, measures, _ = cv2.connectedComponentsWithStats(pixels, connectivity=8 if corners else 4)
+    boxes = measures[1:, [cv2.CC_STAT_TOP, cv2.CC_STAT_HEIGHT, cv2.CC_STAT_LEFT, cv2.CC_STAT_WIDTH]].tolist()
+    return np.asarray(labels, np.int32), [(slice(y, y + h), slice(x, x + w)) for y, h, x, w in boxes]
+
+
 def bounding_box(marked: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice]:
     """Return rows and columns of the smallest rectangle around the marked (H, W) pixels, wider by `margin`.
 

@@ -19,7 +19,6 @@ from enum import StrEnum
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
 from gellight.frames.pixel_grid import plane_means
 from gellight.photometric.ring_geometry import RingGeometry
@@ -155,6 +154,8 @@ def group_signals(
 
     noise_grey: standard deviation of one pixel of one picture. block_px: P is the means over squares of this side.
     """
+    from scipy.ndimage import uniform_filter  # SciPy takes longer than all else of a start
+
     shape = (model.image_shape[0] // block_px, model.image_shape[1] // block_px)
     light: Floats = np.sum([model.linear(image) for image in taken], axis=0) / np.float32(len(taken))
     unclipped = np.all([image[..., channel] < CLIPPED for image in taken for channel in range(3)], axis=0)

@@ -17,7 +17,6 @@ from typing import Any, Self
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from gellight.frames.measures import CLIPPED, DARK, ELSEWHERE, STEEP, STRANGE, Confidence
 
@@ -64,9 +63,10 @@ class Learnt:
         row, column = (np.clip(rows[:, k].round().astype(int), 0, image_shape[4 - k] - 1) for k in (4, 3))
         pressed[row, column] = True
         colours.ravel()[_cubes(rows[:, :3])] = True
-        away = ndimage.distance_transform_edt(~pressed)
-        around = ndimage.binary_dilation(colours, np.ones((3, 3, 3)))
-        return cls(steepest_of(rows[:, 5:7]), np.asarray(away <= NEAR * min(image_shape)), np.asarray(around))
+        away = cv2.distanceTransform((~pressed).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        along = cv2.dilate(colours.view(np.uint8), np.ones((3, 3), np.uint8)).reshape(-1, _BINS)
+        around = cv2.dilate(along, np.ones((1, 3), np.uint8)).reshape(colours.shape)
+        return cls(steepest_of(rows[:, 5:7]), np.asarray(away <= NEAR * min(image_shape)), around.view(np.bool_))
 
     def strange(self, difference: NDArray[np.floating]) -> Bools:
         """Mark the (H, W) pixels of a (H, W, 3) difference image whose colour no press had."""

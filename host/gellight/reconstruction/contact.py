@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from gellight.frames.frames import Contact, Patch
-from gellight.frames.pixel_grid import bounding_box, pixel_size_xy
+from gellight.frames.pixel_grid import bounding_box, connected, pixel_size_xy
 from gellight.reconstruction.perspective import Perspective
 
 THRESHOLD_MM = 0.02
@@ -30,7 +29,6 @@ FEWEST_BLOCKS = 16
 """of 2 x 2 pixels: in a smaller region no rim can be told, and half of the deepest takes its place"""
 _STEEP = np.float32(0.95)
 """share of the largest mean steepness: the rim has at least that"""
-_NEIGHBOURS = np.ones((3, 3), np.bool_)
 
 
 def find_contact(
@@ -58,10 +56,10 @@ def find_contact(
     _check(depth_mm, threshold_mm)
     size_mm = pixel_size_xy(pixel_size_mm)
     blocks = _second_largest_of_blocks(depth_mm)
-    labels, count = ndimage.label(blocks > threshold_mm, structure=_NEIGHBOURS)
-    if count == 0:
+    labels, boxes = connected(blocks > threshold_mm)
+    if not boxes:
         return _contact(np.zeros(depth_mm.shape, np.bool_), 0.0, size_mm)
-    deepest, inside = np.zeros(count + 1, np.float64), labels > 0
+    deepest, inside = np.zeros(len(boxes) + 1, np.float64), labels > 0
     np.maximum.at(deepest, labels[inside], blocks[inside].astype(np.float64))
     level = np.maximum(deepest * _rims(blocks, labels, deepest, size_mm[0] / size_mm[1]), threshold_mm)
     level[0] = np.inf
@@ -97,8 +95,8 @@ def without_untouched(
     if not np.any(contact.mask & ~touched):
         return contact
     part = bounding_box(contact.mask)
-    labels, count = ndimage.label(contact.mask[part], structure=_NEIGHBOURS)
-    felt = np.bincount(labels[touched[part]], minlength=count + 1) > 0
+    labels, boxes = connected(contact.mask[part])
+    felt = np.bincount(labels[touched[part]], minlength=len(boxes) + 1) > 0
     felt[0] = False
     if felt[1:].all():
         return contact
@@ -133,9 +131,9 @@ def measure_patches(
     part = bounding_box(mask)
     top, left = (side.start for side in part)
     depth_mm, gradient_map = depth_mm[part], gradient_map[part]
-    labels, _ = ndimage.label(mask[part], structure=_NEIGHBOURS)
+    labels, boxes = connected(mask[part])
     parts = []
-    for label, (rows, columns) in enumerate(ndimage.find_objects(labels), start=1):
+    for label, (rows, columns) in enumerate(boxes, start=1):
         inside = labels[rows, columns] == label
         count = np.count_nonzero(inside)
         if count < SMALLEST_PATCH_PX:

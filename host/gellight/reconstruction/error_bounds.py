@@ -11,7 +11,6 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy import ndimage
 
 from gellight.bundle.bundle import Bundle
 from gellight.bundle.bundle_file import BundleFile, read_bundle_file
@@ -84,6 +83,8 @@ def signs(gradient_map: Floats, depth_mm: Floats, touched: NDArray[np.bool_]) ->
 
 
 def _patches(depth_mm: Floats, touched: NDArray[np.bool_]) -> _Patches:
+    from scipy import ndimage  # SciPy takes longer than all else of a start
+
     outside, (row, column) = ndimage.distance_transform_edt(~touched, return_indices=True)
     distance = ndimage.distance_transform_edt(touched) - outside
     numbers, count = ndimage.label(touched)

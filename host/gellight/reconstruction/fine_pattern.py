@@ -11,9 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import scipy.fft
 from numpy.typing import NDArray
-from scipy import ndimage
 
 FINE_PX, COARSE_PX = 0.7, 2.0
 """standard deviations of the two Gaussians"""
@@ -48,7 +46,7 @@ class FinePattern:
             raise ValueError(f"the picture is {image.shape}, the pattern {self._shape}")
         product = np.conj(self._spectrum) * _spectrum(image)
         size = np.abs(product)
-        by_shift = scipy.fft.irfft2(product / np.maximum(size, np.median(size) + 1e-30), s=self._shape)
+        by_shift = np.fft.irfft2(product / np.maximum(size, np.median(size) + 1e-30), s=self._shape)
         by_shift = np.roll(by_shift, (REACH_PX, REACH_PX), axis=(0, 1))
         near, beyond = 2 * REACH_PX + 1, 2 * REACH_PX + _GAP_PX
         chance = np.concatenate([by_shift[beyond:-_GAP_PX].ravel(), by_shift[:, beyond:-_GAP_PX].ravel()])
@@ -68,9 +66,11 @@ def pattern_match(images: Sequence[NDArray[Any]], reference: NDArray[Any]) -> fl
 
 def _spectrum(image: NDArray[Any]) -> NDArray[np.complexfloating]:
     """The spectrum of what varies within two pixels, as a share of the light there."""
+    from scipy import ndimage  # SciPy takes longer than all else of a start
+
     light = np.log(np.maximum(np.asarray(image, np.float32), _DARKEST_GREY)).mean(axis=2)
     fine = ndimage.gaussian_filter(light, FINE_PX) - ndimage.gaussian_filter(light, COARSE_PX)
     most = _MOST_SPREADS * _SPREAD_TIMES * float(np.median(np.abs(fine)))
     fine = np.clip(fine, -most, most)
     taper = np.outer(*(np.hanning(size).astype(np.float32) for size in fine.shape))
-    return np.asarray(scipy.fft.rfft2((fine - fine.mean()) * taper))
+    return np.asarray(np.fft.rfft2((fine - fine.mean()) * taper))

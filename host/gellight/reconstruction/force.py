@@ -20,12 +20,10 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-import scipy.fft
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from gellight.base.errors import InputError
-from gellight.frames.pixel_grid import block_means, bounding_box, over_gel
+from gellight.frames.pixel_grid import block_means, bounding_box, grown, over_gel
 from gellight.reconstruction.contact import THRESHOLD_MM, find_contact
 
 Array = NDArray[np.float64]
@@ -118,7 +116,7 @@ def indenting(
 def _pressed(depth: Array, size_mm: tuple[float, float], layer: Layer) -> Array:
     """Return the pressure that makes the depth in the contact patch of these cells."""
     patch = find_contact(depth, size_mm).mask
-    pressed = binary_dilation(patch, iterations=_PATCH_CELLS) & (depth > THRESHOLD_MM)
+    pressed = grown(patch, _PATCH_CELLS, corners=False) & (depth > THRESHOLD_MM)
     pressure = np.zeros_like(depth)
     if pressed.any():
         part = bounding_box(pressed)
@@ -205,11 +203,11 @@ def _influence(shape: tuple[int, int], size_mm: tuple[float, float], layer: Laye
     As OpenCV packs it.
     """
     rows, columns = (
-        scipy.fft.next_fast_len(count // 2 + _reach(size, layer) + 1, real=True)
+        cv2.getOptimalDFTSize(count // 2 + _reach(size, layer) + 1)
         for count, size in zip(shape, size_mm[::-1], strict=True)
     )
     rows, columns = max(rows, shape[0]), max(columns, shape[1])
-    deep = scipy.fft.irfft2(compliance((rows, columns), size_mm, layer), s=(rows, columns))
+    deep = np.fft.irfft2(compliance((rows, columns), size_mm, layer), s=(rows, columns))
     down, along = (np.rint(np.fft.fftfreq(count, 1 / count)).astype(np.intp) for count in shape)
     influence = np.asarray(cv2.dft(deep[down[:, None], along]))
     influence.flags.writeable = False
@@ -218,8 +216,8 @@ def _influence(shape: tuple[int, int], size_mm: tuple[float, float], layer: Laye
 
 def compliance(shape: tuple[int, int], size_mm: tuple[float, float], layer: Layer) -> Array:
     """Return G(k) of the module's text on the grid of a real FFT of (h, w) cells, mm for a modulus of 1 N / mm2."""
-    along_x = 2 * np.pi * scipy.fft.rfftfreq(shape[1], size_mm[0])[None, :]
-    along_y = 2 * np.pi * scipy.fft.fftfreq(shape[0], size_mm[1])[:, None]
+    along_x = 2 * np.pi * np.fft.rfftfreq(shape[1], size_mm[0])[None, :]
+    along_y = 2 * np.pi * np.fft.fftfreq(shape[0], size_mm[1])[:, None]
     k = np.hypot(along_x, along_y)
     k[0, 0] = 1.0
     nu = layer.poisson_ratio

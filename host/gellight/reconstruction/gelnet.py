@@ -15,9 +15,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from gellight.frames.pixel_grid import between_blocks, block_means, spread_blocks
+from gellight.frames.pixel_grid import between_blocks, block_means, grown, spread_blocks
 from gellight.reconstruction.image_noise import SIGNIFICANT, RestChange
 from gellight.reconstruction.network_session import NetworkSession
 
@@ -87,7 +86,7 @@ class GradientNetwork:
         squares = [_square_means(means, side) for side in SQUARES_CELLS]
         clear, significant = (_beyond(squares, limits) for limits in self.limits_grey)
         cells = clear if clear.any() else significant
-        return np.asarray(ndimage.binary_dilation(cells, structure=np.ones((5, 5), np.bool_)))
+        return grown(cells, 2)
 
     @property
     def limits_grey(self) -> list[list[tuple[float, float]]]:
@@ -162,10 +161,9 @@ def _square_means(means: Floats, side: int) -> Floats:
     larger than the image is as large as the image.
     """
     sides = [min(side, cells) for cells in means.shape[:2]]
-    square = ndimage.uniform_filter(means, size=(*sides, 1), mode="nearest")
-    beyond = [(side // 2, (side - 1) // 2) for side in sides]
-    inside = tuple(slice(first, cells - last) for (first, last), cells in zip(beyond, means.shape, strict=False))
-    return np.pad(square[inside], (*beyond, (0, 0)), mode="edge")
+    h, w = (cells - side + 1 for cells, side in zip(means.shape, sides, strict=False))
+    parts = [means[y : y + h, x : x + w] for y in range(sides[0]) for x in range(sides[1])]
+    return np.pad(np.mean(parts, axis=0), (*((side // 2, (side - 1) // 2) for side in sides), (0, 0)), mode="edge")
 
 
 def cell_means(difference: Floats, size: int) -> Floats:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import logging
 import threading
@@ -82,6 +81,8 @@ class FrameSource(ABC):
 
     async def __aiter__(self) -> AsyncIterator[TactileFrame]:
         """Yield frames as `__iter__` does, without keeping the event loop from other work."""
+        import asyncio  # takes a tenth of a start, and who calls this has it
+
         while (frame := await asyncio.to_thread(self._next_if_any)) is not None:
             yield frame
 

@@ -2,9 +2,8 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from gellight.frames.pixel_grid import block_means, gel_points_mm
+from gellight.frames.pixel_grid import between_blocks, block_means, gel_points_mm
 
 Cells = NDArray[np.float32]
 """(h, w, 3) RGB, grey levels, one value a cell"""
@@ -19,10 +18,9 @@ def cell_means(image: NDArray[np.uint8] | NDArray[np.float32]) -> Cells:
 
 def spread(cells: Cells, image_shape: tuple[int, int]) -> NDArray[np.float32]:
     """Return the (H, W, 3) image that is linear between the centres of (h, w, 3) cells and constant beyond them."""
-    rows, columns = ((np.arange(size) - (CELL_PX - 1) / 2) / CELL_PX for size in image_shape)
-    at = np.meshgrid(rows, columns, indexing="ij")
-    planes = [ndimage.map_coordinates(cells[..., c], at, order=1, mode="nearest") for c in range(3)]
-    return np.stack(planes, axis=2).astype(np.float32)
+    whole = between_blocks(cells.astype(np.float32, copy=False), CELL_PX, image_shape)
+    beyond = [(0, size - covered) for size, covered in zip(image_shape, whole.shape, strict=False)]
+    return np.pad(whole, [*beyond, (0, 0)], mode="edge")
 
 
 def positions_mm(

@@ -10,8 +10,8 @@ from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
+from gellight.frames.pixel_grid import connected, grown
 from gellight.watch.cells import Cells
 from gellight.watch.untouched_model import Mask
 
@@ -70,25 +70,23 @@ class SpotTracker:
         self._releases[~outliers] = 0
         ended = self._before & ~outliers
         if ended.sum() >= LEAST_RELEASED:
-            near = ndimage.binary_dilation(ended, iterations=ELSEWHERE_CELLS)
-            touching = ndimage.binary_propagation(near & outliers, mask=outliers)
-            self._releases[outliers & ~touching] += 1
+            parts = connected(outliers, corners=False)[0]
+            touching = parts[grown(ended, ELSEWHERE_CELLS, corners=False)]
+            self._releases[outliers & ~np.isin(parts, touching)] += 1
         self._before = outliers
         self.lasting = (time_s - self._since_s >= PATIENCE_S) & (self._releases >= RELEASES)
-        self.around = (
-            ndimage.binary_dilation(self.lasting, iterations=EDGE_CELLS) if self.lasting.any() else self.lasting
-        )
+        self.around = grown(self.lasting, EDGE_CELLS, corners=False)
 
     def spots(self, change: Cells, reference: Cells) -> list[Spot]:
         """Return the spots, the largest first, judged by the (h, w, 3) change that light and place do not explain."""
-        labels, count = ndimage.label(self.lasting, structure=np.ones((3, 3)))
-        found = [_spot(labels == number, change, reference) for number in range(1, count + 1)]
+        labels, boxes = connected(self.lasting)
+        found = [_spot(labels == number, change, reference) for number in range(1, len(boxes) + 1)]
         fitting = [spot for spot in found if LEAST_CELLS <= spot.cells <= LARGEST_SHARE * self.lasting.size]
         return sorted(fitting, key=lambda spot: -spot.cells)
 
 
 def _spot(where: NDArray[np.bool_], change: Cells, reference: Cells) -> Spot:
-    row, column = ndimage.center_of_mass(where)
+    row, column = np.argwhere(where).mean(axis=0)
     red, green, blue = (float(v) for v in 1 + change[where].mean(axis=0) / reference[where].mean(axis=0))
     return Spot(
         kind=_kind(np.array([red, green, blue])),

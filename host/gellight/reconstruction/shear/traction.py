@@ -22,10 +22,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import scipy.fft
-import scipy.linalg
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from gellight.reconstruction.force import Layer
 
@@ -50,6 +47,8 @@ class Kernels:
 
     def at(self, away_mm: Array) -> tuple[Array, ...]:
         """Return them at (..., 2) points away from the cell."""
+        from scipy.ndimage import map_coordinates  # SciPy takes longer than all else of a start
+
         places = np.moveaxis(away_mm[..., ::-1] / self.spacing_mm + self.middle, -1, 0)
         return tuple(map_coordinates(one, places, order=1) for one in self.maps)
 
@@ -57,11 +56,13 @@ class Kernels:
 @lru_cache(maxsize=8)
 def kernels(layer: Layer) -> Kernels:
     """Return the kernels of a layer."""
+    from scipy import fft
+
     spacing = layer.thickness_mm / CELLS_A_THICKNESS
     middle = round(REACH * CELLS_A_THICKNESS)
-    size = scipy.fft.next_fast_len(2 * middle + 1, real=True)
-    kx = 2 * np.pi * scipy.fft.rfftfreq(size, spacing)[None, :]
-    ky = 2 * np.pi * scipy.fft.fftfreq(size, spacing)[:, None]
+    size = fft.next_fast_len(2 * middle + 1, real=True)
+    kx = 2 * np.pi * fft.rfftfreq(size, spacing)[None, :]
+    ky = 2 * np.pi * fft.fftfreq(size, spacing)[:, None]
     k = np.hypot(kx, ky)
     k[0, 0] = 1.0
     along, mixed, across = _compliances(k, layer)
@@ -71,7 +72,7 @@ def kernels(layer: Layer) -> Kernels:
     xx[0, 0] = yy[0, 0] = layer.thickness_mm * 2 * (1 + layer.poisson_ratio)
     for odd in (xy, xz, yz):
         odd[0, 0] = 0
-    pushed = [np.fft.fftshift(scipy.fft.irfft2(one, s=(size, size))) / spacing**2 for one in (xx, xy, yy, xz, yz)]
+    pushed = [np.fft.fftshift(fft.irfft2(one, s=(size, size))) / spacing**2 for one in (xx, xy, yy, xz, yz)]
     return Kernels(spacing, size // 2, (pushed[0], pushed[1], pushed[2], pushed[3], pushed[4]))
 
 
@@ -106,20 +107,22 @@ def find_pull(
     influence: (2n, 2m) mm by the traction of each cell, x of all dots before y, x of all cells before y. pressure: (m,)
     as a share of Young's modulus, above 0. cells_mm: (m, 2) their middles.
     """
+    from scipy import linalg
+
     shapes, spread = _shapes(pressure, cells_mm)
     whole = np.concatenate([pressure, pressure])
     by_shape, by_cell = sums_along(influence, shapes), influence * whole
     short = by_cell.astype(np.float32)  # 7 digits are plenty, in a third of the time
     together = sums_along(by_shape * spread, by_shape) + FREE**2 * sums_along(short, short)
     together[np.diag_indices_from(together)] += error_mm**2
-    factor = scipy.linalg.cho_factor(together, lower=True, check_finite=False)
+    factor = linalg.cho_factor(together, lower=True, check_finite=False)
     sums = _sums(pressure, cells_mm) * area_mm2
-    weights = scipy.linalg.cho_solve(factor, moved_mm.T.ravel(), check_finite=False)
+    weights = linalg.cho_solve(factor, moved_mm.T.ravel(), check_finite=False)
     traction = (spread * (weights @ by_shape)) @ shapes + FREE**2 * whole * np.einsum("i,ij->j", weights, by_cell)
     of_shapes, of_cells = sums_along(sums, shapes), sums * whole
     seen = sums_along(of_shapes * spread, by_shape) + FREE**2 * sums_along(of_cells, by_cell)
     before = sums_along(of_shapes * spread, of_shapes) + FREE**2 * sums_along(of_cells, of_cells)
-    left = before - seen @ scipy.linalg.cho_solve(factor, seen.T, check_finite=False)
+    left = before - seen @ linalg.cho_solve(factor, seen.T, check_finite=False)
     return Pull(traction=traction.reshape(2, -1).T, total=sums @ traction, covariance=left)
 
 
