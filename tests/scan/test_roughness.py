@@ -228,7 +228,6 @@ def test_the_map_is_written_and_nothing_replaced_unasked(plate: Path) -> None:
     ("words", "message"),
     [
         (("--cutoff-mm", "-1"), "a cutoff of -1.0 mm is none"),
-        (("--blur-mm", "0.5"), "the setting geometry.coating_smoothing_mm"),
         (("--frame", "3"), "--frame is of a recording"),
         (("--out", "map.xyz"), "end its name with one of .png"),
     ],
