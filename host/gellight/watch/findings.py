@@ -16,6 +16,7 @@ from gellight.bundle.bundle import OTHER_UNITS, Bundle
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import CLIPPED, DARK, ELSEWHERE, STEEP, STRANGE
 from gellight.frames.status import FindingStatus
+from gellight.reconstruction.contact import SMALLEST_PATCH_PX
 from gellight.reconstruction.force_file import read_force
 from gellight.reconstruction.integration import normals, surface_gradient
 from gellight.watch.cells import CELL_PX
@@ -266,7 +267,7 @@ def no_surface(frame: TactileFrame, pixel_size_mm: tuple[float, float]) -> Itera
     if frame.exposures is not None:
         return
     sloping = np.hypot(*np.moveaxis(frame.gradient_map, 2, 0)) > GENTLEST
-    if np.count_nonzero(sloping) < FEWEST_SLOPING or not frame.contact.mask.any():
+    if np.count_nonzero(sloping) < FEWEST_SLOPING or np.count_nonzero(frame.contact.mask) < SMALLEST_PATCH_PX:
         return
     felt, fitted = (normals(g)[sloping] for g in (frame.gradient_map, surface_gradient(frame.depth_mm, pixel_size_mm)))
     unlike = float(np.sqrt(((felt - fitted) ** 2).sum() / ((felt - (0, 0, 1)) ** 2).sum()))

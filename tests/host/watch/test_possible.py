@@ -48,6 +48,10 @@ def test_slopes_that_contradict_each_other_are_said(tmp_path: Path, turned_rad: 
     frame = Reconstructor(bundle).reconstruct(photograph(slopes))
     frame = replace(frame, contact=replace(frame.contact, mask=np.hypot(gx, gy) > 0.1))
     assert [finding.kind for finding in no_surface(frame, bundle.pixel_size_mm)] == kinds
+    for pixels, said in ((16, kinds), (15, [])):  # crumbs of noise are no contact
+        crumbs = np.arange(gx.size).reshape(gx.shape) < pixels
+        small = replace(frame, contact=replace(frame.contact, mask=crumbs))
+        assert [finding.kind for finding in no_surface(small, bundle.pixel_size_mm)] == said
 
 
 def test_each_frame_of_a_running_sensor_carries_it_by_the_gel_of_its_bundle(tmp_path: Path, synthetic: Bundle) -> None:
