@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import TypeAdapter, ValidationError
+from pydantic import AliasChoices, Field, TypeAdapter, ValidationError
 
 from gellight.base.allowed import Byte, StrictModel, in_words
 from gellight.base.errors import StreamError
@@ -56,6 +56,8 @@ CHANNELS = {
     "quality_flags": (1, 1),
 }
 """type and channels of each plane by its name; a reader passes over names it does not know"""
+NOW_CALLED = {"doubts": "quality_flags"}
+"""planes of older senders"""
 NEEDED = ("image", "gradient", "depth_mm", "contact")
 REMEDY = "update GelLight on both sides to the same version"
 
@@ -76,7 +78,7 @@ class Details(StrictModel):
     slip: Slip | None = None
     contacts: tuple[Patch, ...] = ()
     pose: PoseFigures | None = None
-    from_network: bool | None = None
+    from_network: bool | None = Field(None, validation_alias=AliasChoices("from_network", "learnt"))
     """`FrameMeasures.from_network`; None for a frame without measures, as one under another light"""
     provenance: Provenance
 
@@ -296,6 +298,7 @@ def _read_planes(message: bytes, count: int, shape: tuple[int, int]) -> dict[str
     for number in range(count):
         raw, kind, channels, place = PLANE.unpack_from(message, PREFIX.size + number * PLANE.size)
         name = raw.rstrip(b"\0").decode("ascii", "replace")
+        name = NOW_CALLED.get(name, name)
         if name in CHANNELS:
             found[name] = _plane(message, name, (kind, channels), place, shape)
     if missing := [name for name in NEEDED if name not in found]:

@@ -120,6 +120,18 @@ def test_what_is_asked_for_travels_and_the_rest_is_computed_to_the_same(
         assert got.maps_on_request()[name].dtype == plane.dtype
 
 
+def test_what_an_older_sender_calls_otherwise_is_understood(tmp_path: Path) -> None:
+    plain = linear_bundle(tmp_path / "plain", shape=SHAPE)
+    sent = replace(full_frame(), measures=BundleMeasures(plain, from_network=False))
+    message = encode(sent, [MapOnRequest.CONFIDENCE])
+    older = message.replace(b"quality_flags\0", b"doubts".ljust(14, b"\0"))
+    older = older.replace(b'"from_network":', b'"learnt":'.ljust(15))
+    assert older.count(b"doubts") == older.count(b"learnt") == 1
+    got = decode(older, lambda _: plain)
+    assert np.array_equal(got.confidence.quality_flags, sent.confidence.quality_flags)
+    assert got.measures.from_network is False
+
+
 @pytest.mark.parametrize("from_network", [True, False])
 def test_the_confidence_computed_by_a_reader_knows_where_the_slopes_come_from(
     tmp_path: Path, from_network: bool

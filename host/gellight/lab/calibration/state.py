@@ -38,12 +38,17 @@ _SHOWN = ("press.png", "cylinder.png", "pins.png")
 """pictures that the terminal keeps beside the state, or once kept"""
 
 
-class PressRecord(Circle):
-    """A ball press that was kept."""
+class PictureRecord(Record):
+    """A picture that was kept."""
 
     number: int = Field(ge=1)
-    file: str = Field(pattern=r"^(presses|checks)/press-\d{3,}\.png$")
-    """its picture, relative to the folder of the calibration"""
+    file: str = Field(pattern=r"^(presses|checks|grids)/press-\d{3,}\.png$")
+    """relative to the folder of the calibration"""
+
+
+class PressRecord(PictureRecord, Circle):
+    """A ball press that was kept."""
+
     found: bool = True
     """in the picture; False: corrected by hand, so that its rim teaches less"""
 
@@ -104,6 +109,8 @@ class State(BaseModel):
     """to train on"""
     checks: list[CheckRecord] = Field(default_factory=list)
     """fresh ones"""
+    grids: list[PictureRecord] = Field(default_factory=list)
+    """of a pin grid, which this version no longer asks for: they are only removed with the rest"""
     extra_presses: int = 0
     """wanted beyond what was asked for, because a verdict was bad"""
     name: str = ""
@@ -129,12 +136,12 @@ def discard(path: Path) -> None:
     state = state_in(path)
     if state is None:
         return
-    pictures = [record.file for record in (*state.presses, *state.checks)]
+    pictures = [record.file for record in (*state.presses, *state.checks, *state.grids)]
     bundles = [*_files_of_bundle(path, DRAFT), *_files_of_bundle(path, LIKE_UNIT)]
     with writing(path):
         for name in (*pictures, *bundles, *_SHOWN, REFERENCE, STATE):
             (path / name).unlink(missing_ok=True)
-    for name in (*KINDS, DRAFT, LIKE_UNIT, "."):
+    for name in (*KINDS, "grids", DRAFT, LIKE_UNIT, "."):
         with suppress(OSError):  # it is not there, or holds something else
             (path / name).resolve().rmdir()
 

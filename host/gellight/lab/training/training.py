@@ -185,8 +185,7 @@ def fit(
         out, sensor=sensor, overwrite=overwrite,
         reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
         rest_grey=rest_grey, follow_light=follow, level_plane=level_plane, skirt_share=skirt_share,
-        light_by_depth=learnt is not table,
-        camera_height_mm=ball.told_height_mm,
+        light_by_depth=learnt is not table, camera_height_mm=ball.told_height_mm,
         network=network, pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm), presses=table.arrays(like),
         metrics={**metrics, "training": record},
         extra_files={

@@ -216,13 +216,14 @@ def test_what_an_older_version_began_is_read(tmp_path: Path) -> None:
     checks = [{"number": 1, "file": "checks/press-001.png", **circle, "figures": errors}]
     state = {"schema_version": 1, "prisms": [], "steps": steps}
     state["identity"] = {**begun, "prism_angle_deg": 45, "pin_pitch_mm": 2.0}
-    (tmp_path / "state.json").write_text(json.dumps({**state, "checks": checks, "grids": []}))
+    grids = [{"number": 1, "file": "grids/press-001.png"}]
+    (tmp_path / "state.json").write_text(json.dumps({**state, "checks": checks, "grids": grids}))
     read = state_in(tmp_path)
     assert read.steps.prepare.uniformity["red"].brightest_grey == 180
     assert (read.steps.verify.normal_deg, read.checks[0].figures.indentation_mm) == (0.5, 1.0)
     identity = unfinished(tmp_path)
     assert identity.sizes() == {"ball_radius_mm": 60.0, "cylinder_diameter_mm": 6.0, "pixel_size_mm": None}
-    for picture in checks:
+    for picture in (*checks, *grids):
         (tmp_path / picture["file"]).parent.mkdir()
         write_png(tmp_path / picture["file"], PICTURE)
     assert Folder.open(tmp_path, identity).state.checks == read.checks
