@@ -144,6 +144,16 @@ def test_a_small_view_and_an_unknown_zero_change_the_force_of_no_object() -> Non
         assert not seen.at_border
 
 
+@pytest.mark.parametrize("name", ["ball4_0.3", "pins_0.4", "punch_0.4", "tstep_0.5"])
+def test_more_rounds_and_steps_change_no_force(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    found = integral(depth_mm(name))
+    for constant, value in {"_ROUNDS": 12, "_PATCH_ROUNDS": 12, "_SETTLED": 1e-6, "_SETTLED_AT_LAST": 1e-6}.items():
+        monkeypatch.setattr(force_module, constant, value)
+    monkeypatch.setattr(force_module, "_ZERO_SETTLED_MM", 1e-6)
+    monkeypatch.setattr(force_module, "_ZERO_CELLS", 100_000)
+    assert found == pytest.approx(integral(depth_mm(name)), rel=0.003)
+
+
 @pytest.mark.parametrize(("name", "cut_off"), [("ball7_0.8", False), ("cyl_1.0", True), ("tstep_0.5", True)])
 def test_only_a_load_that_goes_on_beyond_the_view_is_beyond_it(name: str, cut_off: bool) -> None:
     """In 8 mm of view every skirt is cut off, but under the ball of 7 mm no load is."""
