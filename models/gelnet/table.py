@@ -29,6 +29,10 @@ class Table:
     """(H, W, 3) picture of the untouched gel, grey levels; None where it is not known or the channels are others"""
     like: "Table | None" = None
     """presses of a unit like this one, as they would be under this one's light: what the teacher begins with"""
+    lit: NDArray[np.float32] | None = None
+    """(N, 3) change of the colours of the rows as measured lights show a matt gel; None where none were measured"""
+    lit_rows: NDArray[np.float32] | None = None
+    """(M, 7) rows that the lights show of such a gel all over the view"""
 
     @property
     def pixels(self) -> NDArray[np.float32]:
@@ -48,19 +52,22 @@ class Table:
 
     def chosen(self, mask: NDArray[np.bool_] | NDArray[np.intp]) -> "Table":
         """Return the table of the chosen rows."""
-        return replace(self, rows=self.rows[mask], image=self.image[mask])
+        lit = None if self.lit is None else self.lit[mask]
+        return replace(self, rows=self.rows[mask], image=self.image[mask], lit=lit)
 
     def joined(self, other: "Table") -> "Table":
         """Return the table with the rows of another one of the same sensor behind its own."""
         rows, image = np.concatenate([self.rows, other.rows]), np.concatenate([self.image, other.image])
-        return replace(self, rows=rows, image=image)
+        lit = None if self.lit is None or other.lit is None else np.concatenate([self.lit, other.lit])
+        return replace(self, rows=rows, image=image, lit=lit)
 
 
 def load_table(path: Path) -> Table:
     """Read an npz with rows (N, C + 4), image (N,) and image_size (2,) = W, H; raises TableError.
 
     It may have untouched (H, W, 3), the picture of the untouched gel, and with it like_rows and like_image, presses of
-    a like unit. The host wrote it: looked at is what presses may lack.
+    a like unit, and lit, lit_rows and like_lit, what measured lights show. The host wrote it: looked at is what presses
+    may lack.
     """
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -75,7 +82,9 @@ def load_table(path: Path) -> Table:
         return table
     if not all(one.gradient.any() for one in (table, *like)):
         raise TableError(f"{path}: all slopes are 0, so nothing was pressed: press the ball into the gel")
-    return replace(table, untouched=untouched.astype(np.float32), like=like[0] if like else None)
+    begun = replace(like[0], lit=arrays.get("like_lit")) if like else None
+    lit, lit_rows = arrays.get("lit"), arrays.get("lit_rows")
+    return replace(table, untouched=untouched.astype(np.float32), like=begun, lit=lit, lit_rows=lit_rows)
 
 
 def checked(

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from gelnet.export import ExportError
+from gelnet.lit import Lights, judged, lit_rows
 from gelnet.recipes import DEFAULT_WIDTH, RECIPES, Recipe
 from gelnet.steeper import steeper_rows
 from gelnet.table import Table, TableError, load_table
@@ -31,21 +32,28 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         recipe = replace(recipe, epochs=options.epochs, least_visits=0)
     trainer = make_trainer(options.trainer, seed=options.seed, threads=options.threads)
     unlike = _unlikeness(table, recipe, options.recipe)
-    rows, how = _taught(table, recipe, options.seed)
+    lights = judged(table) if table.lit is not None and recipe.place_jitter else None
+    rows, how = _taught(table, recipe, options.seed, lights)
     trained = train(rows, how, trainer, width=options.width, progress=print_progress)
     record = record_of(options.recipe, recipe, options.width, options.seed, trained, table)
     record |= {} if unlike is None else {"unlikeness": round(unlike, 3)}
+    record |= {"lights": lights.record()} if lights else {}
     write(trained.network, record, table, options.out)
     return record
 
 
-def _taught(table: Table, recipe: Recipe, seed: int) -> tuple[Table, Recipe]:
-    """Add places where nothing was pressed, and slopes that no press has; in the place of jitter, for known light."""
+def _taught(table: Table, recipe: Recipe, seed: int, lights: Lights | None = None) -> tuple[Table, Recipe]:
+    """Add what presses lack, in the place of jitter: what the lights show; or else what the presses say of it.
+
+    These say something of places where nothing was pressed, and of slopes steeper than theirs.
+    """
     if table.untouched is None or not recipe.place_jitter:
         return table, recipe
+    how = replace(recipe, place_jitter=0.0)
+    if lights and lights.believed:
+        return table.joined(lit_rows(table, corrected=lights.corrected)), how
     taught = with_taught(table, table.untouched, np.random.default_rng(seed))
-    steeper = steeper_rows(table, table.untouched, np.random.default_rng(seed))
-    return taught.joined(steeper), replace(recipe, place_jitter=0.0)
+    return taught.joined(steeper_rows(table, table.untouched, np.random.default_rng(seed))), how
 
 
 def _unlikeness(table: Table, recipe: Recipe, name: str) -> float | None:

@@ -90,6 +90,13 @@ class LedLight:
             lost += share * (level - now)
         return lost
 
+    def lit(self, points: Points, slopes: Floats, shares: Floats) -> Floats:
+        """Return the light of points at the depth of the gel at rest with slopes (N, 2), (3, N), of that at rest."""
+        normal, light = unit_normals(slopes), np.zeros(shares.shape[1:], np.float32)
+        for led, share in enumerate(shares):
+            light += share * self._brought(led, points.at_rest, normal)
+        return light
+
     def _brought(self, led: int, points: Points, normal: Floats) -> Floats:
         """Return what a LED brings to points with unit normals (3, N), in shares of that at rest."""
         light = self._row(led, points)

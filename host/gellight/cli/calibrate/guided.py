@@ -23,7 +23,7 @@ from gellight.lab.calibration.routine import Routine
 from gellight.lab.calibration.state import Identity, Steps, kept_like
 from gellight.lab.simulator.virtual_hand import hand_of
 from gellight.lab.training.skirts import skirt_words
-from gellight.lab.training.training import like_words
+from gellight.lab.training.training import learnt_words
 from gellight.opening import open_camera
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.photometric.window import seen_height_mm
@@ -116,7 +116,7 @@ def _figures_text(steps: Steps) -> Iterator[str]:
     if isinstance(size, MeasuredPixelSize):
         origin = f"cylinder {size.diameter_px:.2f} px, spread {size.spread_px:.2f} px"
     yield f"pixel {size.x_mm:.5f} x {size.y_mm:.5f} mm ({origin}); noise {gel.noise_grey:.2f} grey levels"
-    yield from (*like_words(fit.model_dump()), *skirt_words(fit.model_dump()))
+    yield from (*learnt_words(fit.model_dump()), *skirt_words(fit.model_dump()))
     if truth.true_depth_mm is not None:
         yield (
             f"against the simulator's truth: depth {1000 * truth.true_depth_mm:.1f} µm in contact, normals "

@@ -23,7 +23,7 @@ from gellight.lab.training.labelling.refinement import refine
 from gellight.lab.training.level_light import lights_of_unit
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.skirts import skirt_words
-from gellight.lab.training.training import Learning, Reference, like_words, read_reference
+from gellight.lab.training.training import Learning, Reference, learnt_words, read_reference
 from gellight.lab.training.validation import AngleFigures, ImageFigures, IndentationFigures, PressFigures, felt_ball
 from gellight.lab.training.wrong_labels import contradicted_lines, sorted_out
 from gellight.photometric.lights_file import has_lights
@@ -147,7 +147,7 @@ def _fit_lines(written: Bundle) -> list[str]:
         *(indentation_lines(_indentation(judged)) if judged else []),
         *skirt_words(metrics),
         *light_line(written),
-        *like_words(metrics),
+        *learnt_words(metrics),
         f"balls {Ball.seen_by(written, metrics['ball_radius_mm']).seen_from()}",
         *depth_line(written),
         *_pixel_warning(metrics.get("pixel_ratio"), written.image_shape),

@@ -27,7 +27,7 @@ from gellight.lab.report.html import box, picture, section, table
 from gellight.lab.report.pictures import depth_picture, difference_picture, normal_picture, with_circle
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 from gellight.lab.training.skirts import skirt_words
-from gellight.lab.training.training import like_words
+from gellight.lab.training.training import learnt_words
 from gellight.lab.training.wrong_labels import contradicted_lines
 from gellight.reconstruction.integration import normals
 
@@ -228,7 +228,7 @@ def _training(found: Fit) -> str:
     )
     trainer = escape(training.get("trainer", "torch"))  # before it was told, that was all there was
     metrics = found.model_dump()
-    begun = "".join(f" {escape(words.capitalize())}." for words in (*like_words(metrics), *skirt_words(metrics)))
+    begun = "".join(f" {escape(words.capitalize())}." for words in (*learnt_words(metrics), *skirt_words(metrics)))
     left_out = "".join(f"<p>{escape(line)}</p>" for line in contradicted_lines(metrics))
     return section(
         "Network",

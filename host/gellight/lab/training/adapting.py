@@ -30,7 +30,7 @@ from gellight.bundle.contents import npz
 from gellight.bundle.manifest import METRICS
 from gellight.frames.camera import Camera, EndOfStream
 from gellight.lab.training.child import Progress, silent
-from gellight.lab.training.level_light import at_rest_depth
+from gellight.lab.training.level_light import TrainingData, with_lights
 from gellight.lab.training.table import COLOURS, LIKE_UNIT, PressTable
 from gellight.lab.training.training import LIKE, Reference, TrainingOptions, train
 from gellight.photometric.light_model import LightModel
@@ -119,12 +119,11 @@ def adapt(
     kept, options = [PressTable.of(bundle, kind) for kind in kinds], _as_it_was_trained(bundle)
     change = light_change(bundle, untouched.image, untouched.frames)
     kept = [replace(table, rows=rows_of_now(table, bundle, change)) for table in kept]
-    learnt, lights = kept, _lights_of_now(bundle, change)
+    learnt, lights = TrainingData(kept[0], kept[1] if len(kept) > 1 else None), _lights_of_now(bundle, change)
     if lights and bundle.manifest.light_by_depth:
-        seen = bundle.pixel_size_mm, bundle.manifest.camera_height_mm
-        learnt = [at_rest_depth(table, lights, untouched.image, *seen) for table in kept]
-    like = learnt[1] if len(learnt) > 1 else None
-    network, record = train(learnt[0], options, untouched=untouched.image, like=like, progress=progress)
+        size, height_mm = bundle.pixel_size_mm, bundle.manifest.camera_height_mm
+        learnt = with_lights(learnt.table, learnt.like, lights, untouched.image, size, height_mm)
+    network, record = train(learnt, options, untouched=untouched.image, progress=progress)
     told = {"from": bundle.identity, "frames": untouched.frames, **change.as_json()}
     metrics = {**bundle.metrics, "training": record, ADAPTED: told}
     files = {

@@ -20,7 +20,7 @@ from gellight.frames.dots import Dots, find_dots
 from gellight.frames.picture import PictureSteps, PreparedCamera
 from gellight.frames.view import View
 from gellight.lab.training.child import Check, Progress, go_on, run_module, silent
-from gellight.lab.training.level_light import at_rest_depth
+from gellight.lab.training.level_light import TrainingData, with_lights
 from gellight.lab.training.presses import Ball, Press
 from gellight.lab.training.table import (
     PressTable,
@@ -115,19 +115,18 @@ def read_reference(source: str | Path, *, bounded: bool = False) -> Reference:
 
 
 def train(
-    table: PressTable,
+    learnt: TrainingData,
     options: TrainingOptions,
     *,
     untouched: Floats | None = None,
-    like: PressTable | None = None,
     progress: Progress = silent,
     check: Check = go_on,
 ) -> tuple[bytes, Mapping[str, object]]:
     """Train GelNet in a child process; TrainingError and interrupts as `run_module`, and for a unit that is not alike.
 
     untouched: (H, W, 3) picture of the untouched gel, grey levels, where the channels are its colours: GelNet then also
-    learns what `gelnet.teacher` makes of the presses for places where nothing was pressed. like: presses of a like unit
-    under this one's light, which the teacher begins with.
+    learns what the lights, or `gelnet.teacher`, say of places where nothing was pressed. The presses of a like unit are
+    under this one's light.
     Returns the ONNX file, and the record of the training as it goes into the metrics of a bundle: recipe, what
     trained, losses.
     """
@@ -136,8 +135,9 @@ def train(
     with tempfile.TemporaryDirectory(prefix="gellight-training-") as folder:
         place = Path(folder)
         more: dict[str, NDArray[np.generic]] = {} if untouched is None else {"untouched": untouched}
-        more |= {"like_rows": like.rows, "like_image": like.image} if like else {}
-        np.savez(place / "table.npz", **table.arrays(), **more)  # type: ignore[arg-type]
+        more |= {"like_rows": learnt.like.rows, "like_image": learnt.like.image} if learnt.like else {}
+        more |= learnt.lit or {}
+        np.savez(place / "table.npz", **learnt.table.arrays(), **more)  # type: ignore[arg-type]
         run_module(
             "gelnet.train",
             ["--table", str(place / "table.npz"), "--out", folder, *chosen],
@@ -163,8 +163,8 @@ def fit(
     reference's by more than the noise of a pixel. What the gel at rest does is measured far from the presses
     (`rest_of_presses`). The rim of circles whose radius no light decided weighs less. The metrics say how well the fine
     pattern of the reference shows (`fine_pattern`).
-    Where the LEDs are known they go into the bundle, and the network learns colours as at the depth of the gel at rest
-    (`level_light`).
+    Where the LEDs are known they go into the bundle, and the network learns colours as at the depth of the gel at rest,
+    and what the LEDs show of all slopes in all places (`level_light`).
     view: how the images were made from pictures as taken. extra_files: more of the bundle. extra_metrics: more, ready
     for JSON. level_plane, skirt_share: as in the manifest.
 
@@ -177,16 +177,18 @@ def fit(
     follow = drift > reference.noise_grey
     table = build_table(presses, reference.image, ball, HAND_DRAWN, follow_light=follow)
     like = under_light_of(how.like, reference.image) if how.like else None
-    learnt, begun = _learnt(table, like, how, reference, ball)
-    network, record = train(learnt, how.options, untouched=reference.image, like=begun, progress=progress, check=check)
+    learnt, size = TrainingData(table, like), (ball.pixel_size_mm, ball.pixel_size_mm)
+    if how.lights:
+        learnt = with_lights(table, like, how.lights, reference.image, size, ball.told_height_mm)
+    network, record = train(learnt, how.options, untouched=reference.image, progress=progress, check=check)
     metrics |= {LIKE: how.like.manifest.sensor} if how.like else {}
     rest_grey = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
     return write_bundle(
         out, sensor=sensor, overwrite=overwrite,
         reference=reference.image, reference_frames=reference.frames, noise_grey=reference.noise_grey,
         rest_grey=rest_grey, follow_light=follow, level_plane=level_plane, skirt_share=skirt_share,
-        light_by_depth=learnt is not table, camera_height_mm=ball.told_height_mm,
-        network=network, pixel_size_mm=(ball.pixel_size_mm, ball.pixel_size_mm), presses=table.arrays(like),
+        light_by_depth=learnt.lit is not None, camera_height_mm=ball.told_height_mm,
+        network=network, pixel_size_mm=size, presses=table.arrays(like),
         metrics={**metrics, "training": record},
         extra_files={
             **(extra_files or {}), **(steps.files() if steps else {}), **(lights_file(how.lights) if how.lights else {})
@@ -194,22 +196,16 @@ def fit(
     )  # fmt: skip
 
 
-def _learnt(
-    table: PressTable, like: PressTable | None, how: Learning, reference: Reference, ball: Ball
-) -> tuple[PressTable, PressTable | None]:
-    """Return what is learnt from, and the presses of a like unit; at the depth of the gel at rest where it can be."""
-    if how.lights is None or table.depth_mm is None:
-        return table, like
-    seen = how.lights, reference.image, (ball.pixel_size_mm, ball.pixel_size_mm), ball.told_height_mm
-    return at_rest_depth(table, *seen), like and at_rest_depth(like, *seen)
-
-
-def like_words(metrics: Mapping[str, Any]) -> list[str]:
-    """Return what the presses of a like unit are worth by themselves; nothing for a bundle that began without one."""
-    if LIKE not in metrics:
-        return []
-    off = metrics["training"]["unlikeness"]
-    return [f"begun with the presses of {metrics[LIKE]}, which alone are off by {off:.0%} of the slopes"]
+def learnt_words(metrics: Mapping[str, Any]) -> list[str]:
+    """Return what the presses of a like unit, and the measured lights, are worth; nothing where there are none."""
+    words, training = [], metrics.get("training", {})
+    if LIKE in metrics:
+        off = training["unlikeness"]
+        words.append(f"begun with the presses of {metrics[LIKE]}, which alone are off by {off:.0%} of the slopes")
+    if lights := training.get("lights"):
+        learnt = "" if lights["learnt_from"] else "not "
+        words.append(f"{learnt}learnt from the measured lights, which are off by {lights['off']:.0%} of the colours")
+    return words
 
 
 def _match_of(presses: Sequence[Press], reference: Reference) -> float:
@@ -232,7 +228,7 @@ def _trained_by(check: Check) -> str:
     rows = np.random.default_rng(0).uniform(0, 1, (8, 7)).astype(np.float32)
     table = PressTable(rows=rows, image=np.arange(8, dtype=np.int32) % 2, image_size=(2, 2))
     try:
-        _, record = train(table, TrainingOptions(recipe="fast", width=1, epochs=1), check=check)
+        _, record = train(TrainingData(table), TrainingOptions(recipe="fast", width=1, epochs=1), check=check)
     except (TrainingError, OSError) as error:
         raise TrainingError(
             f"no network can be trained here ({first_line(error)}): repair what is named there"

@@ -16,7 +16,7 @@ from gellight.lab.report.pictures import write_png
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training import adapting
 from gellight.lab.training.adapting import adapt, light_change, rows_of_now
-from gellight.lab.training.level_light import at_rest_depth
+from gellight.lab.training.level_light import TrainingData, at_rest_depth
 from gellight.lab.training.table import LIKE_UNIT, PressTable
 from gellight.lab.training.training import Reference, TrainingOptions, train
 from gellight.photometric.light_model import LightGroups
@@ -103,7 +103,7 @@ def calibrated(sensor: Sensor, out: Path, seed: int) -> Bundle:
     reference = sensor.untouched().image
     parts = [sensor.rows(place) for place in PLACES]
     table = PressTable.joined(parts, np.arange(len(parts), dtype=np.int32), SHAPE)
-    network, record = train(table, TrainingOptions(recipe="fast", seed=seed), untouched=reference)
+    network, record = train(TrainingData(table), TrainingOptions(recipe="fast", seed=seed), untouched=reference)
     leds = [
         LedSetting(colour=colour, rgb=tuple((255 * light).astype(int).tolist()))
         for colour, light in zip(sensor.scene.geometry.led_colours, sensor.scene.light, strict=True)
@@ -167,10 +167,10 @@ def test_so_does_that_of_a_sensor_with_one_faded_led_by_the_mean_of_four_network
 def test_a_network_of_light_at_rest_learns_such_light_again(
     sensor: Sensor, bundle: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    learnt: list[PressTable] = []
+    learnt: list[TrainingData] = []
 
-    def train_nothing(table: PressTable, *_: object, **__: object) -> tuple[bytes, object]:
-        learnt.append(table)
+    def train_nothing(of: TrainingData, *_: object, **__: object) -> tuple[bytes, object]:
+        learnt.append(of)
         return bundle.network, bundle.metrics["training"]
 
     monkeypatch.setattr(adapting, "train", train_nothing)
@@ -180,7 +180,9 @@ def test_a_network_of_light_at_rest_learns_such_light_again(
     at_rest = replace(bundle, manifest=manifest, files={**bundle.files, PRESSES: npz(table.arrays())})
     now = sensor.untouched(tint=0.9)
     (_, _), (made, _) = (adapt(one, now, tmp_path / name) for one, name in ((bundle, "looks"), (at_rest, "rest")))
-    as_it_looks, level = learnt
+    (as_it_looks, _, unlit), (level, _, lit) = learnt
+    assert unlit is None
+    assert len(lit["lit"]) == len(level.rows)
     np.testing.assert_array_equal(PressTable.of(made).rows, as_it_looks.rows)
     own = replace(as_it_looks, depth_mm=table.depth_mm)
     seen = bundle.pixel_size_mm, bundle.manifest.camera_height_mm
@@ -195,8 +197,8 @@ def test_a_like_unit_goes_on_helping(
 ) -> None:
     begun: list[PressTable] = []
 
-    def train_nothing(table: PressTable, *_: object, like: PressTable, **__: object) -> tuple[bytes, object]:
-        begun.append(like)
+    def train_nothing(of: TrainingData, *_: object, **__: object) -> tuple[bytes, object]:
+        begun.append(of.like)
         return bundle.network, bundle.metrics["training"]
 
     monkeypatch.setattr(adapting, "train", train_nothing)

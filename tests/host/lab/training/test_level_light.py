@@ -12,7 +12,7 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training import training
-from gellight.lab.training.level_light import at_rest_depth
+from gellight.lab.training.level_light import TrainingData, at_rest_depth, with_lights
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.presses import Press as Labelled
 from gellight.lab.training.table import PressTable, TableOptions, build_table
@@ -48,9 +48,34 @@ def test_colours_are_those_of_the_same_slopes_at_rest() -> None:
     np.testing.assert_array_equal(found.rows[:, 3:], rows[:, 3:])
 
 
+def test_lights_show_slopes_in_all_places_as_the_reference_does() -> None:
+    """Those of a table, and those that are drawn: by the angles of the table, three in ten by any up to 63 degrees."""
+    slopes = np.tan(np.radians([[10.0, 0.0], [-20.0, 15.0], [5.0, -25.0]])).astype(np.float32)
+    rows = np.column_stack([np.zeros((3, 3)), [[60, 40], [320, 240], [600, 450]], slopes]).astype(np.float32)
+    table = PressTable(rows=rows, image=np.zeros(3, np.int32), image_size=(640, 480), depth_mm=np.zeros(3, np.float32))
+    _, _, lit = with_lights(table, None, LIGHTS, SYNTHETIC.reference, SIZE)
+    drawn = lit["lit_rows"]
+    response, light = Scene(GEOMETRY, CameraResponse(noise_grey=0.0)).response, ring_light(GEOMETRY)
+    for colours, of in ((lit["lit"], rows), (drawn[:, :3], drawn)):
+        some = of[:3000]
+        column, row = some[:, 3:5].astype(int).T
+        maps = np.zeros((*GEOMETRY.image_shape, 2))
+        maps[row, column] = some[:, 5:]
+        level = Surface(np.zeros(maps.shape[:2]), maps, np.ones(maps.shape[:2], np.bool_))
+        wanted = (linear_grey(ring_irradiance(level, GEOMETRY, light), response) - SYNTHETIC.reference)[row, column]
+        alone = (maps[row, column] == some[:, 5:]).all(axis=1)  # no other row of the same pixel
+        assert np.abs(colours[:3000] - wanted)[alone].mean() < 0.3
+    angle = np.arctan(np.hypot(*drawn[:, 5:].T))
+    assert len(drawn) == 300_000
+    of_table = np.isclose(angle[:, None], np.arctan(np.hypot(*slopes.T)), atol=1e-4).any(axis=1)
+    assert of_table.mean() == pytest.approx(0.7, abs=0.01)
+    assert angle[~of_table].max() == pytest.approx(1.1, abs=0.01)
+
+
 def test_a_table_that_does_not_know_its_depth_stays_as_it_is() -> None:
     table = PressTable(rows=np.ones((4, 7), np.float32), image=np.zeros(4, np.int32), image_size=(640, 480))
     assert at_rest_depth(table, LIGHTS, SYNTHETIC.reference, SIZE) is table
+    assert with_lights(table, None, LIGHTS, SYNTHETIC.reference, SIZE) == TrainingData(table)
 
 
 def labelled(folder: Path, x: float, y: float, radius_px: float = 40.0) -> Labelled:
@@ -77,10 +102,8 @@ def test_the_bundle_keeps_the_colours_as_they_were_and_says_what_its_network_ans
 ) -> None:
     learnt = []
 
-    def train(
-        table: PressTable, *_: object, like: PressTable | None = None, **__: object
-    ) -> tuple[bytes, dict[str, object]]:
-        learnt.append((table, like))
+    def train(of: TrainingData, *_: object, **__: object) -> tuple[bytes, dict[str, object]]:
+        learnt.append(of)
         return SYNTHETIC.network, {"losses": []}
 
     monkeypatch.setattr(training, "train", train)
@@ -93,7 +116,8 @@ def test_the_bundle_keeps_the_colours_as_they_were_and_says_what_its_network_ans
     kept, raw = PressTable.of(made[True]), PressTable.of(made[False])
     np.testing.assert_array_equal(kept.rows, raw.rows)
     np.testing.assert_array_equal(kept.depth_mm, raw.depth_mm)
-    (level, _), (looks, _) = learnt
+    (level, _, lit), (looks, _, unlit) = learnt
+    assert (sorted(lit), unlit) == (["lit", "lit_rows"], None)
     np.testing.assert_array_equal(looks.rows, raw.rows)
     assert np.abs(level.rows - kept.rows).max() > 1
     assert [made[known].manifest.light_by_depth for known in (True, False)] == [True, False]
@@ -101,7 +125,7 @@ def test_the_bundle_keeps_the_colours_as_they_were_and_says_what_its_network_ans
 
     # The presses of a like unit are learnt from alike.
     fit(presses, reference, BALL, tmp_path / "like", sensor="two", how=Learning(lights=LIGHTS, like=made[True]))
-    (again, of_like) = learnt[-1]
+    again, of_like, _ = learnt[-1]
     np.testing.assert_allclose(of_like.rows, again.rows, atol=1e-3)
 
 

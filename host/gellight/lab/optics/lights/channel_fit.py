@@ -11,6 +11,7 @@ from gellight.bundle.bundle import Bundle, write_bundle
 from gellight.lab.optics.lights.ball_lights import check_lights, lights_from_balls
 from gellight.lab.optics.lights.ball_series import BallSeries, HeldOutBalls, LitBalls, divided, held_out
 from gellight.lab.training.child import Progress, silent
+from gellight.lab.training.level_light import TrainingData
 from gellight.lab.training.presses import Ball
 from gellight.lab.training.table import PressTable, TableOptions, labelled_rows
 from gellight.lab.training.training import TrainingOptions, train
@@ -42,13 +43,13 @@ def fit_channels(
     training, judging = divided(balls.series)
     fair = lights_from_balls(training, balls.untouched, ball, balls.noise_grey)
     solved = check_lights(fair, judging, ball)
-    network, _ = train(channel_table(training, fair.untouched, ball), wanted, progress=progress)
+    network, _ = train(TrainingData(channel_table(training, fair.untouched, ball)), wanted, progress=progress)
     felt = _judged(network, fair, judging, ball)
     lights = lights_from_balls(balls.series, balls.untouched, ball, balls.noise_grey)
     if balls.groups is not None:
         lights = replace(lights, groups=balls.groups)
     table = channel_table(balls.series, lights.untouched, ball)
-    network, record = train(table, wanted, progress=progress)
+    network, record = train(TrainingData(table), wanted, progress=progress)
     return write_bundle(
         out,
         sensor=balls.sensor,
