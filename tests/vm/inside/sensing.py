@@ -22,7 +22,6 @@ from tests.vm.inside.looking import FIXED
 
 
 def sensors() -> dict[str, Any]:
-    """Return what discovery finds."""
     found = discover()
     return {
         "sensors": [
