@@ -48,15 +48,6 @@ def test_the_self_test_passes_and_the_stack_is_bounded(board: BenchBoard, ring: 
     assert result.stack_free > 2048
 
 
-def test_a_damaged_image_fails_its_self_test(image: bytes) -> None:
-    damaged = bytearray(image)
-    damaged[image.index(b"GelLight light ring")] ^= 1  # where no code breaks
-    board = BenchBoard(bytes(damaged))
-    with LightRing(VirtualTransport(board), keep_alive_s=None) as ring:
-        board.run(2_000)
-        assert ring.self_test().failed == Check.IMAGE
-
-
 def test_a_power_cut_while_saving_keeps_the_configuration_before(board: BenchBoard, ring: LightRing) -> None:
     board.run(2_000)
     first = dataclasses.replace(ring.configuration(), name=b"first".ljust(16, b"\0"))
