@@ -1,14 +1,10 @@
-"""The life of the committed image on the bus: halted, reset and cut short by its host."""
+"""The life of the committed image on the bus: reset and cut short by its host."""
 
 import pytest
 
-from gellight.ring import protocol as p
 from gellight.ring.light_ring import LightRing
-from gellight.ring.wire import Packet, encode
 from tests.helpers import usb_requests as usb
 from tests.helpers.bench_board import RED, BenchBoard, VirtualTransport
-
-CLOCK = p.COMMANDS["CLOCK"].code
 
 
 def test_a_resume_opens_no_port_that_was_closed(board: BenchBoard, ring: LightRing) -> None:
@@ -59,39 +55,3 @@ def test_a_reset_in_mid_transfer_enumerates_anew(image: bytes, after_us: float) 
         board.run(2_000)
         assert board.lit.any()
     assert board.faults == []
-
-
-# ---- endpoints that the host halts (USB 2.0, 9.4.5) ----
-
-
-def halted(board: BenchBoard, endpoint: int) -> bool:
-    return usb.ask(board, usb.status_of(endpoint)) == b"\1\0"
-
-
-@pytest.mark.parametrize("endpoint", [usb.NOTIFY_IN, usb.BULK_IN, usb.BULK_OUT])
-def test_a_halted_endpoint_stalls_until_the_halt_is_cleared(board: BenchBoard, ring: LightRing, endpoint: int) -> None:
-    ring.clock()  # one packet each way: after the halt DATA0 comes anew
-    assert usb.ask(board, usb.status_of(endpoint)) == b"\0\0"
-    assert usb.ask(board, usb.halt(endpoint)) == b""
-    assert halted(board, endpoint)
-    assert board.host.stalled == {endpoint}
-    before = len(board.host.received)
-    board.host.send(encode(Packet(CLOCK, 99, bytes(8))))
-    board.run(20_000)
-    if endpoint != usb.NOTIFY_IN:
-        assert len(board.host.received) == before
-    assert usb.ask(board, usb.clear_halt(endpoint)) == b""
-    assert not halted(board, endpoint)
-    board.run(5_000)
-    assert board.host.received[before:].count(0) == 1
-    assert ring.status().state == 0
-    assert ring.retries == 0
-
-
-@pytest.mark.parametrize(
-    "request_", [usb.halt(0x00), usb.halt(0x83), usb.clear_halt(0x01), usb.status_of(0x0F), (0x00, 3, 1, 0, 0)]
-)
-def test_what_cannot_be_halted_is_refused(board: BenchBoard, ring: LightRing, request_: usb.Request) -> None:
-    """Endpoint 0, those that are not there, and the features of the device."""
-    assert usb.ask(board, request_) is None
-    assert ring.status().state == 0
