@@ -30,6 +30,7 @@ def pressed(name: str) -> PressedObject:
 
 @cache
 def study() -> coarse.CoarseResult:
+    """The whole sweep on a reduced grid."""
     errors = np.array([coarse.evaluate(pressed(name), PAPER) for name in BENCHMARK_NAMES])
     return coarse.CoarseResult(BENCHMARK_NAMES, PAPER, errors)
 

@@ -233,6 +233,12 @@ def test_no_press_begins_inside_out_under_steep_walls() -> None:
     assert all(np.isfinite(step.energy) and step.min_det_f > 0 for step in steps)
 
 
+def test_a_press_of_nothing_leaves_the_gel_at_rest() -> None:
+    pressed = COARSE(BALL, SPACING, 0.0, GEOMETRY)
+    assert not pressed.depth_mm.any()
+    assert not pressed.contact.any()
+
+
 @pytest.mark.parametrize("depth", [-0.1, 3.1, float("nan")])
 def test_a_press_deeper_than_the_gel_can_follow_is_refused_with_what_works(depth: float) -> None:
     with pytest.raises(ValueError, match="above 0 to 3 mm"):

@@ -62,6 +62,12 @@ def test_nothing_penetrates_and_nothing_pulls(name: str) -> None:
     assert pressed.depth_mm.max() == pytest.approx(0.8 + height.max(), abs=0.01)
 
 
+def test_pressing_deeper_needs_more_force() -> None:
+    forces = [force(press_object("BALL", depth, GEOMETRY, size=256)) for depth in (0.25, 0.5, 1.0, 2.0)]
+    assert forces == sorted(forces)
+    assert forces[0] > 0
+
+
 def test_an_untouched_gel_stays_flat() -> None:
     pressed = press_object("BALL", 0.0, GEOMETRY, size=129)
     assert not pressed.depth_mm.any()
@@ -81,6 +87,15 @@ def test_uniform_pressure_compresses_uniaxially() -> None:
     # u = p h (1 - 2 nu) / (2 mu (1 - nu)): no lateral strain under a bonded support.
     response = compliance(32, 1.0, 5.0, 0.3)
     assert deflection(np.ones((32, 32)), response) == pytest.approx(5 * 0.4 / (2 * 0.7))
+
+
+def test_a_short_wave_does_not_feel_the_support() -> None:
+    # Half space: u = p (1 - nu) / (mu k).
+    size, spacing = 64, 0.1
+    k = 2 * np.pi * 8 / (size * spacing)
+    pressure = np.broadcast_to(np.cos(k * np.arange(size) * spacing), (size, size))
+    response = compliance(size, spacing, 5.0, 0.49)
+    assert deflection(pressure, response) == pytest.approx(pressure * 0.51 / k, rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -139,6 +154,14 @@ def test_depth_is_linear_in_pressure_and_moves_with_it() -> None:
     )
 
 
+def test_a_press_looks_the_same_everywhere() -> None:
+    at = grid(128, 0.375)
+    height = object_height("BALL", at[None, :], at[:, None])
+    here = press(height, 0.375, 0.8, GEOMETRY).depth_mm
+    there = press(np.roll(height, (7, -4), (0, 1)), 0.375, 0.8, GEOMETRY).depth_mm
+    assert there == pytest.approx(np.roll(here, (7, -4), (0, 1)), abs=1e-9)
+
+
 def test_the_gel_bulges_beside_the_object_and_keeps_its_volume() -> None:
     pressed = press(paraboloid(grid(256, 48 / 256), 4.0), 48 / 256, 1.0, SensorGeometry(poisson_ratio=0.499))
     assert pressed.depth_mm.min() < -0.01
@@ -156,3 +179,12 @@ def test_an_object_that_is_no_square_of_numbers_is_refused() -> None:
     for spoilt in (height[:-1], np.where(height == 0, np.nan, height)):
         with pytest.raises(ValueError, match="object"):
             press(spoilt, 1.0, 0.5, GEOMETRY)
+
+
+def test_under_the_ball_the_gel_is_the_ball() -> None:
+    pressed = press_object("BALL", 1.0, GEOMETRY)
+    at = grid(len(pressed.depth_mm), pressed.spacing_mm)
+    square = at[None, :] ** 2 + at[:, None] ** 2
+    under = square < 1.2**2
+    assert pressed.contact[under].all()
+    np.testing.assert_allclose(pressed.depth_mm[under], np.sqrt(16 - square[under]) - 3, rtol=0, atol=2e-3)

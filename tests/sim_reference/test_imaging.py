@@ -36,6 +36,13 @@ def test_a_slope_is_as_bright_as_lambert_says_and_dark_where_it_turns_away() -> 
     assert directional_image(slopes, direction)[0] == pytest.approx(expected)
 
 
+def test_the_picture_has_the_symmetry_of_the_ring() -> None:
+    # Mirrored left to right, the 12 LEDs are the same ring, numbered the other way round.
+    flat = untouched(SMALL)
+    for led, twin in ((0, 6), (1, 5), (2, 4), (10, 8)):
+        assert led_irradiance(flat, SMALL, led)[:, ::-1] == pytest.approx(led_irradiance(flat, SMALL, twin), rel=1e-9)
+
+
 def test_dark_leds_give_no_light_and_channels_do_not_mix() -> None:
     flat = untouched(SMALL)
     light = np.zeros((12, 3))
@@ -50,6 +57,13 @@ def test_a_box_is_a_piece_of_the_whole() -> None:
     box = (slice(30, 90), slice(60, 120))
     whole = ring_irradiance(surface, SMALL, ring_light(SMALL))
     np.testing.assert_allclose(ring_irradiance(surface, SMALL, ring_light(SMALL), box), whole[box], rtol=1e-12)
+
+
+def test_a_gentle_ball_casts_no_shadow_on_itself() -> None:
+    surface = sample(press_object("BALL", 0.3, GEOMETRY), GEOMETRY, 0.0, 0.0)
+    x, y = pixel_grid(GEOMETRY)
+    for position in led_positions(GEOMETRY)[::3]:
+        assert visibility(surface.depth_mm, (x[0], y[:, 0]), position).min() == 1
 
 
 def test_shadows_agree_with_brute_force() -> None:
@@ -142,6 +156,34 @@ def test_what_cannot_be_built_is_refused(kind: Callable[..., object], name: str,
         kind(**{name: value})
 
 
+def plane(gx: float, gy: float) -> Surface:
+    x, y = pixel_grid(SMALL)
+    gradient = np.broadcast_to(np.array([gx, gy]), (*SMALL.image_shape, 2))
+    return Surface(gx * x + gy * y, gradient, np.zeros(SMALL.image_shape, bool))
+
+
+def test_a_lambertian_lamp_that_looks_down_lights_a_plane_with_the_fourth_power_of_the_cosine() -> None:
+    down = replace(SMALL, incident_angle_rad=0.0)
+    x, y = pixel_grid(down)
+    position = led_positions(down)[1]
+    cosine = position[2] / np.sqrt((x - position[0]) ** 2 + (y - position[1]) ** 2 + position[2] ** 2)
+    assert led_irradiance(untouched(down), down, 1) == pytest.approx(cosine**4, rel=1e-12)
+
+
+@pytest.mark.parametrize("led", [0, 3, 7])
+def test_a_tilted_plane_obeys_equation_3(led: int) -> None:
+    surface = plane(0.1, -0.2)
+    row, column = 31, 117
+    x, y = (axis.ravel() for axis in pixel_grid(SMALL))
+    point = np.array([x[column], y[row], surface.depth_mm[row, column]])
+    to_led = led_positions(SMALL)[led] - point
+    distance = np.linalg.norm(to_led)
+    light = to_led / distance
+    normal = np.array([-0.1, 0.2, 1]) / np.sqrt(1.05)
+    expected = (-light @ led_axes(SMALL)[led]) * (normal @ light) * (20 / distance) ** 2
+    assert led_irradiance(surface, SMALL, led)[row, column] == pytest.approx(expected, rel=1e-12)
+
+
 def test_a_narrow_beam_is_a_power_of_a_wide_one() -> None:
     narrow = replace(SMALL, beam_angle_rad=2 * np.arccos(0.5 ** (1 / 3)))
     flat = untouched(SMALL)
@@ -162,6 +204,19 @@ def test_the_shadow_of_a_step_is_as_long_as_similar_triangles_say(height: float)
     assert (seen[x > 0.05] == 1).all()
     shadow = (1 - seen).sum() * 0.025
     assert shadow == pytest.approx(21.5 * height / (20 - height), abs=0.06)  # 1.2 pitches of the polar grid
+
+
+def test_cast_shadows_darken_the_far_side_of_a_bump_only() -> None:
+    x, y = pixel_grid(SMALL)
+    depth = 3.0 * np.exp(-(x**2 + y**2) / 1.5)
+    gradient = np.stack([-2 * x / 1.5 * depth, -2 * y / 1.5 * depth], axis=2)
+    bump = Surface(depth, gradient, depth > 1)
+    lit = led_irradiance(bump, SMALL, 0)  # from the right
+    flat = led_irradiance(untouched(SMALL), SMALL, 0)
+    middle = slice(58, 62)
+    assert lit[middle, (x > -5).ravel() & (x < -4).ravel()].max() > 0.9 * flat.min()
+    assert lit[middle, (x > -2.6).ravel() & (x < -2.2).ravel()].max() < 0.05 * flat[60, 60]
+    assert lit[:, x.ravel() > 6] == pytest.approx(flat[:, x.ravel() > 6], rel=0.01)
 
 
 def without_shadows(surface: Surface, geometry: SensorGeometry, led: int) -> np.ndarray:

@@ -90,6 +90,11 @@ def test_the_measures_of_maps_that_are_known() -> None:
     assert normalised_deviation(picture) == pytest.approx(1.0 / picture.mean())
 
 
+@pytest.mark.parametrize(("radius", "degrees"), [(2.5, 78.463), (3, 70.529), (4, 60), (5, 53.130), (8, 41.410)])
+def test_a_smaller_ball_records_steeper_slopes(radius: float, degrees: float) -> None:
+    assert np.degrees(maximum_elevation(radius, 2.0)) == pytest.approx(degrees, abs=1e-3)
+
+
 @pytest.mark.parametrize("pixel", [0.1, (0.1, 0.25)])
 def test_a_quadratic_surface_is_exact(pixel: float | tuple[float, float]) -> None:
     size_x, size_y = np.broadcast_to(pixel, 2)

@@ -66,6 +66,13 @@ def test_a_raised_plane_is_seen_drawn_together_and_lit_at_its_places(geometry: S
     assert seen[row, column] == pytest.approx(20**2 * light * to_z * view.falloff(geometry)[row, column])
 
 
+def test_a_tilted_plane_is_seen_where_line_and_plane_meet() -> None:
+    x, _ = np.broadcast_arrays(*pixel_grid(IN_AIR))
+    met = view.first_met(0.3 + 0.1 * x, IN_AIR)
+    inner = (slice(8, -8), slice(8, -8))  # the surface ends at the border
+    assert met[inner] == pytest.approx(((0.3 + 0.1 * x) / (1 + 0.1 * x / 40))[inner], abs=2 * view.MET_MM)
+
+
 def imprint(height: np.ndarray, spacing: float, depth: float, _: SensorGeometry) -> Deformation:
     """A gel that takes the object's form."""
     pressed = np.maximum(height + depth, 0.0)
