@@ -75,6 +75,7 @@ def supervise(call: dict[str, Any]) -> None:
 
 
 def main() -> None:
+    """Serve both lines until the machine hangs up."""
     for name in PRELOADED:
         importlib.import_module(name)
     if os.fork():

@@ -25,11 +25,13 @@ FIXED = {"exposure_us": "8000", "gain": "0", "white_balance_k": "4600"}
 
 
 def opened(serial: str, options: str = "") -> V4l2Camera:
+    """Open a sensor's camera by its link."""
     wanted = CaptureOptions.model_validate({**FIXED, **dict(parse_qsl(options))})
     return V4l2Camera(str(video_link(serial)), wanted)
 
 
 def stream(serial: str, options: str, count: int) -> dict[str, Any]:
+    """Stream `count` pictures; return what came with them."""
     with opened(serial, options) as camera:
         pictures = [camera.picture() for _ in range(count)]
         image = decode(pictures[-1].data, camera.mode)
@@ -46,6 +48,7 @@ def stream(serial: str, options: str, count: int) -> dict[str, Any]:
 
 
 def formats(serial: str) -> list[str]:
+    """Return what the camera offers."""
     with opened(serial) as camera:
         return [str(offer) for offer in camera._device.offers()]
 

@@ -20,6 +20,7 @@ FREE = 4
 
 
 def receive(connection: socket.socket, count: int) -> bytes:
+    """Return exactly `count` bytes."""
     data = b""
     while len(data) < count:
         part = connection.recv(count - len(data))
@@ -57,10 +58,12 @@ def wait_for(condition: Callable[[], Any], what: str, limit_s: float = 20.0) -> 
 
 
 def video_link(serial: str) -> Path:
+    """Return the link of a sensor's camera."""
     return VIDEO / f"usb-GelLight_GelLight_virtual_sensor_{serial}-video-index0"
 
 
 def serial_link(serial: str) -> Path:
+    """Return the link of a sensor's light ring."""
     return SERIAL / f"usb-GelLight_GelLight_virtual_sensor_{serial}-if00"
 
 
@@ -101,6 +104,7 @@ def links() -> list[str]:
 
 
 def owners(serial: str) -> dict[str, list[str]]:
+    """Return group and permissions of a sensor's nodes."""
     nodes = {"camera": video_link(serial), "ring": serial_link(serial)}
     return {name: [node.group(), f"{node.stat().st_mode & 0o777:o}"] for name, node in nodes.items()}
 

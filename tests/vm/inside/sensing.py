@@ -22,6 +22,7 @@ from tests.vm.inside.looking import FIXED
 
 
 def sensors() -> dict[str, Any]:
+    """Return what discovery finds."""
     found = discover()
     return {
         "sensors": [

@@ -15,6 +15,7 @@ from typing import Any
 from tests.vm.machine.packages import FIRST_DRIVERS, content, initramfs, load_order, unpacked
 
 DRIVERS = ("vhci_hcd", "uvcvideo", "cdc_acm")
+ON_DEMAND = ("vivid",)
 BOOT_LIMIT_S = 270.0
 """on a machine that does nothing else it takes 30"""
 ROOT = Path(__file__).parents[3]
@@ -25,11 +26,15 @@ class GuestError(AssertionError):
 
 
 class Call:
+    """A function that runs in the guest."""
+
     def __init__(self, lines: Iterator[str]) -> None:
+        """Follow its answers."""
         self._lines = lines
         self._ended: dict[str, Any] | None = None
 
     def event(self, name: str) -> dict[str, Any]:
+        """Wait for an event and return its facts."""
         found = self.next_event(name)
         if found is None:
             raise GuestError(f"the function returned {self.result()!r} without the event {name!r}")
@@ -46,6 +51,7 @@ class Call:
         return None
 
     def result(self) -> Any:
+        """Wait for the end and return the result."""
         while self._ended is None:
             answer = self._next()
             if "result" in answer:
@@ -73,6 +79,7 @@ class Line:
         self.name, self.uptime_s = str(ready["line"]), float(ready["uptime_s"])
 
     def start(self, call: str, *, limit_s: float = 30.0, **arguments: Any) -> Call:
+        """Begin a function `module:function` of the package tests.vm.inside."""
         request = {"call": f"tests.vm.inside.{call}", "arguments": arguments, "limit_s": limit_s}
         print(json.dumps(request), file=self._write, flush=True)
         return Call(self._lines)
@@ -83,15 +90,19 @@ class Line:
         Call(self._lines).result()
 
     def run(self, call: str, *, limit_s: float = 30.0, **arguments: Any) -> Any:
+        """Run a function and return its result."""
         return self.start(call, limit_s=limit_s, **arguments).result()
 
 
 class Guest:
     """A booted guest whose agent is ready."""
 
-    def __init__(self, lines: list[Line]) -> None:
+    def __init__(self, lines: list[Line], folder: Path, process: subprocess.Popen[bytes]) -> None:
+        """Take both lines; `folder` has the guest's console and what the machine lays ready for it."""
+        self._process = process
         named = {line.name: line for line in lines}
         self.main, self.aside = named["main"], named["aside"]
+        self.folder = folder
         self.run, self.start = self.main.run, self.main.start
 
 
@@ -113,7 +124,7 @@ def booted(folder: Path) -> Iterator[Guest]:
     with (folder / "qemu.txt").open("w") as said:
         process = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, stdout=said, stderr=said)
     try:
-        yield Guest([Line(answered(listener, process, folder)) for _ in range(2)])
+        yield Guest([Line(answered(listener, process, folder)) for _ in range(2)], folder, process)
     finally:
         process.kill()
         process.wait()
@@ -140,6 +151,7 @@ def answered(listener: socket.socket, process: subprocess.Popen[bytes], folder: 
 
 
 def qemu(base: Path, folder: Path, console: Path, port: int) -> list[str]:
+    """Return the command that boots the guest."""
     kernel = next((base / "kernel/boot").glob("vmlinuz-*"))
     write_first_files(base, folder, kernel.name.removeprefix("vmlinuz-"))
     write_start(folder, port)
@@ -177,7 +189,9 @@ def write_first_files(base: Path, folder: Path, release: str) -> None:
     busybox = next(path for root in (base / "tools", Path("/")) if (path := root / "usr/bin/busybox").exists())
     (folder / "initramfs.gz").write_bytes(initramfs(load_order(modules, FIRST_DRIVERS), busybox))
     at_boot = plain(load_order(modules, DRIVERS), folder)
+    later = [path for path in plain(load_order(modules, ON_DEMAND), folder) if path not in at_boot]
     (folder / "modules.txt").write_text("".join(f"{path}\n" for path in at_boot))
+    (folder / "on-demand.txt").write_text("".join(f"{path}\n" for path in later))
 
 
 def write_start(folder: Path, port: int) -> None:
