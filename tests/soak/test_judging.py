@@ -6,11 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gellight.frames.frames import CameraFrame
+from gellight.frames.frames import CameraFrame, LightLabel, LightState
+from gellight.frames.pixel_grid import block_means
 from gellight.lab.simulator.scene import Press
 from tests.soak.hardware import Exposure
 from tests.soak.judging import Holdings, Invariant, Judge, handle_growth, memory_growth_mb
-from tests.soak.pressed_gel import marked, place_px
+from tests.soak.pressed_gel import ROWS, marked, place_px, read_number
 from tests.soak.working import Work, judge_circle
 
 GREY = np.full((120, 160, 3), 90, np.uint8)
@@ -42,6 +43,12 @@ def see(judge: Judge, *frames: CameraFrame) -> list[Invariant]:
     return broken(judge)
 
 
+def test_sound_frames_are_sound() -> None:
+    judge = judge_of(exposure(1), exposure(2))
+    assert see(judge, shown(1), shown(2)) == []
+    assert judge.newest_start_s == 2 / 30
+
+
 @pytest.mark.parametrize(
     ("second", "invariant"),
     [
@@ -62,6 +69,34 @@ def test_a_frame_that_is_not_what_it_says_is_noticed(second: CameraFrame, invari
 @pytest.mark.parametrize("lights", [(GROUPS[1],), (GROUPS[0], 0 * GROUPS[0])], ids=["another light", "dark half way"])
 def test_a_frame_under_another_light_is_noticed(lights: tuple[np.ndarray, ...]) -> None:
     assert see(judge_of(exposure(1, *lights)), shown(1)) == [Invariant.LIGHT]
+
+
+def test_a_wrong_label_is_noticed() -> None:
+    clean = LightLabel(state=LightState.CLEAN, group=0)
+    judge = judge_of(exposure(1, GROUPS[0]), exposure(2, GROUPS[1]), exposure(3, *GROUPS))
+    for number in range(1, 4):
+        judge.frame(shown(number, label=clean), light=None, groups=GROUPS)
+    assert broken(judge) == [Invariant.LABEL, Invariant.LABEL]
+    assert judge.labels == 3
+    assert judge.judged[Invariant.LABEL] == 3
+
+
+def test_what_was_never_looked_at_is_named() -> None:
+    judge = judge_of(exposure(1))
+    assert judge.not_judged() == list(Invariant)
+    see(judge, shown(1))
+    assert set(Invariant) - set(judge.not_judged()) == {Invariant.WHOLE, Invariant.FRESH, Invariant.LIGHT}
+
+
+@pytest.mark.parametrize("number", [0, 1, 77_777, 2**32 - 1])
+def test_a_number_is_read_from_a_picture_that_looks_untouched(number: int) -> None:
+    rows, columns = np.indices(GREY.shape[:2])
+    slope = np.clip(GREY + (rows / 4 - columns / 5)[..., None], 0, 255).astype(np.uint8)
+    noisy = slope + np.random.default_rng(1).integers(0, 3, slope.shape, np.uint8)
+    for image in (GREY, 0 * GREY, noisy):
+        assert read_number(marked(image, number)) == number
+    seen, other = (block_means(marked(GREY, each).astype(np.float32), ROWS) for each in (number, 5))
+    assert np.array_equal(seen, other), "who looks at blocks sees the same"
 
 
 PRESS = Press("BALL", 1.0, 3.0, -2.0)
