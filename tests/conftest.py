@@ -114,13 +114,11 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def reason_of(report: pytest.TestReport) -> str:
-    """Return why a test was skipped."""
     reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
     return reason.removeprefix("Skipped: ")
 
 
 def place(item: pytest.Item) -> int:
-    """Return how early a test is begun."""
     path = item.path.relative_to(TESTS)
     return next((n for n, name in enumerate(LONGEST) if path.is_relative_to(name)), len(LONGEST))
 

@@ -103,7 +103,6 @@ def _quoted(text: str) -> str:
 
 
 def check_program(program: Path, place: Path) -> None:
-    """Run the Python example of README.md."""
     for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL):
         done = run([program, "-c", block], cwd=place, env=environment(place))
         assert done.returncode == 0, done.stderr

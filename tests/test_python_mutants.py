@@ -1,11 +1,10 @@
-"""The faults that `tests.benchmarks.mutants` draws: of code alone, each another program; which tests judge them."""
+"""The faults that `tests.benchmarks.mutants` draws: of code alone, each another program."""
 
 import ast
 from pathlib import Path
 
 import pytest
 
-from tests.benchmarks.mutants import HOST, judges
 from tests.helpers.python_mutants import draw, mutants_of
 
 SOURCE = '''"""A module of 3 lines."""
@@ -66,23 +65,3 @@ def test_each_room_has_an_equal_share_of_the_draw_as_far_as_it_has_places(tmp_pa
     assert drawn.count("large") == drawn.count("small") == 3
     all_of_them = draw(rooms, 99, 1)
     assert len({(mutant.file, mutant.begin) for mutant in all_of_them}) == len(all_of_them) == 13, "a place once"
-
-
-def test_a_file_is_judged_by_the_tests_that_import_it_its_own_first() -> None:
-    tests = judges(HOST / "base/mailbox.py")
-    assert tests.named == ["tests/host/base/test_mailbox.py"]
-    assert "tests/host/daemon/test_calibration_service.py" in tests.outside
-    assert judges(HOST / "cli/ring.py").named == ["tests/host/cli/test_ring.py"], "by the command line"
-    assert "tests/host/cli/test_signals.py" in judges(HOST / "cli/demo.py").room, "a verb by what types it"
-    assert "tests/host/cli/test_calibrate_lens.py" in judges(HOST / "cli/calibrate/optics.py").room
-    through_a_helper = judges(HOST / "lab/simulator/shutter.py").outside
-    assert "tests/host/daemon/test_installing.py" in through_a_helper
-    assert not any(test.startswith("tests/vm/") for test in tests.outside + through_a_helper)
-
-
-def test_a_file_is_judged_by_other_rooms_that_reach_it_through_what_they_start() -> None:
-    tests = judges(HOST / "daemon/frame_threads.py")
-    assert any(test.startswith("tests/host/cli/") for test in tests.outside), "a program that starts a sensor"
-    assert "tests/host/daemon/test_matrix.py" in tests.room, "all of its own room"
-    assert len(set(tests.outside)) == len(tests.outside)
-    assert len(tests.outside) < 30

@@ -85,8 +85,6 @@ def _mapped() -> set[str]:
 
 
 class Named(Distribution):
-    """A package that says this of itself."""
-
     def __init__(self, **told: str) -> None:
         self.told = Message()
         for name, value in {"Name": "it", **told}.items():

@@ -72,7 +72,6 @@ def on_a_finger(name: str, random: np.random.Generator) -> np.ndarray:
 
 
 def main() -> None:
-    """Judge by true and by felt depth."""
     judge("true depth", {name: (depth_mm(name), (SPACING_MM, SPACING_MM)) for name in NAMES})
     bundle = load_bundle("synthetic")
     reconstructor = Reconstructor(bundle)

@@ -82,7 +82,6 @@ def lines(bundle: Bundle, scene: str, image: NDArray[np.uint8], rounds: int) -> 
 
 
 def main() -> None:
-    """Print the scenes."""
     parser = argparse.ArgumentParser("python -m tests.benchmarks.frame_times")
     parser.add_argument("--calibration", default="synthetic", help="bundle whose network is timed")
     parser.add_argument("--rounds", type=int, default=15, help="frames and plain runs, in turn")

@@ -107,14 +107,11 @@ class MeasuredUnit(MeasuredLight):
 
 @dataclass(frozen=True)
 class MeasuredResponse(MeasuredLight):
-    """A sensor whose colours were tabled by slope."""
-
     table: Array
     """(angle, direction, 3, 6) coefficients of x^2, y^2, xy, x, y, 1; x, y in px of an image of 640 x 480"""
 
     @classmethod
     def read(cls, name: str) -> "MeasuredResponse":
-        """Read one of the tables."""
         with np.load(next(p for place in RESPONSES if (p := place / f"{name}.npz").exists())) as file:
             table = np.stack([file[f"grad_{colour}"] for colour in "rgb"], axis=2)
         # A flat gel has no direction: what the directions disagree about there is scatter.
@@ -210,7 +207,6 @@ def _errors(light: MeasuredLight, felt: Felt) -> list[float]:
 
 
 def main() -> None:
-    """Print a line of figures for each light."""
     with np.load(UNITS) as file:
         every = [TABLE, *file.files]
     for name in sys.argv[1:] or every:

@@ -132,7 +132,6 @@ def _typing(files: set[Path], tests: list[Path]) -> set[Path]:
 
 @cache
 def all_tests() -> list[Path]:
-    """Return the files of tests that may judge."""
     return [path for path in sorted((CHECKOUT / "tests").rglob("test_*.py"))
             if not str(path.relative_to(CHECKOUT)).startswith(TOO_SLOW)]  # fmt: skip
 
@@ -242,7 +241,6 @@ def first_failure(tests: list[str], copy: Path, limit_s: float, but: list[str]) 
 
 
 def with_its_children(started: subprocess.Popen[str]) -> None:
-    """End a run and what it started."""
     with suppress(ProcessLookupError):
         os.killpg(started.pid, signal.SIGKILL)
     started.wait()
@@ -281,7 +279,6 @@ def judged(mutants: list[Mutant], jobs: int, limit_s: float) -> Iterator[tuple[M
 
 
 def main() -> None:
-    """Draw, judge, print."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.mutants", description=__doc__)
     parser.add_argument("count", type=int)
     parser.add_argument("seed", type=int, nargs="?", default=0)

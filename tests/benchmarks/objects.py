@@ -57,7 +57,6 @@ def _one(camera: Camera, reconstructor: Reconstructor, name: str, depth_mm: floa
 
 
 def mean_errors(errors: Iterable[SurfaceErrors]) -> SurfaceErrors:
-    """Return the means over presses."""
     rows = [asdict(error) for error in errors]
     return SurfaceErrors(**{name: float(np.mean([row[name] for row in rows])) for name in rows[0]})
 

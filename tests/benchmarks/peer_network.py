@@ -24,8 +24,6 @@ _FIRST, _SECOND = 0.9, 0.999
 
 
 class PeerNetwork:
-    """Colour and place to slope."""
-
     def __init__(self, presses: Sequence[Press], untouched: Floats, ball: Ball, seed: int = 0) -> None:
         """Train on labelled presses and the (H, W, 3) untouched picture."""
         self._random, self._untouched = np.random.default_rng(seed), untouched
@@ -84,7 +82,6 @@ class PeerNetwork:
         return found[::-1]
 
     def _layers(self, rows: Floats) -> list[Floats]:
-        """What goes into each layer, and the answer."""
         values = [rows]
         for number, weights in enumerate(self._weights):
             value = values[-1] @ weights[:-1] + weights[-1]

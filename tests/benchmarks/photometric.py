@@ -67,7 +67,6 @@ class Bench:
         self._exposure_us = self._model.exposure_us or 8000.0
 
     def ways(self) -> list[Way]:
-        """Return them; the first is GelNet's."""
         counts = {kind: len(self._model.groups(kind)) for kind in (LightGroups.TRIPLES, LightGroups.SINGLES)}
         lengths = (("as long", self._exposure_us), ("longer", bright_exposure_of(self._model)))
         return [Way("GelNet, one picture", None, self._exposure_us)] + [
@@ -77,7 +76,6 @@ class Bench:
         ]
 
     def errors(self, press: Press, way: Way) -> SurfaceErrors:
-        """Press, and measure in one way."""
         if way.kind is None:
             frame, surface = self._picture(press, self._model.colours, way.exposure_us)
             return surface_errors(self._network.reconstruct(frame), surface)

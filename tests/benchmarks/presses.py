@@ -31,7 +31,6 @@ def main(source: str = "synthetic", presses: int = 20) -> None:
 
 
 def of_bundle(bundle: Bundle, presses: int, depth_mm: float) -> dict[str, float]:
-    """Return the figures of one depth."""
     if FILE_NAME in bundle.files:
         return with_bounds(bundle, presses, depth_mm)
     return asdict(evaluate_simulated(bundle, presses=presses, depth_mm=depth_mm))

@@ -37,8 +37,6 @@ HELD_OUT = ("field06", "field15")
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A part, and where it is pressed."""
-
     rms_mm: float
     seed: int
     columns: int
@@ -97,7 +95,6 @@ def place_errors(part: Part, joints: Sequence[Joint]) -> np.ndarray:
 
 
 def judge(name: str, folder: Path) -> str:
-    """Return the row of a part."""
     part, presses = PARTS[name], pressed(name)
     begun = time.process_time()
     scan = Scan(folder / name)
@@ -125,7 +122,6 @@ def judge(name: str, folder: Path) -> str:
 
 
 def main() -> None:
-    """Judge what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(PARTS))
     parser.add_argument("--kept-apart", action="store_true", help="also the parts that nothing was tuned on")

@@ -90,7 +90,6 @@ def _tracked(touches: list[Touch], true: list[Array]) -> str:
 
 
 def judge(name: str, moving: Moving, folder: Path) -> str:
-    """Return the row of a bead."""
     poses_of, felt_frames = zip(*frames(press(name, folder, moving=moving)), strict=True)
     true = {frame.camera_frame.sequence: pose for pose, frame in zip(poses_of, felt_frames, strict=True)}
     touches = list(touches_in(iter(felt_frames)))
@@ -114,7 +113,6 @@ def judge(name: str, moving: Moving, folder: Path) -> str:
 
 
 def main() -> None:
-    """Judge what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join((*ROLLS, *HELD_OUT)))

@@ -77,7 +77,6 @@ PARTS = {"energy": energy, "tasks": tasks, "fresh": partial(energy, range(2000, 
 
 
 def main() -> None:
-    """Print what was asked for."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.touch", description=__doc__)
     usual = [part for part in PARTS if part != "fresh"]
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], default=[])

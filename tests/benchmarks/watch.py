@@ -18,7 +18,6 @@ SHAPE = (480, 640)
 
 
 def main() -> None:
-    """Print the table."""
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     counts(Scene(AS_BUILT, CameraResponse(noise_grey=NOISE_GREY)), runs)
 

@@ -28,15 +28,12 @@ NEAREST, FARTHEST = 0.3, 3.0
 
 @dataclass
 class Counted:
-    """What was named."""
-
     moved: int = 0
     moved_named: int = 0
     right: int = 0
     right_named: int = 0
 
     def __str__(self) -> str:
-        """Return both shares."""
         return f"named {self.moved_named} of {self.moved} moved, {self.right_named} of {self.right} right"
 
 
@@ -102,7 +99,6 @@ def _remembered(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def main() -> None:
-    """Count for each set and number of presses."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sets", nargs="*", metavar="SET", help=f"of {', '.join(SETS)}; all where none is named")
     parser.add_argument("--presses", type=int, nargs="+", default=[0], help="so many of a set; 0: all")

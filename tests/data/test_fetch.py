@@ -79,7 +79,6 @@ def test_the_real_sets_come_out_of_their_sources_as_the_tests_know_them(tmp_path
 
 
 def labels_of(kind: str, content: bytes, places: list[str]) -> dict[str, bytes]:
-    """Circles as their sources write them."""
     rows = list(csv.reader(content.decode().splitlines()))[1:]
     if kind == "annotations":
         lines = ["img_names,center_x,center_y,radius", *(f"/home/x/{','.join(row)}" for row in rows)]

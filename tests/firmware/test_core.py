@@ -7,7 +7,7 @@ import pytest
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Dark, Status, SyncMode
 from gellight.ring.wire import Packet, encode
-from tests.firmware.helpers.virtual_board import BLACK, BLUE, GREEN, RED, WHITE, VirtualBoard
+from tests.firmware.helpers.virtual_board import BLACK, BLUE, GREEN, RED, VirtualBoard
 
 WIRE_US, LATCH_US = 360, 300
 TWO_STEPS = [p.SetStep(0, 0, 1, 10_000, 0), p.SetStep(1, 1, 1, 10_000, 0)]
@@ -111,12 +111,6 @@ def test_a_commit_with_another_table_is_noticed(core: VirtualBoard) -> None:
 
 
 # ---- current ----
-
-
-def test_full_white_is_rejected_with_its_current(core: VirtualBoard) -> None:
-    assert core.ask("SET_LEDS", p.SetLeds(WHITE))[:2] == (Status.OVER_CURRENT, 732)
-    core.advance(5000)
-    assert [colours for _, _, colours in core.lights()] == [BLACK]
 
 
 def test_the_paper_ring_fits_the_limit(core: VirtualBoard) -> None:

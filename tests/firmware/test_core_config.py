@@ -6,11 +6,9 @@ import zlib
 
 import pytest
 
-from gellight.base.leds import MOST_LEDS
 from gellight.lab.core_board.core import FLASH_BYTES
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import Status
-from gellight.ring.wire import COLOUR_BYTES
 from tests.firmware.helpers.virtual_board import BLACK, RED, VirtualBoard
 
 
@@ -142,10 +140,6 @@ def test_restarting_waits_for_the_reply_and_the_dark(core: VirtualBoard) -> None
     core.advance(50_000)
     assert core.flags & 6 == 6
     assert core.light == BLACK
-
-
-def test_there_is_room_for_the_colours_of_the_largest_ring() -> None:
-    assert COLOUR_BYTES == 3 * MOST_LEDS == 72
 
 
 @pytest.mark.parametrize("leds", [5, 24])

@@ -169,8 +169,6 @@ class Story:
 
 @dataclass
 class Account:
-    """What came of a story."""
-
     replies: list[Said] = field(default_factory=list)
     events: list[Said] = field(default_factory=list)
     lights: list[tuple[float, bytes]] = field(default_factory=list)

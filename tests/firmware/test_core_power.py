@@ -226,11 +226,3 @@ def test_a_trigger_lights_nothing_before_the_supply_has_risen(switched: VirtualB
     switched.advance(2_000)
     assert switched.light == RED
     assert switched.ok("COUNTERS").triggers_missed == 1
-
-
-def test_without_a_switch_nothing_waits(core: VirtualBoard) -> None:
-    asked_us = core.now_us
-    core.ok("SET_LEDS", p.SetLeds(RED))
-    core.advance(2_000)
-    assert core.lights()[-1][0] < asked_us + 100
-    assert not core.powered

@@ -12,7 +12,7 @@ from gellight.lab.doctor.sensor_checks import check_board
 from gellight.ring import protocol as p
 from gellight.ring.enumerations import ColourOrder, OutputAt, SyncMode
 from gellight.ring.light_ring import LightRing, Step
-from gellight.ring.protocol import DIMMING_US, HOTTEST_C, RING_HOTTEST_C, DimmedEvent
+from gellight.ring.protocol import DIMMING_US, HOTTEST_C, DimmedEvent
 from gellight.ring.wire import Packet, encode
 from tests.firmware.emulator import registers
 from tests.firmware.emulator.chip import VTOR
@@ -167,15 +167,3 @@ def test_a_board_that_has_cooled_shows_the_light_again(
     assert np.isfinite(ring.lit_since_s())
     assert ring.dimmed == 0
     assert [event.dimmed for event in ring.events if isinstance(event, DimmedEvent)] == [1, 0]
-
-
-def test_a_hot_ring_beside_a_cool_chip_is_dimmed(
-    board: BenchBoard, ring: LightRing, caplog: pytest.LogCaptureFixture
-) -> None:
-    board.set_ring_temperature(RING_HOTTEST_C + 5)
-    ring.light(DIM_RED)
-    with caplog.at_level(logging.WARNING):
-        attend(ring, board, 3e6)
-    np.testing.assert_array_equal(board.lit, DIM_RED // 2)
-    assert "the ring 65 °C (its limit is 60)" in caplog.text
-    assert "the ring 65 °C" in check_board(ring).remedy

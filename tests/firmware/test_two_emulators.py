@@ -33,8 +33,6 @@ NOT_MODELLED = ("clkDivRestart not implemented", "USB Unimplemented peripheral",
 
 @dataclass
 class Account:
-    """What came of a story."""
-
     packets: list[tuple[float, Packet]] = field(default_factory=list)
     """with the time when they came, on the board's clock, us"""
     lights: list[str] = field(default_factory=list)
@@ -63,7 +61,6 @@ def _fields(at_us: float, packet: Packet) -> dict[str, Any]:
 
 
 def command(name: str, number: int, record: Record = p.Empty()) -> Action:  # noqa: B008 (it has no fields)
-    """Return the action that sends a command."""
     return "send", encode(Packet(p.COMMANDS[name].code, number, record.pack())).hex()
 
 
@@ -129,7 +126,6 @@ def _run(board: RecordedBoard, account: Account, duration_us: float) -> None:
 
 
 def second_emulator(image: bytes, story: list[Action]) -> Account:
-    """Tell the story to rp2040js."""
     assert (FOLDER / "node_modules").is_dir(), "rp2040js is missing: make tools"
     told = {"flash": base64.b64encode(image).decode(), "uniqueId": UNIQUE_ID.hex(), "actions": story}
     done = subprocess.run(["node", str(FOLDER / "main.mjs")], input=json.dumps(told), capture_output=True, text=True,

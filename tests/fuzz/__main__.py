@@ -36,7 +36,6 @@ def kept(name: str) -> list[Path]:
 
 
 def keep(name: str, content: bytes) -> None:
-    """Add an input to the corpus."""
     (CORPUS / f"{name}-{hashlib.sha256(content).hexdigest()[:12]}.bin").write_bytes(content)
 
 

@@ -11,8 +11,6 @@ TOKENS = (b"\0", b"\xff" * 4, b"\x7f\xff\xff\xff", b"-1", b"1e999", b"null", b"[
 
 @dataclass(frozen=True)
 class Parser:
-    """A parser of bytes."""
-
     name: str
     parse: Callable[[bytes], object]
     sound: tuple[bytes, ...]

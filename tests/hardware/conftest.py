@@ -30,7 +30,6 @@ def ring(url: str) -> Iterator[LightRing]:
 
 @pytest.fixture
 def dim(ring: LightRing) -> np.ndarray:
-    """All LEDs of this board a little lit."""
     return np.full((ring.led_count, 3), DIM, np.uint8)
 
 

@@ -133,7 +133,6 @@ class BenchBoard(EmulatedBoard):
         return self.host.descriptors.get(name, b"")[2:].decode("utf-16le")
 
     def suspend(self) -> None:
-        """Let the bus fall silent."""
         controller: Any = self.chip.peripherals[USB]
         controller.suspend()
 
@@ -180,11 +179,9 @@ class VirtualTransport:
         return self.board.now_us / 1e6
 
     def write(self, data: bytes) -> None:
-        """Queue the bytes for the bus."""
         self.board.host.send(data)
 
     def read(self, timeout_s: float) -> bytes:
-        """Let virtual time pass until bytes arrive."""
         self.board.run_until(lambda: self.board.host.received, timeout_s * 1e6)
         data = bytes(self.board.host.received)
         self.board.host.received.clear()

@@ -157,7 +157,6 @@ def _point(node: Sexp, name: str = "at") -> tuple[float, float]:
 
 @cache
 def read_carrier(name: str) -> Carrier:
-    """Return the carrier of a controller."""
     board = sexp((CARRIERS / name / f"gellight-carrier-{name}.kicad_pcb").read_text())
     carrier = Carrier(name, {}, {}, {}, [], [], [])
     for part in within(board, "footprint"):

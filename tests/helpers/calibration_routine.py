@@ -19,7 +19,6 @@ PATIENCE_S = 280.0
 
 
 def camera(url: str = URL) -> Camera:
-    """Return the simulated sensor with small pictures."""
     return open_camera(url, geometry=GEOMETRY)
 
 

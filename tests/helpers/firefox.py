@@ -17,10 +17,7 @@ PATIENCE_S = 60.0
 
 
 class Firefox:
-    """One page of a Firefox that runs."""
-
     def __init__(self, loop: asyncio.AbstractEventLoop, line: aiohttp.ClientWebSocketResponse) -> None:
-        """Begin a session."""
         self._loop, self._line, self._count = loop, line, 0
         self.complaints: list[str] = []
         self._ask("session.new", capabilities={})
@@ -81,7 +78,6 @@ class Firefox:
 
 @contextmanager
 def firefox(program: str, profile: Path) -> Iterator[Firefox]:
-    """Run Firefox without a screen."""
     command = [program, "--headless", "--no-remote", "--remote-debugging-port", "0", "--profile", str(profile)]
     loop = asyncio.new_event_loop()
     with children.started(command, stderr=subprocess.PIPE, text=True) as running:

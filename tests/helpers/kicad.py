@@ -121,7 +121,6 @@ def archive(verdict: Verdict, path: Path) -> None:
 
 
 def main() -> None:
-    """Plot every carrier into its archive."""
     for folder in sorted(CARRIERS.iterdir()):
         name = f"gellight-carrier-{folder.name}"
         with tempfile.TemporaryDirectory() as copied:

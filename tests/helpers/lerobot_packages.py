@@ -55,7 +55,6 @@ def lerobot_folder() -> Path:
 
 
 def fetch(folder: Path) -> None:
-    """Fetch the packages."""
     install = (sys.executable, "-m", "pip", "install", "--quiet", "--target", str(folder))
     for options in (("--no-deps", "--ignore-requires-python", *LEROBOT), NEEDED):
         done = subprocess.run([*install, *options], capture_output=True, text=True)

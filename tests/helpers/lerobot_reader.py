@@ -30,7 +30,6 @@ def registered() -> dict[str, list[str]]:
 
 
 def camera_of(**options: object) -> Any:
-    """Make a camera as `--robot.cameras` does."""
     import draccus
     from lerobot.cameras.configs import CameraConfig
     from lerobot.cameras.utils import make_cameras_from_configs
@@ -96,7 +95,6 @@ def raised_or(call: Any) -> object:
 
 
 def only_images(**options: object) -> Any:
-    """Return a camera without depth, connected."""
     camera = camera_of(sensor="finger", use_depth=False, **options)
     camera.connect()
     return camera
@@ -160,7 +158,6 @@ def quantise(least_m: float, most_m: float, use_log: bool) -> dict[str, float]:
 
 
 def export(words: list[str]) -> None:
-    """Run `gellight export`."""
     for name in ("av", "torchvision", "torchvision.transforms", "torchvision.transforms.v2", "torchvision.io"):
         sys.modules[name] = MagicMock(__spec__=ModuleSpec(name, None), __path__=[])  # for videos, and for training
     sys.modules["lerobot.processor"] = MagicMock()

@@ -42,7 +42,6 @@ class OtherProcessor(Library):
     """Calls go to a child process, with all that the arrays hold, and come back the same way."""
 
     def __init__(self, path: Path, server: Path) -> None:
-        """Load a library."""
         self.called: set[str] = set()
         self._child = subprocess.Popen(["qemu-aarch64", server], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         content = path.read_bytes()

@@ -51,11 +51,9 @@ class Page:
         self.send(count=count)
 
     def message(self, timeout_s: float = FRAME_S) -> View:
-        """Return the next frame."""
         return decode(self._first(lambda message: message.type is WSMsgType.BINARY, timeout_s).data)
 
     def frame(self) -> dict[str, Any]:
-        """Return the header of the next frame."""
         return self.message().header
 
     def text(self, *kinds: str) -> dict[str, Any]:

@@ -25,8 +25,6 @@ VERTICES = 1281
 
 @dataclass(frozen=True, kw_only=True)
 class Drawn:
-    """What is drawn, and how; lengths are mm."""
-
     geometry: SensorGeometry
     pressed: Deformation
     place_mm: tuple[float, float]
@@ -41,7 +39,6 @@ class Drawn:
     """of a path of light; -1: all"""
 
     def scene(self) -> Any:
-        """Return it as a scene of Mitsuba."""
         camera, (height, width) = self.geometry.camera_height_mm, self.geometry.image_shape
         at, grey = mi.ScalarTransform4f, {"type": "rgb", "value": self.albedo}
         lamp = at().translate(list(self.lamp_mm)).rotate([1, 0, 0], 180).scale(self.lamp_radius_mm)

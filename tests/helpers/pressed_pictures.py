@@ -42,10 +42,8 @@ def press_into(folder: Path) -> Path:
 
 
 def run(*arguments: str | Path) -> Any:
-    """Run `gellight calibrate`."""
     return invoke("calibrate", *arguments)
 
 
 def sources(folder: Path) -> list[str | Path]:
-    """Return the options that name the pictures."""
     return ["--presses", folder / "presses.csv", "--reference", folder / "untouched", *BALL]

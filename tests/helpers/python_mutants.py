@@ -27,7 +27,6 @@ class Mutant(NamedTuple):
     new: str
 
     def planted(self) -> str:
-        """Return the source with the fault."""
         return (self.source[: self.begin] + self.new.encode() + self.source[self.end :]).decode()
 
     def __str__(self) -> str:
@@ -96,7 +95,6 @@ def _is_talk(node: ast.AST) -> bool:
 
 
 def _changes(node: ast.expr | ast.stmt) -> Iterator[tuple[ast.expr | ast.stmt, str]]:
-    """Yield what of a node may become what."""
     match node:
         case ast.Compare(ops=[only]) if type(only) in COMPARISONS:
             yield node, _joined(node.left, COMPARISONS[type(only)], node.comparators[0])

@@ -121,7 +121,6 @@ def felt(surface: Surface, seed: int) -> ContactView:
 
 
 def untouched() -> np.ndarray:
-    """Take a picture of the gel at rest."""
     return digitise(_scene().show(None)[0], 1.0, np.random.default_rng(0))
 
 

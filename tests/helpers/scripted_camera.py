@@ -96,7 +96,6 @@ class LitCamera(ScriptedCamera):
         )  # fmt: skip
 
     def setting(self) -> tuple[dict[str, float], list[list[int]]]:
-        """Controls and LEDs, to be compared."""
         return {name: self.controls.read(name) for name in self.controls.names()}, self.ring.lit.tolist()
 
 

@@ -87,7 +87,6 @@ class SelfCheckResult:
 
     @property
     def passed(self) -> bool:
-        """Whether every error is within its bound."""
         return all(getattr(self, name) <= bound for name, bound in self.bounds.items())
 
 

@@ -23,8 +23,6 @@ GROUPS = {LightGroups.SINGLES: single_leds(RING.colours), LightGroups.TRIPLES: c
 
 
 class Gel:
-    """A scene, and pictures of it with noise."""
-
     def __init__(
         self, *, noise_grey: float = 1.0, gamma: float = 1.0, black_grey: float = 0.0, seed: int = 0,
         sensor: SensorGeometry = SMALL,
@@ -50,7 +48,6 @@ class Gel:
         self.scene.response = replace(self.base, exposure=self.base.exposure * factor)
 
     def bundle(self, folder: Path) -> Bundle:
-        """Write a bundle whose network is linear."""
         return write_bundle(
             folder, sensor="simulated", reference=self.mean(RING.colours, 8), reference_frames=8, noise_grey=1.0,
             pixel_size_mm=PIXEL_MM, network=linear_network(), metrics={},

@@ -23,8 +23,6 @@ SLICE_S = 0.01
 
 @dataclass
 class DeviceControl:
-    """A control of a camera."""
-
     minimum: int
     maximum: int
     step: int = 1
@@ -82,7 +80,6 @@ class CameraDevice:
     """errno by request"""
 
     def __post_init__(self) -> None:
-        """Begin without buffers."""
         self.queued: deque[int] = deque()
         self.filled: deque[v.Buffer] = deque()
         self.contents: dict[int, bytearray] = {}
@@ -92,11 +89,9 @@ class CameraDevice:
 
     @property
     def period_s(self) -> float:
-        """From frame to frame."""
         return 1 / self.mode[3]
 
     def advance(self, now_s: float) -> None:
-        """Take the pictures that are due."""
         while self.streaming and self.plugged and not self.stalled and self.next_s + self.latency_s <= now_s:
             number, time_s = self.number, self.next_s
             self.number, self.next_s = number + 1, time_s + self.period_s
@@ -116,31 +111,24 @@ class CameraDevice:
         self.filled.append(buffer)
 
     def stop(self) -> None:
-        """End the stream; its buffers are free."""
         self.streaming = False
         self.queued.clear()
         self.filled.clear()
 
 
 class DeviceMemory:
-    """A mapped buffer."""
-
     def __init__(self, content: bytearray) -> None:
-        """Map it."""
         self.content, self.closed = content, False
 
     def __getitem__(self, part: slice) -> bytes:
-        """Read."""
         assert not self.closed
         return bytes(self.content[part])
 
     def close(self) -> None:
-        """Unmap."""
         self.closed = True
 
 
 def refuse(number: int) -> OSError:
-    """Return the error of a kernel."""
     return OSError(number, errno.errorcode[number])
 
 
@@ -153,7 +141,6 @@ class SimulatedKernel(Kernel):
         self.opened: dict[int, CameraDevice] = {}
 
     def clock(self) -> float:
-        """Return the time of the stamps."""
         return time.monotonic()
 
     def wait_until(self, time_s: float) -> None:
@@ -167,7 +154,6 @@ class SimulatedKernel(Kernel):
             camera.advance(self.clock())
 
     def open(self, path: str) -> int:
-        """Open a camera; see `Kernel.open`."""
         camera = self.cameras.get(path)
         if camera is None or not camera.plugged:
             raise refuse(errno.ENOENT)
@@ -178,11 +164,9 @@ class SimulatedKernel(Kernel):
         return descriptor
 
     def close(self, descriptor: int) -> None:
-        """Close; its stream ends."""
         self.opened.pop(descriptor).stop()
 
     def mmap(self, descriptor: int, length: int, offset: int) -> Any:
-        """Map a buffer."""
         camera = self.opened[descriptor]
         camera.mapped.append(DeviceMemory(camera.contents.setdefault(offset, bytearray(length))))
         return camera.mapped[-1]

@@ -90,7 +90,6 @@ def flood(endpoint: str) -> list[str]:
 
 
 def files(*paths: str) -> list[str]:
-    """Try to read files, and to write them."""
     return [_tried(lambda path=path, how=how: Path(path).open(how).close()) for path in paths for how in ("rb", "r+b")]  # type: ignore[misc]
 
 

@@ -71,6 +71,5 @@ def full_frame() -> TactileFrame:
 
 
 def free_port() -> int:
-    """Return a port that nothing listens at."""
     with socket.create_server(("127.0.0.1", 0)) as probe:
         return int(probe.getsockname()[1])

@@ -1,8 +1,10 @@
-"""Tactile frames of maps that a test knows."""
+"""Tactile frames of maps that a test knows, and of one smooth hill, as deep as is asked for."""
+
+from dataclasses import replace
 
 import numpy as np
 
-from gellight.frames.frames import CameraFrame, Contact, TactileFrame
+from gellight.frames.frames import CameraFrame, Contact, Provenance, TactileFrame
 
 
 def tactile(
@@ -18,3 +20,14 @@ def tactile(
         depth_mm=depth_mm.astype(np.float32),
         contact=Contact(mask=touched, area_mm2=1.0, indentation_mm=float(depth_mm.max()), centroid_mm=None),
     )
+
+
+HILL = np.exp(-(((np.indices((48, 64)) - [[[24]], [[32]]]) / 10.0) ** 2).sum(axis=0))
+
+
+def hill_frame(deep_mm: float, noise: float = 0.0, seed: int = 0) -> TactileFrame:
+    """Return the frame of the hill, with noise of the depth, mm."""
+    depth = deep_mm * HILL + noise * np.random.default_rng(seed).standard_normal(HILL.shape)
+    felt = tactile(depth, mask=depth > 0.1, sequence=seed)
+    made = Provenance(calibration="a", zero="b", pixel_size_mm=(0.06, 0.06), unix_s=0.0, ages_s={})
+    return replace(felt, contact=replace(felt.contact, indentation_mm=deep_mm), provenance=made)

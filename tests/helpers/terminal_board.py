@@ -42,7 +42,6 @@ class TerminalBoard(SimulatedBoard):
         self._thread.start()
 
     def close(self) -> None:
-        """Switch off, and take the terminal away."""
         super().close()
         self._thread.join(STOP_S)
 

@@ -14,18 +14,15 @@ class UsbTree:
     numbers: int = 0
 
     def __post_init__(self) -> None:
-        """Make the folders."""
         for name in ("sys/class/video4linux", "sys/class/tty", "dev/v4l/by-id", "dev/serial/by-id"):
             (self.root / name).mkdir(parents=True)
 
     @property
     def sysfs(self) -> Path:
-        """What stands for /sys."""
         return self.root / "sys"
 
     @property
     def dev(self) -> Path:
-        """What stands for /dev."""
         return self.root / "dev"
 
     def plug(

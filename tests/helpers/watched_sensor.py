@@ -61,7 +61,6 @@ class WatchedSensor:
         return grey
 
     def frame(self, press: Press | None = None) -> TactileFrame:
-        """The next frame, as the watch gets it."""
         return self.expose(self.picture(press))
 
     def expose(self, grey: NDArray[np.float32]) -> TactileFrame:

@@ -25,8 +25,6 @@ _SIZE, _SPACING_MM = 256, 0.1
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
-    """One press."""
-
     depth_mm: np.ndarray
     """(H, W)"""
     pressure_mpa: np.ndarray

@@ -27,7 +27,6 @@ def pressed(per_image: int = 600) -> Table:
 
 
 def pair(recipe: Recipe, table: Table, width: int = 32) -> tuple[Any, NumpyTrainer]:
-    """Both trainers with the same weights."""
     by_torch: Any = make_trainer("torch", seed=1)
     by_numpy = NumpyTrainer(seed=1)
     by_torch.begin(table.rows[:, :5].copy(), table.rows[:, 5:].copy(), width=width, recipe=recipe)

@@ -29,7 +29,6 @@ DEFAULTS = (
 
 
 def judgements(setup: StudySetup) -> Judged:
-    """Return the paper, sentence by sentence."""
     return coarse_judgements(coarse_readings(setup)) | fine_judgements(setup) | ball_judgements()
 
 

@@ -91,7 +91,6 @@ def test_a_beam_as_the_papers_is_one_reading_and_not_two() -> None:
 
 
 def level() -> CoarseResult:
-    """A study in which all objects are alike."""
     errors = np.tile(np.radians(np.linspace(1, 60, 77)).reshape(1, 7, 11, 1), (10, 1, 1, 3))
     return CoarseResult(BENCHMARK_NAMES, LightGroups(), errors)
 

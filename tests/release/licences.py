@@ -61,7 +61,6 @@ def closure(needs: Iterable[str]) -> dict[str, importlib.metadata.Distribution]:
 
 @functools.cache
 def shipped() -> dict[str, importlib.metadata.Distribution]:
-    """Return what `pip install gellight` brings."""
     return closure(PROJECT["dependencies"])
 
 

@@ -18,7 +18,6 @@ MAKE = (sys.executable, "-m", "cyclonedx_py", "requirements", PINNED, "--pyproje
 
 
 def sbom() -> dict[str, Any]:
-    """Return the bill of materials."""
     done = subprocess.run([*MAKE, "--output-reproducible"], check=True, capture_output=True, text=True)
     bill: dict[str, Any] = json.loads(done.stdout)
     for component in bill["components"]:

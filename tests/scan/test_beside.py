@@ -17,7 +17,7 @@ from gellight.lab.simulator.stage import Stage
 from gellight_scan.beside import SHORT, ScanBeside
 from gellight_scan.scan import MAP, PICTURE, Scan
 from sim_reference.geometry import AS_BUILT
-from tests.helpers.hill_frames import frame
+from tests.helpers.tactile import hill_frame as frame
 from tests.helpers.waiting import eventually
 
 HELD = [0.0, 0.5, 0.5, 0.5, 0.5]

@@ -53,7 +53,6 @@ def rolled(pressed: Path) -> tuple[list[Touch], dict[int, np.ndarray]]:
 
 @pytest.fixture(scope="module")
 def other(tmp_path_factory: pytest.TempPathFactory) -> Touch:
-    """Another body."""
     moving = replace(way("BEAD"), frames=1)
     ((_, frame),) = frames(press("other", tmp_path_factory.mktemp("pressed"), moving=moving))
     (touch,) = touches_in(iter([frame]))

@@ -19,24 +19,6 @@ from sim_reference.surface import Surface, sample
 from tests.helpers.tactile import tactile
 
 
-def a_map() -> HeightMap:
-    """Return a map of 3 x 4 pixels with one that was not reached."""
-    height = np.arange(12, dtype=np.float32).reshape(3, 4) / 100
-    height[1, 2] = np.nan
-    return HeightMap(height, np.where(np.isnan(height), np.nan, 0.01).astype(np.float32), 0.02)
-
-
-def test_a_file_holds_the_map_whole(tmp_path: Path) -> None:
-    """Heights, errors, the size of a pixel and what was not reached come back as they were."""
-    a_map().save(tmp_path / "map.npz")
-    back = load_height_map(tmp_path / "map.npz")
-    np.testing.assert_array_equal(back.height_mm, a_map().height_mm)
-    np.testing.assert_array_equal(back.error_mm, a_map().error_mm)
-    assert back.pixel_mm == 0.02
-    assert back.reached.sum() == 11
-    assert not back.reached[1, 2]
-
-
 @pytest.mark.parametrize(
     ("height", "error", "pixel_mm", "what"),
     [
@@ -48,13 +30,11 @@ def test_a_file_holds_the_map_whole(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_no_map_is_refused(height: tuple[int], error: tuple[int], pixel_mm: float, what: str) -> None:
-    """The sentence says which value is wrong."""
     with pytest.raises(InputError, match=what):
         HeightMap(np.zeros(height, np.float32), np.zeros(error, np.float32), pixel_mm)
 
 
 def test_a_field_that_is_missing_is_named(tmp_path: Path) -> None:
-    """An npz of something else is no map."""
     np.savez(tmp_path / "other.npz", height_mm=np.zeros((2, 2)))
     with pytest.raises(InputError, match="error_mm"):
         load_height_map(tmp_path / "other.npz")

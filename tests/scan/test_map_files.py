@@ -89,6 +89,8 @@ def test_an_npz_is_the_same_map_again(tmp_path: Path) -> None:
     write_maps(MAP, [tmp_path / "map.npz"])
     again = load_height_map(tmp_path / "map.npz")
     np.testing.assert_array_equal(again.height_mm, HEIGHT)
+    np.testing.assert_array_equal(again.error_mm, MAP.error_mm)
+    np.testing.assert_array_equal(again.reached, np.isfinite(HEIGHT))
     assert again.pixel_mm == PIXEL_MM
 
 

@@ -13,7 +13,8 @@ from gellight_scan import touches
 from gellight_scan.contact_view import reached_by
 from gellight_scan.presses import PressWatcher, presses_in
 from gellight_scan.scan_files import path_of, read_presses, write_press
-from tests.helpers.hill_frames import HILL, frame
+from tests.helpers.tactile import HILL
+from tests.helpers.tactile import hill_frame as frame
 
 
 def deepest(depths: list[float]) -> list[float]:

@@ -238,11 +238,6 @@ def test_rubbish_is_refused_in_a_sentence(plate: Path, words: tuple[str, ...], m
     assert message in str(done.exception)
 
 
-def test_a_blur_that_leaves_little_is_refused(plate: Path) -> None:
-    done = invoke("surface", plate, env={"GELLIGHT_GEOMETRY_COATING_SMOOTHING_MM": "0.5"})
-    assert "takes 71% of them" in str(done.exception)
-
-
 @pytest.mark.parametrize("name", ["none.npz", "none.mcap", "rubbish.npz", "rubbish.mcap"])
 def test_a_file_that_is_none_is_refused(tmp_path: Path, name: str) -> None:
     if name.startswith("rubbish"):

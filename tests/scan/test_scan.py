@@ -51,7 +51,6 @@ def small(width: int = 64, pixel_mm: float = 0.06, calibration: str = "a") -> Co
 
 
 def elsewhere() -> ContactView:
-    """A press of another part altogether."""
     other = Part(rms_mm=0.06, seed=12, columns=1, rows=1, steps_mm=(0, 0), deep_mm=0.45)
     return felt(press(other.plate, other.poses[0], other.deep_mm), 99)
 

@@ -55,7 +55,6 @@ def labels_alone(found: Labelling) -> int:
 
 
 def table(report: Report) -> str:
-    """Return what was found as lines for people."""
     lines = [
         f"{report.simulated_s / 3600:.2f} simulated hours in {report.wall_s / 60:.1f} min, seed {report.seed}: "
         f"{report.frames} frames, {report.labels} light labels judged, "
@@ -71,7 +70,6 @@ def table(report: Report) -> str:
 
 
 def _worked(work: Work) -> str:
-    """Return what was done with the sensor meanwhile."""
     return (
         f"calibrated: {work.calibrations} times, {work.judged_bad} judged bad, {work.taken_up} times gone on with; "
         f"{work.circles} circles, {work.worst_circle_px:.2f} px off at most"
@@ -79,7 +77,6 @@ def _worked(work: Work) -> str:
 
 
 def _failed(report: Report) -> str:
-    """Return why a soak did not pass."""
     told = f"{len(report.violations)} violations, {len(report.not_judged)} of {len(Invariant)} not judged"
     return f"{told}: a longer run on an idle machine judges more" if report.not_judged else told
 

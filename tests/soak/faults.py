@@ -13,8 +13,6 @@ MEAN_GAP_S = 60.0
 
 
 class FaultKind(StrEnum):
-    """What can go wrong."""
-
     UNPLUGGED = "unplugged"
     """the cable is pulled, and plugged in at another port"""
     BROWN_OUT = "brown-out"
@@ -57,8 +55,6 @@ USUAL_S = 2.0
 
 @dataclass(frozen=True)
 class PlannedFault:
-    """One fault of the plan."""
-
     at_s: float
     """of simulated time"""
     kind: FaultKind

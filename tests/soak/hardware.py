@@ -52,7 +52,6 @@ class SoakCamera(CameraDevice):
     """The camera of a sensor; its pictures show the gel under the light that was on."""
 
     def __init__(self, sensor: "FragileSensor") -> None:
-        """Look at the gel of `sensor`."""
         self._sensor, self._last, self._goes_on_s = sensor, b"", 0.0
         height, width = SHAPE
         super().__init__(
@@ -81,7 +80,6 @@ class SoakCamera(CameraDevice):
         self.stalled = True
 
     def advance(self, now_s: float) -> None:
-        """Take the pictures that are due."""
         if self.stalled and now_s >= self._goes_on_s:
             self.stalled, self.next_s = False, self._goes_on_s
         super().advance(now_s)
@@ -106,7 +104,6 @@ class FragileSensor(ABC):
 
     @property
     def surroundings(self) -> Surroundings:
-        """What the product opens the sensor with."""
         return Surroundings(kernel=self.kernel, sysfs=self.usb.sysfs, dev=self.usb.dev, open_ring=self._open_ring)
 
     @abstractmethod
@@ -142,7 +139,6 @@ class FragileSensor(ABC):
         self.kernel.cameras = {video: self.camera}
 
     def unplug(self) -> None:
-        """Pull the plug: camera and board are gone."""
         if self.camera is not None:
             self.camera.plugged = False
         self.usb.unplug(self.port)
@@ -180,7 +176,6 @@ class SoakSensor(FragileSensor):
     """A sensor on the wall clock, and its board; close it at the end."""
 
     def __init__(self, folder: Path, seed: int) -> None:
-        """Make bus and kernel in `folder`."""
         super().__init__(folder, seed, SimulatedKernel())
         self.board: TerminalBoard | None = None
         self._boards = threading.Lock()
@@ -205,12 +200,10 @@ class SoakSensor(FragileSensor):
             board.close()
 
     def close(self) -> None:
-        """Unplug."""
         if self.camera is not None:
             self.unplug()
 
     def lit(self) -> bool:
-        """Whether any LED shines now."""
         with self._boards:
             board = self.board
         return board is not None and board.running and bool(board.timeline.at(np.inf).any())
@@ -238,8 +231,6 @@ def digitised(picture: NDArray[np.float32], draw: np.random.Generator) -> NDArra
 
 @dataclass
 class Wires:
-    """The serial line between host and board."""
-
     flipped: float = 0.0
     """share of the bytes that arrive with a wrong bit, in either direction"""
     silent: bool = False
@@ -247,7 +238,6 @@ class Wires:
     draw: random.Random = field(default_factory=lambda: random.Random(0))
 
     def pass_on(self, data: bytes) -> bytes:
-        """Return what arrives of `data`."""
         if self.silent or not self.flipped:
             return b"" if self.silent else data
         flip = self.draw
@@ -255,15 +245,11 @@ class Wires:
 
 
 class WiredTransport:
-    """A transport to the board over `Wires`."""
-
     def __init__(self, transport: Transport, wires: Wires) -> None:
-        """Disturb what goes through `transport` as `wires` say."""
         self.url, self._transport, self._wires = transport.url, transport, wires
         self.monotonic: Callable[[], float] = getattr(transport, "monotonic", time.monotonic)
 
     def write(self, data: bytes) -> None:
-        """Send what gets through."""
         if arriving := self._wires.pass_on(data):
             self._transport.write(arriving)
 
@@ -277,5 +263,4 @@ class WiredTransport:
                 return data
 
     def close(self) -> None:
-        """Close."""
         self._transport.close()

@@ -36,8 +36,6 @@ STAMP_ERROR_S = 0.003
 
 
 class Invariant(StrEnum):
-    """What has to hold."""
-
     LABEL = "no wrong light label"
     LIGHT = "frames show the light that was set"
     FRESH = "no stale frame called new"
@@ -56,8 +54,6 @@ class Invariant(StrEnum):
 
 @dataclass(frozen=True)
 class Violation:
-    """One time that something did not hold."""
-
     at_s: float
     """since the beginning of the run"""
     invariant: Invariant
@@ -68,7 +64,6 @@ class Patience:
     """Measures for how long this process was kept from the processor: no fault of the product."""
 
     def __init__(self) -> None:
-        """Begin to measure."""
         self.starved_s = 0.0
         self._ended = threading.Event()
         threading.Thread(target=self._measure, name="patience", daemon=True).start()
@@ -82,7 +77,6 @@ class Patience:
             before_s = now_s
 
     def close(self) -> None:
-        """End."""
         self._ended.set()
 
 
@@ -90,7 +84,6 @@ class Judge:
     """Notes violations, of frames and of what others report. Safe to use from any thread."""
 
     def __init__(self, sensor: FragileSensor) -> None:
-        """Judge frames of `sensor`."""
         self.violations: list[Violation] = []
         self.judged: Counter[Invariant] = Counter()
         """how often each was looked at: what was never judged did not hold"""
@@ -104,18 +97,15 @@ class Judge:
         self._lock = threading.Lock()
 
     def broken(self, invariant: Invariant, text: str) -> None:
-        """Note that something did not hold."""
         with self._lock:
             self.violations.append(Violation(time.monotonic() - self._begun_s, invariant, text))
         logger.error("%s: %s", invariant, text)
 
     def looked_at(self, *invariants: Invariant) -> None:
-        """Note that these were judged once more."""
         with self._lock:
             self.judged.update(invariants)
 
     def not_judged(self) -> list[Invariant]:
-        """Return what was never judged."""
         return [invariant for invariant in Invariant if not self.judged[invariant]]
 
     def begin_stream(self) -> None:
@@ -211,8 +201,6 @@ def one_arena() -> None:
 
 @dataclass(frozen=True)
 class Holdings:
-    """What is held at a moment."""
-
     at_s: float
     memory_mb: float
     """resident, not of files, without what the allocator keeps of memory that was given back"""

@@ -29,8 +29,6 @@ DONE, REFUSED, FAULT = 0, 2, 3
 
 
 class Blow(StrEnum):
-    """What happens to an act."""
-
     KILLED = "killed"
     STOPPED = "stopped, and another one meanwhile"
     NO_LARGER_FILE = "a file may not grow"
@@ -46,8 +44,6 @@ class BrokenError(Exception):
 
 @dataclass
 class Tally:
-    """What became of the faults of one class."""
-
     tried: int = 0
     passed: int = 0
     worst_s: float = 0.0
@@ -59,7 +55,6 @@ class Child:
     """A process that does one thing, and what it said."""
 
     def __init__(self, act: Callable[[], object]) -> None:
-        """Fork."""
         self._said = os.memfd_create("said")
         self.pid = os.fork()
         if self.pid == 0:
@@ -117,8 +112,6 @@ def did(act: Callable[[], object]) -> tuple[int, str]:
 
 
 class Faults:
-    """Draws faults, and judges what they leave."""
-
     def __init__(
         self, seed: int, folder: Path,
         chosen: Callable[[Path], tuple[Writer, ...]] = writers, blows: tuple[Blow, ...] = tuple(Blow),
@@ -148,7 +141,6 @@ class Faults:
         return home
 
     def one(self) -> None:
-        """Draw a fault, and judge it."""
         (writer,) = self._random.choices(self.writers, [writer.weight for writer in self.writers])
         (blow,) = self._random.choices(self.blows, [WEIGHTS.get(blow, 1) for blow in self.blows])
         tally = self.tallies.setdefault((writer.name, blow), Tally())
@@ -204,7 +196,6 @@ class Faults:
 
 
 def table(tallies: dict[tuple[str, Blow], Tally]) -> str:
-    """Return what was found, a line a class."""
     lines = [f"{'act':20}{'fault':38}{'tried':>6}{'passed':>7}{'worst':>8}"]
     for (name, blow), one in sorted(tallies.items()):
         lines.append(f"{name:20}{blow:38}{one.tried:6d}{one.passed:7d}{one.worst_s:6.2f} s")

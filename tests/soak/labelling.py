@@ -43,12 +43,10 @@ class VirtualKernel(SimulatedKernel):
     """Cameras on the clock of `host`; `look` is called now and then while a program waits, as a thread of it would."""
 
     def __init__(self, host: HostClock, look: Callable[[], object]) -> None:
-        """Begin without a camera."""
         super().__init__()
         self._host, self._look = host, look
 
     def clock(self) -> float:
-        """Return the time of the stamps."""
         return self._host.monotonic()
 
     def wait_until(self, time_s: float) -> None:
@@ -62,7 +60,6 @@ class Cable(VirtualTransport):
     """Ends for good where the board loses its power."""
 
     def __init__(self, sensor: "VirtualSensor") -> None:
-        """Connect to the board as it runs now."""
         self._sensor, self._start = sensor, sensor.starts
         self._connected()
         super().__init__(sensor.board)
@@ -73,21 +70,17 @@ class Cable(VirtualTransport):
 
     @property
     def board_is_on(self) -> bool:
-        """Whether the board has had power since."""
         return self._sensor.board.powered and self._start == self._sensor.starts
 
     def write(self, data: bytes) -> None:
-        """Queue the bytes for the bus."""
         self._connected()
         super().write(data)
 
     def read(self, timeout_s: float) -> bytes:
-        """Let virtual time pass until bytes arrive."""
         self._connected()
         return super().read(timeout_s)
 
     def close(self) -> None:
-        """Drop DTR."""
         if self.board_is_on:
             super().close()
 
@@ -96,7 +89,6 @@ class VirtualSensor(FragileSensor):
     """A sensor whose board and host go by virtual time, all in one thread."""
 
     def __init__(self, folder: Path, seed: int) -> None:
-        """Make the bus in `folder`."""
         self.board = BenchBoard(committed_image())
         self.clock = HostClock(self.board)
         super().__init__(folder, seed, VirtualKernel(self.clock, self._keep_alive))
@@ -107,7 +99,6 @@ class VirtualSensor(FragileSensor):
 
     @property
     def surroundings(self) -> Surroundings:
-        """What the product opens the sensor with."""
         return replace(super().surroundings, wait=lambda _event, seconds: self.clock.sleep(seconds))
 
     def _open_ring(self, url: str) -> LightRing:

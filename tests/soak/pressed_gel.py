@@ -27,7 +27,6 @@ class PressedGel:
     """A gel; safe to use from any thread."""
 
     def __init__(self) -> None:
-        """Begin with nothing in it."""
         height, width = SHAPE
         geometry = replace(AS_BUILT, image_width_px=width, image_height_px=height, pixel_size_mm=PIXEL_MM)
         self._scene = Scene(geometry, CameraResponse())
@@ -45,7 +44,6 @@ class PressedGel:
         return press
 
     def lift(self) -> None:
-        """Take off what is in it."""
         self.pressed = None
 
     def picture(self, colours: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -13,7 +13,6 @@ EVERY = 5
 
 
 def main(name: str) -> None:
-    """Receive frames until the daemon ends."""
     last, last_s, count = -1, 0.0, 0
     try:
         with subscribe(name, patience_s=30.0) as frames:

@@ -58,8 +58,6 @@ PROGRESS_S, STEPS = 20.0, 6
 
 @dataclass
 class Outcome:
-    """What became of the faults of one kind."""
-
     count: int = 0
     worst_recovery_s: float = 0.0
     """from the end of a fault to the start of the next sound frame's exposure that was delivered"""
@@ -67,8 +65,6 @@ class Outcome:
 
 @dataclass
 class Report:
-    """What a soak found."""
-
     seed: int
     simulated_s: float = 0.0
     wall_s: float = 0.0
@@ -86,7 +82,6 @@ class Report:
     not_judged: list[Invariant] = field(default_factory=list)
 
     def add_labels(self, labelling: Labelling) -> None:
-        """Take in what was found of labels."""
         judge = labelling.judge
         self.labels, self.slowest_label_s = self.labels + judge.labels, labelling.slowest_s
         self.violations += judge.violations
@@ -96,7 +91,6 @@ class Report:
 
     @property
     def passed(self) -> bool:
-        """Whether everything was judged, and held."""
         return not self.violations and not self.not_judged
 
 
@@ -112,7 +106,6 @@ class WallClock:
     """The time of day of this process, which can jump."""
 
     def __init__(self) -> None:
-        """Be right."""
         self.error_s = 0.0
         self._time, self._time_ns = time.time, time.time_ns
 

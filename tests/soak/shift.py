@@ -66,11 +66,9 @@ class Reader:
         return self.frames > before
 
     def signal(self, number: int) -> None:
-        """Send a signal to the process."""
         self._process.send_signal(number)
 
     def close(self) -> None:
-        """Kill it."""
         self._process.kill()
         self._process.wait()
         self._listener.join()
@@ -97,7 +95,6 @@ class Shift:
         self._until = ExitStack()
 
     def __enter__(self) -> Self:
-        """Open, and start everything."""
         with ExitStack() as stack:
             camera = stack.enter_context(self._opened())
             assert self._bundle.colours is not None
@@ -196,7 +193,6 @@ class Shift:
             self.judge.broken(Invariant.RECORDING, f"{path.name}: {read} of {written} frames can be read")
 
     def record_anew(self) -> None:
-        """End the recording and begin another one."""
         self.end_recording()
         self._begin_recording()
 

@@ -36,8 +36,6 @@ IN_FLIGHT = 10
 
 @dataclass
 class Work:
-    """What was done in a soak."""
-
     calibrations: int = 0
     """that passed their own check"""
     judged_bad: int = 0
@@ -110,7 +108,6 @@ class Calibrating:
             self._judge.broken(Invariant.CALIBRATION, end["problem"])
 
     def _serve(self, routine: Routine, now: dict[str, Any]) -> None:
-        """Do what a user would do."""
         with suppress(InputError):  # it may have gone on meanwhile
             if "accept" in now["actions"]:
                 routine.act("accept")
@@ -147,7 +144,6 @@ class Working:
     """Calibrates until it is told to rest; a context manager."""
 
     def __init__(self, gel: PressedGel, calibrating: Calibrating, judge: Judge) -> None:
-        """Calibrate again and again."""
         self._gel, self._calibrating, self._judge = gel, calibrating, judge
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="hand", daemon=True)
@@ -155,12 +151,10 @@ class Working:
         """whether the light may be another than the bundle's"""
 
     def __enter__(self) -> Self:
-        """Begin."""
         self._thread.start()
         return self
 
     def __exit__(self, *problem: object) -> None:
-        """End."""
         self.rest()
         self._thread.join()
 
@@ -170,7 +164,6 @@ class Working:
         return self._calibrating.progress
 
     def rest(self) -> None:
-        """Leave the calibration as it is."""
         self._ended.set()
 
     def _run(self) -> None:

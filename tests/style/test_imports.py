@@ -52,7 +52,6 @@ OPEN_CALLS = {"__init__.py", "cli/lazy.py"}
 
 
 def of(package: str) -> list[str]:
-    """Return the modules of a package of ours."""
     return sorted(module for module in GRAPH.modules if module.split(".")[0] == package)
 
 
@@ -62,7 +61,6 @@ def external(module: str) -> set[str]:
 
 
 def path_of(module: str) -> str:
-    """Return the path of a module below host/gellight."""
     name = module.removeprefix("gellight").removeprefix(".").replace(".", "/")
     return f"{name}.py" if (HOST / f"{name}.py").is_file() else f"{name}/__init__.py".removeprefix("/")
 

@@ -45,7 +45,6 @@ class VideoModes:
 
 
 def device_descriptor() -> bytes:
-    """Return the 18 bytes that name the device."""
     return struct.pack("<BBHBBBBHHHBBBB", 18, 1, 0x0200, *COMPOSITE, 64, VENDOR, PRODUCT, RELEASE, 1, 2, 3, 1)
 
 

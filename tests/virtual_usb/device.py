@@ -43,7 +43,6 @@ class UncommandedRing(LightRing):
         return -inf
 
     def close(self) -> None:
-        """Switch the board off."""
         self.transport.close()
 
 
@@ -73,11 +72,9 @@ class VirtualSensor:
         self.video = VideoFunction(self.camera, self.modes, faults=self.faults)
 
     def __enter__(self) -> "VirtualSensor":
-        """Return the sensor."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Pull the plug and switch off."""
         self.close()
 
     def inject(self, faults: Faults) -> None:
@@ -120,7 +117,6 @@ class VirtualSensor:
             self._cable.pull()
 
     def close(self) -> None:
-        """Pull the plug and switch off for good."""
         self.unplug()
         self.unplugged.wait(STOP_S)
         self._power_off()
@@ -217,7 +213,6 @@ class UsbipServer:
         self._thread = threading.Thread(target=self._accept, daemon=True)
 
     def __enter__(self) -> Self:
-        """Begin to listen."""
         self._thread.start()
         return self
 

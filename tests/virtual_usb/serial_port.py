@@ -53,7 +53,6 @@ class SerialFunction:
                 cable.send(SERIAL_ENDPOINT, data, wanted=lambda: cable.plugged, ended=False)
 
     def close(self) -> None:
-        """Let go of the terminal."""
         self._hold(False)
 
     def _hold(self, up: bool) -> None:

@@ -37,8 +37,6 @@ def modes_of(camera: Camera, frame_rate: float) -> VideoModes:
 
 @dataclass(frozen=True)
 class StreamMode:
-    """What is streamed."""
-
     format: int
     size_index: int
     """from 1"""
@@ -50,7 +48,6 @@ class Negotiation:
     """The camera's side; `committed` is the mode in which it streams, None while it does not."""
 
     def __init__(self, modes: VideoModes) -> None:
-        """Offer `modes`."""
         self._modes = modes
         self._probed = StreamMode(descriptors.MJPG, 1, modes.intervals[0])
         self.committed: StreamMode | None = None
@@ -95,7 +92,6 @@ class VideoFunction:
     """Interfaces 2 and 3. One thread runs it; requests of the host come from another."""
 
     def __init__(self, camera: Camera, modes: VideoModes, *, faults: Faults) -> None:
-        """Offer `camera` in `modes`."""
         self.controls = ControlState()
         self.negotiation = Negotiation(modes)
         self.streams = 0

@@ -28,12 +28,6 @@ def test_udev_names_camera_and_serial_port_by_the_serial_number(bench: Bench) ->
     print(f"links {found['seconds']:.2f} s after the plug went in")
 
 
-def test_camera_and_ring_share_one_usb_parent_and_say_who_they_are(guest: Guest, one: VirtualSensor) -> None:
-    found = guest.run("commanding:identity", number=ONE)
-    assert found["camera parent"] == found["ring parent"]
-    assert found["ports"] == [[0x1209, 0x0001, "GelLight", "GelLight virtual sensor"]]
-
-
 @pytest.mark.parametrize("letters", ["MJPG", "YUYV"])
 def test_two_sensors_stream_at_once(guest: Guest, bench: Bench, letters: str) -> None:
     bench.plug("one", 0)
@@ -171,23 +165,6 @@ def test_a_camera_that_falls_silent_is_told_from_one_that_is_gone(guest: Guest, 
     found = guest.run("looking:watch", serial=ONE)
     assert found["error"] == "StalledError"
     assert "is there" in found["text"]
-
-
-def test_a_serial_port_that_is_gone_is_told(guest: Guest, bench: Bench) -> None:
-    bench.plug("lit", 0)
-    holding = guest.start("commanding:hold_ring", number=LIT)
-    holding.event("open")
-    bench.unplug("lit", aside=True)
-    assert holding.result()["error"] == "SerialException"
-
-
-def test_the_same_sensor_is_found_by_the_same_link_at_another_port(guest: Guest, bench: Bench) -> None:
-    bench.plug("one", 0)
-    bench.unplug("one")
-    found = bench.plug("one", 5)
-    print(f"links {found['seconds']:.2f} s after the replug")
-    assert guest.run("looking:stream", serial=ONE, options="format=MJPG", count=3)["mode"].startswith("MJPG")
-    assert guest.run("commanding:identity", number=ONE)["camera parent"] == "1-6"
 
 
 def test_a_stream_can_be_restarted_many_times(guest: Guest, one: VirtualSensor) -> None:

@@ -45,7 +45,6 @@ def pictures(path: Path) -> list[NDArray[np.uint8]]:
 
 
 def felt(bundle: Bundle, taken: Sequence[NDArray[np.uint8]]) -> list[TactileFrame]:
-    """Return what is felt in each picture."""
     rest = np.mean(taken[:UNTOUCHED], axis=0)
     path = Reconstructor(bundle.with_reference(rest, frames=UNTOUCHED))
     return [path.reconstruct(CameraFrame(image=image, time_s=0.04 * n, sequence=n)) for n, image in enumerate(taken)]
@@ -81,7 +80,6 @@ def distance(motion: NDArray[np.float64], view: View) -> str:
 
 
 def judge(bundle: Bundle, clip: Path) -> str:
-    """Return the row of a clip."""
     contact = longest_contact(felt(bundle, pictures(clip)))
     if len(contact) < SHORTEST:
         return f"{clip.stem:28} {len(contact)} frames of contact: too few"
@@ -97,7 +95,6 @@ def judge(bundle: Bundle, clip: Path) -> str:
 
 
 def main() -> None:
-    """Judge the clips."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("clips", nargs="+", type=Path, metavar="CLIP")
     parser.add_argument("--bundle", help="of a unit of the same make")

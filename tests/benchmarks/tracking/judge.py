@@ -129,7 +129,6 @@ def judged(names: Sequence[str], folder: Path, every: int) -> None:
 
 
 def main() -> None:
-    """Judge what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SEQUENCES))

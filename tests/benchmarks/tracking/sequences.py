@@ -172,7 +172,6 @@ def press(
 
 
 def main() -> None:
-    """Press what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SEQUENCES))

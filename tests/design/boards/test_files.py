@@ -8,10 +8,8 @@ from pathlib import Path
 import pytest
 
 from gellight_design.boards.files import bill_of_materials, carrier_files, placement, shopping_list
-from gellight_design.boards.gerbers import gerber_archive
 from gellight_design.boards.strip import strip_board
 from sim_reference.geometry import SensorGeometry
-from tests.helpers.boards import ring_of
 from tests.helpers.places import CHECKOUT
 
 JUDGED = Path(__file__).with_name("judged.txt")
@@ -50,7 +48,3 @@ def test_the_files_are_those_that_other_programs_have_judged(made: Path) -> None
     judged = dict(line.split() for line in JUDGED.read_text().splitlines())
     found = {path.name: sha256(path.read_bytes()).hexdigest()[:16] for path in made.iterdir() if path.name in judged}
     assert found == judged
-
-
-def test_the_same_board_gives_the_same_bytes() -> None:
-    assert gerber_archive(strip_board(ring_of(3))) == gerber_archive(strip_board(ring_of(3)))

@@ -48,7 +48,6 @@ def mesh(data: bytes) -> Any:
 
 
 def volume_mm3(solid: Solid) -> float:
-    """Return the volume of a solid."""
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
@@ -58,7 +57,6 @@ def volume_mm3(solid: Solid) -> float:
 
 
 def shared_mm3(first: Solid, second: Solid) -> float:
-    """Return the volume that two solids both take."""
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Common
 
     return volume_mm3(BRepAlgoAPI_Common(first, second).Shape())

@@ -257,7 +257,6 @@ class EmulatedBoard:
         self._halted = self.in_bootloader or duration_ns > 0
 
     def run(self, duration_us: float) -> None:
-        """Let virtual time pass."""
         self.run_until(lambda: False, duration_us)
 
     def set_trigger(self, high: bool) -> None:

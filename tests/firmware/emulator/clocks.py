@@ -84,7 +84,6 @@ class Pll(RegisterBlock):
         return super().read_uint32(offset) | (offset == CS and self.locked) << 31
 
     def write_uint32(self, offset: int, value: int) -> None:
-        """Set a register and recompute."""
         super().write_uint32(offset, value)
         loop = self.reference_hz * self.values[FBDIV] if self.oscillates else 0.0
         if loop != self._loop:
@@ -158,7 +157,6 @@ class Generators(RegisterBlock):
         return super().read_uint32(offset)
 
     def write_uint32(self, offset: int, value: int) -> None:
-        """Set a register and recompute."""
         super().write_uint32(offset, value)
         self._changed()
 

@@ -92,7 +92,6 @@ class FlashBus(RegisterBlock):
             self._view[offset : offset + len(before)] = before
 
     def flush(self) -> None:
-        """Forget what is cached."""
         self._cached.clear()
 
     def read_uint32(self, offset: int) -> int:

@@ -43,11 +43,9 @@ class RegisterBlock:
         self.values = dict(initial or {})
 
     def read_uint32(self, offset: int) -> int:
-        """Return a register."""
         return self.values.get(offset, 0)
 
     def write_uint32(self, offset: int, value: int) -> None:
-        """Set a register."""
         self.values[offset] = value & 0xFFFFFFFF
 
     def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
@@ -106,23 +104,19 @@ class Guard:
         self.inner, self._held, self._report = inner, held, report
 
     def read_uint32(self, offset: int) -> int:
-        """Read through."""
         if self._held():
             self._report(f"read of register 0x{offset:x} of a block that is held in reset")
         return int(self.inner.read_uint32(offset))
 
     def write_uint32(self, offset: int, value: int) -> None:
-        """Write through."""
         self.write_uint32_atomic(offset, value, 0)
 
     def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
-        """Write through."""
         if self._held():
             self._report(f"write of register 0x{offset:x} of a block that is held in reset")
         self.inner.write_uint32_atomic(offset, value, alias)
 
     def reset(self) -> None:
-        """Reset the block."""
         self.inner.reset()
 
 
@@ -130,7 +124,6 @@ class PioGuard(Guard):
     """A PIO whose FIFO loses what is written while it is full (data sheet 3.7: FDEBUG, TXOVER)."""
 
     def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
-        """Write through."""
         machine = (offset - TXF0) // 4
         if 0 <= machine < 4 and self.inner.read_uint32(FSTAT) >> 16 + machine & 1:
             self._report(f"PIO: a word is lost, the FIFO of state machine {machine} is full")
@@ -153,7 +146,6 @@ class AdcGuard(Guard):
         return value if offset or works else value & ~ADC_READY
 
     def write_uint32_atomic(self, offset: int, value: int, alias: int) -> None:
-        """Write through."""
         super().write_uint32_atomic(offset, value, alias)
         if offset == 0 and self.inner.cs & ADC_ON and self._clock_hz() != ADC_HZ:
             self._report(f"ADC: clk_adc is {self._clock_hz() / 1e6:g} MHz, not 48 MHz")

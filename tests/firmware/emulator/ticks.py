@@ -24,7 +24,6 @@ class Timer(RPTimer):
     """The timer, which counts ticks; without them it stands still."""
 
     def __init__(self, chip: Any) -> None:
-        """Stand still at 0."""
         super().__init__(chip, "TIMER_BASE")
         self._tick_ns, self._counted = inf, 0.0
 

@@ -100,7 +100,6 @@ class UsbHost:
 
     def control(self, request_type: int, request: int, value: int, index: int, length: int,
                 done: Callable[[bytes | None], None], data: bytes = b"") -> None:  # fmt: skip
-        """Queue a control transfer."""
         setup = struct.pack("<BBHHH", request_type, request, value, index, length)
         self._queue.append(Transfer(setup, data, done))
         if self._current is None:

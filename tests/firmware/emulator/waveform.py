@@ -81,7 +81,6 @@ class WaveformDecoder:
         self._high = False
 
     def edge(self, time_ns: float, high: bool) -> None:
-        """Note a change of the level."""
         if high == self._high:
             return
         self._high = high

@@ -55,15 +55,12 @@ class BootRom(usb.backend.IBackend):  # type: ignore[misc]
     # ---- what pyusb asks of a bus with one device, which is configured already ----
 
     def enumerate_devices(self) -> Iterator[str]:
-        """Yield the one device."""
         yield "board"
 
     def get_device_descriptor(self, dev: str) -> Any:
-        """Return what the device is."""
         return _described(**DEVICE, idProduct=self._product)
 
     def get_configuration_descriptor(self, dev: str, config: int) -> Any:
-        """Return the only configuration."""
         if config:
             raise IndexError(config)
         return _described(**CONFIGURATION)
@@ -78,12 +75,10 @@ class BootRom(usb.backend.IBackend):  # type: ignore[misc]
                           bNumEndpoints=2, iInterface=0)  # fmt: skip
 
     def get_endpoint_descriptor(self, dev: str, ep: int, intf: int, alt: int, config: int) -> Any:
-        """Return an endpoint of an interface."""
         return _described(bLength=7, bDescriptorType=5, bEndpointAddress=INTERFACES[intf][1][ep], bmAttributes=2,
                           wMaxPacketSize=64, bInterval=0, bRefresh=0, bSynchAddress=0)  # fmt: skip
 
     def open_device(self, dev: str) -> str:
-        """Return the device as its own handle."""
         return dev
 
     def close_device(self, dev_handle: str) -> None:
@@ -93,7 +88,6 @@ class BootRom(usb.backend.IBackend):  # type: ignore[misc]
         """It is configured already."""
 
     def get_configuration(self, dev_handle: str) -> int:
-        """Return the only configuration."""
         return 1
 
     def claim_interface(self, dev_handle: str, intf: int) -> None:
@@ -103,23 +97,19 @@ class BootRom(usb.backend.IBackend):  # type: ignore[misc]
         """No kernel driver waits."""
 
     def is_kernel_driver_active(self, dev_handle: str, intf: int) -> bool:
-        """No kernel driver."""
         return False
 
     def ctrl_transfer(self, dev_handle: str, bmRequestType: int, bRequest: int, wValue: int, wIndex: int,  # noqa: N803
                       data: Any, timeout: int) -> int:  # fmt: skip
-        """Do a control transfer."""
         answer = self.control(bmRequestType, bRequest, wValue)[: len(data)]
         data[: len(answer)] = array.array("B", answer)
         return len(answer)
 
     def bulk_write(self, dev_handle: str, ep: int, intf: int, data: Any, timeout: int) -> int:
-        """Send bytes."""
         self.send(ep, bytes(data))
         return len(data)
 
     def bulk_read(self, dev_handle: str, ep: int, intf: int, buff: Any, timeout: int) -> int:
-        """Take what the device sent."""
         data = self.take(ep, len(buff))
         buff[: len(data)] = array.array("B", data)
         return len(data)
@@ -207,10 +197,7 @@ class BootRom(usb.backend.IBackend):  # type: ignore[misc]
 
 
 class NoDevice(BootRom):
-    """No board is in its boot loader."""
-
     def enumerate_devices(self) -> Iterator[str]:
-        """Yield nothing."""
         return iter(())
 
 

@@ -39,7 +39,6 @@ class CoreTests:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the server."""
         self._server.communicate()
 
     def run(self, library: Path) -> Outcome:

@@ -109,7 +109,33 @@ def refusals(board: BenchBoard, ring: LightRing) -> Iterator[str]:
         yield "a request that is not known takes data"
     if usb.ask(board, usb.SET_OTHER_SETTING) is not None:
         yield "an alternate setting that is not there is chosen"
+    no_endpoints = usb.halt(0x00), usb.halt(0x83), usb.clear_halt(0x01), usb.status_of(0x0F)
+    for request in (*no_endpoints, (0x00, 3, 1, 0, 0)):  # endpoint 0, those that are not there, features of the device
+        if usb.ask(board, request) is not None:
+            yield f"what cannot be halted is: {request}"
+    for endpoint in (usb.NOTIFY_IN, usb.BULK_IN, usb.BULK_OUT):
+        yield from _halted(board, ring, endpoint)
     ring.clock()
+    if ring.retries:
+        yield "after a halt a command has to be sent again"
+
+
+def _halted(board: BenchBoard, ring: LightRing, endpoint: int) -> Iterator[str]:
+    """An endpoint stalls until its halt is cleared (USB 2.0, 9.4.5), and then says what it could not say meanwhile."""
+    ring.clock()  # one packet each way: after the halt DATA0 comes anew
+    halting = usb.status_of(endpoint), usb.halt(endpoint), usb.status_of(endpoint)
+    if [usb.ask(board, request) for request in halting] != [b"\0\0", b"", b"\1\0"]:
+        yield f"endpoint {endpoint} does not say that it is halted"
+    before = len(board.host.received)
+    board.host.send(encode(Packet(p.COMMANDS["CLOCK"].code, 99, bytes(8))))
+    board.run(20_000)
+    if board.host.stalled != {endpoint} or (endpoint != usb.NOTIFY_IN and len(board.host.received) != before):
+        yield f"endpoint {endpoint} does not stall while it is halted"
+    if [usb.ask(board, request) for request in (usb.clear_halt(endpoint), halting[0])] != [b"", b"\0\0"]:
+        yield f"the halt of endpoint {endpoint} is not cleared"
+    board.run(5_000)
+    if board.host.received[before:].count(0) != 1:
+        yield f"a packet lost, or doubled, by a halt of endpoint {endpoint}"
 
 
 STATUS_PIN, SWITCH_PIN = 16, 6

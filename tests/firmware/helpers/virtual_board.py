@@ -117,7 +117,6 @@ class VirtualBoard(Core):
 
     @property
     def powered(self) -> bool:
-        """The load switch of the LEDs is closed."""
         return bool(self.call("powered"))
 
     def lights(self) -> list[tuple[int, int, bytes]]:
@@ -126,7 +125,6 @@ class VirtualBoard(Core):
 
     @property
     def light(self) -> bytes:
-        """The colours that are shown."""
         return self.lights()[-1][2]
 
     def pulses(self) -> list[bool]:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gellight.base.settings import Settings
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame, Provenance, TactileFrame
 from gellight.frames.image_files import read_image
@@ -220,10 +219,6 @@ def felt(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[np.ndarray, Tac
         made = Provenance(calibration="a", zero="a", pixel_size_mm=(PIXEL_MM, PIXEL_MM), unix_s=0.0, ages_s={})
         found.append((pose, replace(frame, provenance=made)))
     return found
-
-
-def test_nobody_asks_nothing_happens() -> None:
-    assert not Settings().tracking.enabled
 
 
 def test_the_pose_is_that_of_the_simulator(felt: list[tuple[np.ndarray, TactileFrame]]) -> None:

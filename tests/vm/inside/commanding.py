@@ -1,34 +1,13 @@
-"""What the guest does with USB devices and light rings: pyserial, the product's own ring. Runs in the guest."""
+"""What the guest does with light rings, by the product's own. Runs in the guest."""
 
 import statistics
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import serial
-from serial.tools import list_ports
 
 from gellight.ring.light_ring import LightRing, connect
-from tests.vm.inside.agent import report
 from tests.vm.inside.looking import opened
-from tests.vm.inside.plugging import serial_link, video_link
-
-
-def usb_parent(device: str, subsystem: str) -> str:
-    """Return the name of the USB device that a node belongs to."""
-    place = Path("/sys/class", subsystem, Path(device).resolve().name, "device").resolve()
-    return next(folder.name for folder in (place, *place.parents) if (folder / "idVendor").exists())
-
-
-def identity(number: str) -> dict[str, Any]:
-    """Return what sysfs and pyserial say of a sensor."""
-    ports = [port for port in list_ports.comports() if port.serial_number == number]
-    return {
-        "camera parent": usb_parent(str(video_link(number)), "video4linux"),
-        "ring parent": usb_parent(str(serial_link(number)), "tty"),
-        "ports": [[port.vid, port.pid, port.manufacturer, port.product] for port in ports],
-    }
 
 
 def converse(number: str) -> dict[str, Any]:
@@ -75,16 +54,3 @@ def light_and_look(number: str) -> dict[str, list[float]]:
 def _means(camera: Any) -> list[float]:
     image = [camera.read() for _ in range(5)][-1].image
     return [float(mean) for mean in image.reshape(-1, 3).mean(axis=0)]
-
-
-def hold_ring(number: str) -> dict[str, str]:
-    """Hold the ring and a plain serial port's bytes until the board is gone; tell what was said."""
-    with serial.Serial(str(serial_link(number)), timeout=1) as port:
-        report("open")
-        try:
-            for _ in range(200):
-                port.write(b"\0")
-                port.read(1)
-        except serial.SerialException as error:
-            return {"error": type(error).__name__, "text": str(error)}
-    return {"error": "", "text": "nothing was noticed"}

@@ -38,7 +38,6 @@ def stream(serial: str, options: str, count: int) -> dict[str, Any]:
         return {
             "mode": str(camera.mode),
             "shape": image.shape,
-            "means": image.reshape(-1, 3).mean(axis=0).tolist(),
             "sequence": [picture.sequence for picture in pictures],
             "stamps": [picture.stamp_s for picture in pictures],
             "sound": [picture.stamp_is_sound for picture in pictures],
