@@ -104,8 +104,7 @@ def test_an_interruption_just_after_the_lock_was_taken_gives_it_back() -> None:
     assert free == [True]
 
 
-@pytest.fixture
-def proc(tmp_path: Path) -> Path:
+def test_everyone_who_has_it_open_is_named_once_by_number(tmp_path: Path) -> None:
     """Two processes have the device open, one of which has no name any more; a third has something else open."""
     for number, target in (("12", "device"), ("7", "device"), ("9", "other")):
         (tmp_path / "proc" / number / "fd").mkdir(parents=True)
@@ -113,12 +112,8 @@ def proc(tmp_path: Path) -> Path:
     for number in ("12", "9"):
         (tmp_path / "proc" / number / "comm").write_text("cheese\n")
     (tmp_path / "proc" / "12" / "fd" / "4").symlink_to(tmp_path / "device")
-    return tmp_path / "proc"
-
-
-def test_everyone_who_has_it_open_is_named_once_by_number(proc: Path, tmp_path: Path) -> None:
-    assert holders(tmp_path / "device", proc=proc) == [(7, "unknown"), (12, "cheese")]
-    assert holders_text(tmp_path / "device", proc=proc) == "unknown (process 7), cheese (process 12)"
+    assert holders(tmp_path / "device", proc=tmp_path / "proc") == [(7, "unknown"), (12, "cheese")]
+    assert holders_text(tmp_path / "device", proc=tmp_path / "proc") == "unknown (process 7), cheese (process 12)"
 
 
 @pytest.mark.parametrize(("times", "words"), [(1, "this user may not see"), (2, "itself, which has it open twice")])

@@ -1,11 +1,13 @@
-"""The mailbox keeps the latest, and lets nobody wait for ever."""
+"""What threads hand each other: the mailbox keeps the latest, and the next item is computed while one is used."""
 
 import threading
 import weakref
+from collections.abc import Iterator
 
 import pytest
 
 from gellight.base.mailbox import Mailbox
+from gellight.base.one_ahead import one_ahead
 
 
 def test_only_the_newest_item_is_kept_and_it_is_taken_once() -> None:
@@ -60,3 +62,49 @@ def test_what_was_thrown_away_is_not_taken_but_by_a_copy_that_keeps_it_and_numbe
         mailbox.put("new")
         assert mailbox.take(0, 1) == passing.take(0, 1) == (2, "new")
         assert [lasting.take(after, 1) for after in (0, 1)] == [(1, "old"), (2, "new")]
+
+
+# ---- one ahead ----
+
+
+def test_items_come_in_their_order() -> None:
+    assert list(one_ahead(range(5))) == [0, 1, 2, 3, 4]
+    assert list(one_ahead([])) == []
+
+
+def test_the_next_item_is_computed_meanwhile_and_only_that() -> None:
+    computed = [threading.Event() for _ in range(3)]
+
+    def items() -> Iterator[int]:
+        for number, done in enumerate(computed):
+            done.set()
+            yield number
+
+    coming = one_ahead(items())
+    assert next(coming) == 0
+    assert computed[1].wait(60)
+    assert not computed[2].is_set()
+
+
+def test_a_failure_is_raised_after_the_items_before_it() -> None:
+    def items() -> Iterator[int]:
+        yield 0
+        raise ValueError("second")
+
+    seen = []
+    with pytest.raises(ValueError, match="second"):
+        seen.extend(one_ahead(items()))
+    assert seen == [0]
+
+
+def test_who_wants_no_more_tells_the_thread() -> None:
+    given_up = threading.Event()
+
+    def items() -> Iterator[int]:
+        yield 0
+        assert given_up.wait(60)
+        yield 1
+
+    for _ in one_ahead(items(), given_up.set):
+        break
+    assert given_up.is_set()

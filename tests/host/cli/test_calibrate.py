@@ -24,7 +24,6 @@ from gellight.frames.picture import prepared
 from gellight.lab.training import child
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball, Press
-from gellight.lab.training.training import read_reference
 from gellight.reconstruction.integration import angle_deg
 from tests.helpers.command_line import refused, succeeded
 from tests.helpers.pressed_pictures import BALL, run, sources
@@ -202,12 +201,6 @@ def test_what_a_library_prints_beside_the_progress_of_a_child_ends_nothing() -> 
     said = ["MKL WARNING: old processor", "7", '{"epoch": 1}', '{"epoch": 1, "epochs": 2, "loss": 0.5}']
     child._run_child([sys.executable, "-c", f"print({chr(10).join(said)!r})"], lambda *step: told.append(step))
     assert told == [(1, 2, 0.5)]
-
-
-def test_noise_of_one_image_is_the_noise_of_many(pressed: Path) -> None:
-    many, one = read_reference(pressed / "untouched"), read_reference(pressed / "untouched/0.png")
-    assert (many.frames, one.frames) == (8, 1)
-    assert one.noise_grey == pytest.approx(many.noise_grey, rel=0.25)
 
 
 def test_the_angle_of_nearly_equal_normals_keeps_its_digits() -> None:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from unittest.mock import Mock
 
 import pytest
 import typer
@@ -19,7 +18,7 @@ import gellight
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.bundle.bundle import load_bundle
-from gellight.cli import main, showing
+from gellight.cli import showing
 from gellight.cli.lazy import open_group
 from gellight.cli.main import app
 from gellight.cli.one_sensor import warn_of_foreign_bundle
@@ -93,17 +92,6 @@ def test_a_verb_imports_only_what_it_needs(tmp_path: Path) -> None:
     imported = dict(map(json.loads, done.stdout.splitlines()))
     assert set(imported) == set(NEEDS)
     assert {words: found for words, own in NEEDS.items() if (found := own.intersection(imported[words]))} == {}
-
-
-def test_an_error_of_ours_is_one_line_and_status_2(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(main, "app", Mock(side_effect=InputError("the gel is 5 mm: give 4 mm")))
-    monkeypatch.setattr("signal.signal", lambda number, handler: None)
-    with pytest.raises(SystemExit) as end:
-        main.run()
-    assert end.value.code == 2
-    assert capsys.readouterr().err == "gellight: the gel is 5 mm: give 4 mm\n"
 
 
 @pytest.mark.parametrize(
@@ -196,27 +184,15 @@ def test_a_verb_that_is_not_here_is_named_with_its_remedy() -> None:
         ("run --port 8421", "give --set dashboard.port=VALUE"),
         ("record --enabled false", "is the setting watch.enabled or tracking.enabled or stream.enabled"),
         ("calibrate force forces.csv --gel-thickness-mm 5", "the setting geometry.gel_thickness_mm: write it into"),
+        ("demo --set stream.lan", "--set 'stream.lan' sets nothing: write SECTION.KEY=VALUE"),
+        ("demo --set lan=true", "--set 'lan=true' sets nothing"),
+        ("demo --set stream.lan=maybe", "the command line: stream.lan = 'maybe' is not allowed"),
+        ("run press.mcap --sensor sim://", "start it for each, their pages list all"),
+        ("run --sensor sim:// --sensor v4l2:///dev/video9", "start it for each, their pages list all"),
     ],
 )
-def test_what_was_typed_before_is_answered_with_what_is_typed_now(typed: str, now: str) -> None:
+def test_what_was_typed_before_or_cannot_be_is_answered_with_what_is_typed(typed: str, now: str) -> None:
     assert now in refused(invoke(*typed.split()))
-
-
-@pytest.mark.parametrize(
-    ("pair", "said"),
-    [
-        ("stream.lan", "--set 'stream.lan' sets nothing: write SECTION.KEY=VALUE"),
-        ("lan=true", "--set 'lan=true' sets nothing"),
-        ("stream.lan=maybe", "the command line: stream.lan = 'maybe' is not allowed"),
-    ],
-)
-def test_a_setting_that_cannot_be_is_refused(pair: str, said: str) -> None:
-    assert said in refused(invoke("demo", "--frames", "1", "--set", pair))
-
-
-@pytest.mark.parametrize("typed", ["press.mcap --sensor sim://", "--sensor sim:// --sensor v4l2:///dev/video9"])
-def test_one_run_runs_one_sensor(typed: str) -> None:
-    assert "start it for each, their pages list all" in refused(invoke("run", *typed.split()))
 
 
 # ---- results of verbs, for people and for programs ----

@@ -30,12 +30,6 @@ VIEW = View.of_box((16, 16, 128, 96), SHAPE)
 CHOSEN = ViewFile(name="view.json", content=VIEW.model_dump_json())
 
 
-def gel_camera(*, dots: bool) -> ScriptedCamera:
-    """Return a camera that sees an untouched gel, brighter on the right, with marker dots or without."""
-    gel = sloping_gel(SHAPE)
-    return ScriptedCamera(with_dots(gel) if dots else gel, period_s=0.005)
-
-
 class SeeingRoutine(ScriptedRoutine):
     """A routine that looks once at the camera it was given."""
 
@@ -46,7 +40,10 @@ class SeeingRoutine(ScriptedRoutine):
 
 @pytest.fixture(params=[True])
 def daemon(request: pytest.FixtureRequest) -> Iterator[SensorSession]:
-    with session_of(gel_camera(dots=request.param), PicturePath(placeholder(SHAPE))) as daemon:
+    """Sees an untouched gel, brighter on the right, with marker dots or without."""
+    gel = sloping_gel(SHAPE)
+    camera = ScriptedCamera(with_dots(gel) if request.param else gel, period_s=0.005)
+    with session_of(camera, PicturePath(placeholder(SHAPE))) as daemon:
         yield daemon
 
 

@@ -1,7 +1,6 @@
 """The mode of a running sensor is changed: frames go on, numbered on; what cannot be leaves everything as it was."""
 
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,7 +18,6 @@ from gellight.daemon.active_pipeline import path_for
 from gellight.daemon.assembly import open_session
 from gellight.daemon.bundle_choice import placeholder
 from gellight.daemon.configuration import STILL, LightPlan, PathKind, mode_config
-from gellight.daemon.session import SensorSession
 from gellight.daemon.switched_camera import SensorState, SwitchedCamera
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
@@ -39,15 +37,13 @@ from tests.helpers.simulated_bundle import ball_presses
 HELD = "sim://?object=BALL&depth=1.0&x=3&y=-2"
 
 
-@pytest.fixture
-def running(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Iterator[SensorSession]:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
-    with open_session(load_settings({"sensor.url": HELD})) as daemon:
-        yield daemon
-
-
-def test_another_program_changes_the_mode_and_the_frames_go_on(running: SensorSession) -> None:
-    with Publisher(running, name="changed") as publisher, subscribe(publisher.name, patience_s=60) as frames:
+def test_another_program_changes_the_mode_and_the_frames_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with (
+        open_session(load_settings({"sensor.url": HELD})) as running,
+        Publisher(running, name="changed") as publisher,
+        subscribe(publisher.name, patience_s=60) as frames,
+    ):
         before = frames.next_frame()
         assert before.exposures is None
         assert running.status()["watch"] is not None
@@ -169,32 +165,11 @@ def test_the_settings_say_whether_cast_shadows_are_made_good(wanted: bool) -> No
 
 SHAPE = (24, 32)
 SMALL = {"image_width_px": SHAPE[1], "image_height_px": SHAPE[0], "pixel_size_mm": 1.176}
-FITTING = {PathKind.NETWORK: False, PathKind.OWN_LIGHTS: True}
-"""whether a series camera stands in front"""
 
 
 @pytest.fixture
 def ordinary(tmp_path: Path) -> Bundle:
     return verified_bundle(tmp_path / "ordinary", sensor="simulated", rgb=(200, 200, 200))
-
-
-def opened(bundle: Bundle, monkeypatch: pytest.MonkeyPatch) -> SensorSession:
-    monkeypatch.setattr("gellight.daemon.bundle_choice.load_bundle", lambda name: bundle)
-    settings = {"sensor": {"url": "sim://?fps=200", "calibration": "it"}, "geometry": SMALL}
-    return assembly.open_session(Settings.model_validate(settings))
-
-
-def fits(session: SensorSession) -> bool:
-    """Whether what stands in front of the camera is what the frame path takes."""
-    in_series = isinstance(session._camera._camera, SeriesCamera)
-    return in_series == FITTING[session._active.config.path]
-
-
-def goes_on(session: SensorSession) -> None:
-    """Two more frames come, without an error."""
-    before = session.wait_frame(-1, 60).camera_frame.sequence
-    assert session.wait_frame(before + 1, 60).camera_frame.sequence > before
-    assert session.status()["error"] is None
 
 
 def test_two_who_change_what_runs_at_once_take_turns(ordinary: Bundle, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -208,7 +183,9 @@ def test_two_who_change_what_runs_at_once_take_turns(ordinary: Bundle, monkeypat
         return path
 
     series = with_lights_of_its_own(ordinary)
-    with opened(ordinary, monkeypatch) as session:
+    monkeypatch.setattr("gellight.daemon.bundle_choice.load_bundle", lambda name: ordinary)
+    settings = {"sensor": {"url": "sim://?fps=200", "calibration": "it"}, "geometry": SMALL}
+    with assembly.open_session(Settings.model_validate(settings)) as session:
         session.wait_frame(-1, 60)
         monkeypatch.setattr(active_pipeline, "path_for", slowly)
         first = threading.Thread(target=session.replace_bundle, args=(ordinary,))
@@ -222,8 +199,11 @@ def test_two_who_change_what_runs_at_once_take_turns(ordinary: Bundle, monkeypat
         first.join(60)
         second.join(60)
         assert session.bundle.source == "single lights"
-        assert fits(session)
-        goes_on(session)
+        assert session._active.config.path == PathKind.OWN_LIGHTS
+        assert isinstance(session._camera._camera, SeriesCamera)
+        before = session.wait_frame(-1, 60).camera_frame.sequence
+        assert session.wait_frame(before + 1, 60).camera_frame.sequence > before
+        assert session.status()["error"] is None
 
 
 def test_the_mode_of_files_that_wait_for_their_reader_is_changed_and_no_picture_is_missed(

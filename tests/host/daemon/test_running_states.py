@@ -48,10 +48,6 @@ class Unplugged(LitCamera):
         return super().read()
 
 
-def refuse(*arguments: Any) -> None:
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
 @pytest.fixture(scope="module")
 def bundles(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Bundle]:
     folder = tmp_path_factory.mktemp("bundles")
@@ -100,7 +96,7 @@ class RunningSensor(RuleBasedStateMachine):
         """Make a change of which one step fails; whether it was made, and what it returned."""
         self.camera.failures.reset(*([step] if step in STEPS else []))
         try:
-            with patch(step, refuse) if step in DISK else patch.dict(os.environ):
+            with patch(step, side_effect=OSError(errno.ENOSPC, "full")) if step in DISK else patch.dict(os.environ):
                 return True, change()
         except GellightError:
             if step is None:

@@ -1,7 +1,6 @@
 """A session on a real sensor, its kernel and bus made of nothing."""
 
 import logging
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -82,13 +81,10 @@ def test_the_session_refuses_a_camera_of_another_size_and_leaves_the_leds_dark(
 SMALL = {"image_width_px": 32, "image_height_px": 24, "pixel_size_mm": 1.176}
 
 
-def small(url: str, **changes: Mapping[str, object]) -> Settings:
-    return Settings.model_validate({"sensor": {"url": url}, "geometry": SMALL, **changes})
-
-
 @pytest.mark.parametrize("wanted", [{"enabled": False}, {"rezero": False}])
 def test_the_settings_of_the_watch_hold_for_the_first_bundle_too(tmp_path: Path, wanted: dict[str, bool]) -> None:
-    with assembly.open_session(small("sim://?board=0&fps=200", watch=wanted)) as daemon:
+    told = {"sensor": {"url": "sim://?board=0&fps=200"}, "geometry": SMALL, "watch": wanted}
+    with assembly.open_session(Settings.model_validate(told)) as daemon:
         assert daemon.watch is None
         assert "not calibrated" in str(daemon.status()["computed_by"])
         daemon.replace_bundle(verified_bundle(tmp_path / "made", sensor="simulated"))

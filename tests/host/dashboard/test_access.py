@@ -30,10 +30,6 @@ def server(source: FormulaSource) -> Iterator[DashboardServer]:
         yield server
 
 
-def base(server: DashboardServer) -> str:
-    return server.base
-
-
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize(
     ("brought", "bearer", "query"),
@@ -49,8 +45,8 @@ def test_without_the_token_nothing_is_answered(
     server: DashboardServer, path: str, brought: str | None, bearer: str | None, query: str
 ) -> None:
     headers = {} if bearer is None else {"Authorization": bearer}
-    headers |= {} if brought is None else {"Cookie": f"{cookie(base(server).strip('/'))}={brought}"}
-    status, text, answered = get(base(server) + path + query, headers=headers)
+    headers |= {} if brought is None else {"Cookie": f"{cookie(server.base.strip('/'))}={brought}"}
+    status, text, answered = get(server.base + path + query, headers=headers)
     assert status == 401
     assert "open the address that `gellight run` has printed" in text
     assert "Set-Cookie" not in answered
@@ -58,25 +54,25 @@ def test_without_the_token_nothing_is_answered(
 
 def test_the_address_that_is_printed_becomes_a_cookie_and_a_program_has_a_header(server: DashboardServer) -> None:
     assert server.url.endswith(f"/?token={TOKEN}")
-    status, _, headers = get(base(server) + f"status?token={TOKEN}&more=1")
+    status, _, headers = get(server.base + f"status?token={TOKEN}&more=1")
     assert (status, headers["Location"]) == (303, "/status?more=1")
     made = headers["Set-Cookie"]
-    name = cookie(base(server).strip("/"))
+    name = cookie(server.base.strip("/"))
     assert made.startswith(f"{name}={TOKEN};")
     assert "HttpOnly" in made
     assert "Max-Age=2592000" in made, "a month"
     assert "SameSite=Strict" in made
-    assert get(base(server) + "status", cookies={name: TOKEN})[0] == 200
-    assert get(base(server) + "metrics", headers={"Authorization": f"Bearer {TOKEN}"})[0] == 200
+    assert get(server.base + "status", cookies={name: TOKEN})[0] == 200
+    assert get(server.base + "metrics", headers={"Authorization": f"Bearer {TOKEN}"})[0] == 200
 
 
 def test_a_websocket_needs_the_token_and_another_site_is_refused_with_it(server: DashboardServer) -> None:
-    with pages(cookies={cookie(base(server).strip("/")): TOKEN}) as connect:
-        assert connect(base(server)).text("status")
+    with pages(cookies={cookie(server.base.strip("/")): TOKEN}) as connect:
+        assert connect(server.base).text("status")
         with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
-            connect(base(server), headers={"Origin": "http://example.org"})
+            connect(server.base, headers={"Origin": "http://example.org"})
     with pages() as connect, pytest.raises(aiohttp.WSServerHandshakeError, match="401"):
-        connect(base(server))
+        connect(server.base)
 
 
 def test_beyond_this_machine_a_token_is_drawn_and_any_name_of_the_host_will_do(source: FormulaSource) -> None:
@@ -137,7 +133,7 @@ def test_a_browser_opens_the_address_once_and_then_without_the_token(
         draw(page, source, 0.5)
         becomes_live(page, source)
         assert TOKEN not in page.url
-        page.goto(base(server))
+        page.goto(server.base)
         draw(page, source, 0.6)
 
 

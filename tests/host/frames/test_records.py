@@ -14,7 +14,7 @@ import gelnet
 import sim_reference
 from gellight.bundle.bundle import load_bundle
 from gellight.frame_path.pipeline import Reconstructor
-from gellight.frames.frames import CameraFrame, Contact, GroundTruth, LightLabel, LightState, TactileFrame
+from gellight.frames.frames import CameraFrame, Contact, GroundTruth, LightLabel, LightState
 from gellight.frames.pose import ObjectPose, PoseFigures
 from gellight.frames.shear import DotsSeen, Shear
 from gellight.opening import open_camera
@@ -48,13 +48,9 @@ def test_no_dataclass_that_holds_arrays_compares_them() -> None:
     assert [item for item in found if item.__eq__ is not object.__eq__] == []
 
 
-@pytest.fixture(scope="module")
-def felt() -> TactileFrame:
+def test_frames_are_shown_in_one_line_and_compared_without_an_error() -> None:
     with open_camera("sim://?board=0&object=BALL&depth=1.0") as camera:
-        return Reconstructor(load_bundle("synthetic")).reconstruct(camera.read())
-
-
-def test_frames_are_shown_in_one_line_and_compared_without_an_error(felt: TactileFrame) -> None:
+        felt = Reconstructor(load_bundle("synthetic")).reconstruct(camera.read())
     frame, again = felt.camera_frame, dataclasses.replace(felt)
     lit = dataclasses.replace(frame, label=LightLabel(state=LightState.CLEAN, group=1))
     for item in (felt, frame, lit, felt.contact, frame.truth, load_bundle("synthetic")):

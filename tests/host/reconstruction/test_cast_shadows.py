@@ -54,12 +54,6 @@ def of(bundle: Bundle, *, wanted: bool = True) -> CastShadows | None:
     return CastShadows.of_bundle(bundle, network, wanted=wanted)
 
 
-@pytest.fixture(scope="module")
-def shadows() -> CastShadows:
-    """Shadows alone."""
-    return of(AS_IT_LOOKS)
-
-
 def on_cells(surface: Surface) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Depth and slopes."""
     return tuple(block_means(a, CELL_PX).astype(np.float32) for a in (surface.depth_mm, surface.gradient_map))  # type: ignore[return-value]
@@ -205,7 +199,8 @@ def test_a_lens_or_a_setting_leaves_shadows_out_but_not_the_light_of_depth() -> 
         assert found.by_depth
 
 
-def test_a_flat_surface_and_one_as_high_as_the_leds_have_none(shadows: CastShadows) -> None:
+def test_a_flat_surface_and_one_as_high_as_the_leds_have_none() -> None:
+    shadows = of(AS_IT_LOOKS)
     for depth_mm in (0.0, 20.5):
         flat = np.full([n // CELL_PX for n in GEOMETRY.image_shape], depth_mm, np.float32)
         assert not shadows.lost(flat, np.zeros((*flat.shape, 2), np.float32)).any()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gellight.bundle.bundle import Bundle, load_bundle
+from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.native import judge, library
 from gellight.reconstruction.rest_plane import RestPlane, plane_at_rest, tilt
@@ -61,17 +61,13 @@ def test_in_a_video_it_moves_slowly_and_is_held_where_it_cannot_be_seen() -> Non
     assert not path.following(depth, everywhere, 0.0).any()
 
 
-def with_plane(bundle: Bundle) -> Bundle:
-    return replace(bundle, manifest=bundle.manifest.model_copy(update={"level_plane": True}))
-
-
 @pytest.mark.skipif(not library.fitting(), reason="no library is built for this machine")
 @pytest.mark.parametrize("height_mm", [0.0, 53.12])
 def test_the_frame_path_takes_it_off_in_c_as_in_numpy(height_mm: float) -> None:
     shipped = load_bundle("synthetic")
     bundle = replace(shipped, manifest=shipped.manifest.model_copy(update={"camera_height_mm": height_mm}))
     frame = CameraFrame(image=judge.made_up_image(bundle, 0), time_s=0.0, sequence=0)
-    native, pixels = both(with_plane(bundle))
+    native, pixels = both(replace(bundle, manifest=bundle.manifest.model_copy(update={"level_plane": True})))
     found, right = native.reconstruct(frame), pixels.reconstruct(frame)
     agree(found, right)
     if height_mm:  # what is taken off is a plane of the logarithm of the distance to the camera

@@ -17,16 +17,10 @@ DOCUMENT, LIGHT = "docs/capture.md", "docs/light.md"
 CAMERA, SENSOR = examples(DOCUMENT)
 
 
-@pytest.fixture
-def kernel(monkeypatch: pytest.MonkeyPatch) -> FakeKernel:
-    """The system, with a camera at /dev/video0."""
+def test_the_camera_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     picture = jpeg(scene())
-    fake = FakeKernel({"/dev/video0": FakeCamera(payload=lambda number: picture)})
-    fake.take_over(monkeypatch)
-    return fake
-
-
-def test_the_camera_alone(kernel: FakeKernel) -> None:
+    kernel = FakeKernel({"/dev/video0": FakeCamera(payload=lambda number: picture)})
+    kernel.take_over(monkeypatch)
     names = run(CAMERA, DOCUMENT)
     assert names["frame"].image.shape == (480, 640, 3)
     assert kernel.opened == {}

@@ -1,5 +1,6 @@
 """A real sensor on a kernel and a bus made of nothing: lit, set, unplugged in mid-stream, found again, never stale."""
 
+from collections.abc import Callable
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from gellight.bundle.bundle import Bundle, LedSetting, write_bundle
 from gellight.bundle.manifest import CAPTURE_OPTIONS
 from gellight.frames.camera import ReconnectingError
 from gellight.ring.protocol import DimmedEvent
+from gellight.sensor.sensor_camera import SensorCamera
 from gellight.sensor.v4l2 import controls as c
 from gellight.sensor.v4l2.errors import BusyError, DeniedError
 from gellight.sensor.v4l2.options import CaptureOptions
@@ -24,6 +26,12 @@ SIZE = "width=32&height=24&format=YUYV"
 @pytest.fixture
 def bundle(tmp_path: Path) -> Bundle:
     return lit_bundle(tmp_path / "bundle")
+
+
+def unplug(bench: Bench, port: str, camera: SensorCamera) -> None:
+    bench.unplug(port)
+    with pytest.raises(ReconnectingError):
+        camera.read()
 
 
 def test_the_sensor_is_lit_and_set_as_its_bundle_says_but_for_what_the_url_says(bench: Bench, bundle: Bundle) -> None:
@@ -68,9 +76,7 @@ def test_another_bundle_is_adopted_while_the_camera_runs_and_after_a_reconnectio
         bench.rings[0].refusal = BoardError("over the current limit")
         with pytest.raises(BoardError):
             camera.adopt(bundle.controls, bundle.colours)
-        bench.unplug("1-2")
-        with pytest.raises(ReconnectingError):
-            camera.read()
+        unplug(bench, "1-2", camera)
         device = bench.plug("1-2", "GL0001")
         camera.read()
         assert device.controls[c.EXPOSURE].value == 160
@@ -121,9 +127,7 @@ def test_a_bundle_is_adopted_by_a_sensor_that_is_just_being_opened_again(
     bench.plug("1-2", "GL0001")
     with bench.open("auto?format=YUYV&width=32&height=24") as camera:
         camera.read()
-        bench.unplug("1-2")
-        with pytest.raises(ReconnectingError):
-            camera.read()
+        unplug(bench, "1-2", camera)
         bench.plug("1-2", "GL0001")
         opened = bench.kernel.open
 
@@ -142,9 +146,7 @@ def test_a_sensor_that_comes_back_just_when_it_is_closed_is_dark(bench: Bench, b
     bench.plug("1-2", "GL0001")
     camera = bench.open("auto", bundle)
     camera.read()
-    bench.unplug("1-2")
-    with pytest.raises(ReconnectingError):
-        camera.read()
+    unplug(bench, "1-2", camera)
     bench.plug("1-2", "GL0001")
     opened = bench.kernel.open
 
@@ -270,14 +272,10 @@ def test_a_sensor_without_a_bundle_comes_back_in_the_size_it_had(bench: Bench) -
     bench.plug("1-2", "GL0001", formats={"YUYV": {(32, 24): [30]}})
     with bench.open("auto") as camera:
         assert camera.read().image.shape == (24, 32, 3)
-        bench.unplug("1-2")
-        with pytest.raises(ReconnectingError):
-            camera.read()
+        unplug(bench, "1-2", camera)
         bench.plug("1-3", "GL0001", formats={"YUYV": sizes})
         assert camera.read().image.shape == (24, 32, 3)
-        bench.unplug("1-3")
-        with pytest.raises(ReconnectingError):
-            camera.read()
+        unplug(bench, "1-3", camera)
         bench.plug("1-4", "GL0001", formats={"YUYV": {(64, 48): [30]}})
         with pytest.raises(ReconnectingError, match=r"does not offer .* 32x24"):
             camera.read()
@@ -296,40 +294,53 @@ def test_a_sensor_whose_serial_number_is_shared_comes_back_only_at_its_port(benc
         assert camera.read().sequence == 1
 
 
-def test_a_stalled_camera_is_started_anew(bench: Bench, bundle: Bundle) -> None:
+def dark(bench: Bench, dimmed: int) -> None:
+    bench.rings[0].heat.note(DimmedEvent(0, 350, 0, dimmed, 0, 610))
+    bench.rings[0].lit_s = inf
+
+
+def pull_the_ring(bench: Bench) -> None:
+    Path(bench.rings[0].transport.url).unlink()
+    bench.kernel.sleep(3)
+
+
+def mute_the_board(bench: Bench) -> None:
+    bench.rings[0].mute = True
+    bench.kernel.sleep(3)
+
+
+def change_the_exposure(bench: Bench) -> None:
+    bench.cameras["1-2"].controls[c.EXPOSURE].value = 200
+    bench.kernel.sleep(3)
+
+
+@pytest.mark.parametrize(
+    ("fault", "why", "comes_back"),
+    [
+        (lambda bench: setattr(bench.cameras["1-2"], "stalled", True), "is there but sent no picture", True),
+        (pull_the_ring, r"light ring at .* was unplugged", False),
+        (mute_the_board, "did not answer CLOCK", True),
+        (lambda bench: dark(bench, 0), "keeps its LEDs dark: see `gellight ring info`", True),
+        (lambda bench: dark(bench, 2), "the ring 61 °C .* LEDs to 1/4", True),
+        (change_the_exposure, "somebody changed the camera: exposure_us was set to 8000 and is", True),
+    ],
+    ids=["camera stalls", "ring is pulled", "board has died", "board stays dark", "board is hot", "settings changed"],
+)
+def test_what_goes_wrong_is_told_and_the_sensor_is_opened_anew(
+    bench: Bench, bundle: Bundle, fault: Callable[[Bench], object], why: str, comes_back: bool
+) -> None:
     device = bench.plug("1-2", "GL0001")
     with bench.open("auto", bundle) as camera:
         camera.read()
-        device.stalled = True
-        with pytest.raises(ReconnectingError, match="is there but sent no picture"):
+        fault(bench)
+        with pytest.raises(ReconnectingError, match=why):
             camera.read()
         device.stalled = False
-        camera.read()
-        assert device.streams == 2
-        assert camera.status()["reconnections"] == 1
-
-
-def test_a_ring_that_is_pulled_out_alone_ends_the_frames_too(bench: Bench, bundle: Bundle) -> None:
-    bench.plug("1-2", "GL0001")
-    with bench.open("auto", bundle) as camera:
-        camera.read()
-        Path(bench.rings[0].transport.url).unlink()
-        bench.kernel.sleep(3)
-        with pytest.raises(ReconnectingError, match=r"light ring at .* was unplugged"):
+        if comes_back:
             camera.read()
-
-
-def test_a_board_that_has_died_ends_the_frames_until_it_answers_again(bench: Bench, bundle: Bundle) -> None:
-    bench.plug("1-2", "GL0001")
-    with bench.open("auto", bundle) as camera:
-        camera.read()
-        bench.rings[0].mute = True
-        bench.kernel.sleep(3)
-        with pytest.raises(ReconnectingError, match="did not answer CLOCK"):
-            camera.read()
-        camera.read()
-        assert len(bench.rings) == 2
-        assert bench.rings[1].lit.any()
+            assert (device.streams, len(bench.rings), camera.status()["reconnections"]) == (2, 2, 1)
+            assert bench.rings[1].lit.any()
+            assert device.controls[c.EXPOSURE].value == 80
 
 
 def test_no_dark_frame_is_delivered_while_the_ring_lights_its_leds_again(bench: Bench, bundle: Bundle) -> None:
@@ -347,23 +358,6 @@ def test_no_dark_frame_is_delivered_while_the_ring_lights_its_leds_again(bench: 
         assert camera.status()["reconnections"] == 0
 
 
-@pytest.mark.parametrize(
-    ("dimmed", "why"), [(0, "keeps its LEDs dark: see `gellight ring info`"), (2, "the ring 61 °C .* LEDs to 1/4")]
-)
-def test_a_board_that_keeps_its_leds_dark_or_dim_is_named_and_the_sensor_is_opened_anew(
-    bench: Bench, bundle: Bundle, dimmed: int, why: str
-) -> None:
-    bench.plug("1-2", "GL0001")
-    with bench.open("auto", bundle) as camera:
-        camera.read()
-        bench.rings[0].heat.note(DimmedEvent(0, 350, 0, dimmed, 0, 610))
-        bench.rings[0].lit_s = inf
-        with pytest.raises(ReconnectingError, match=why):
-            camera.read()
-        camera.read()
-        assert bench.rings[1].lit.any()
-
-
 def test_a_bundle_that_does_not_tell_its_light_is_told(
     bench: Bench, bundle: Bundle, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -379,15 +373,3 @@ def test_a_bundle_that_does_not_tell_its_light_is_told(
         camera.adopt(unlit.controls, unlit.colours)
         assert not bench.rings[0].lit.any(), "the light of another bundle is not left on"
     assert "does not tell the colours of its LEDs: they stay dark" in caplog.text
-
-
-def test_settings_changed_by_another_programme_are_noticed_and_set_again(bench: Bench, bundle: Bundle) -> None:
-    device = bench.plug("1-2", "GL0001")
-    with bench.open("auto", bundle) as camera:
-        camera.read()
-        device.controls[c.EXPOSURE].value = 200
-        bench.kernel.sleep(3)
-        with pytest.raises(ReconnectingError, match="somebody changed the camera: exposure_us was set to 8000 and is"):
-            camera.read()
-        camera.read()
-        assert device.controls[c.EXPOSURE].value == 80

@@ -16,7 +16,6 @@ from gellight.base.errors import InputError, StreamError
 from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import MapOnRequest
 from gellight.stream import publisher as publisher_module
-from gellight.stream.network import key, publishing_session
 from gellight.stream.publisher import Publisher
 from gellight.stream.running import RunningDaemon, default_daemon, running
 from gellight.stream.sensor import Sensor
@@ -110,22 +109,6 @@ def test_nothing_is_encoded_while_nobody_reads() -> None:
     with daemon, Publisher(daemon) as publisher:
         eventually(lambda: len(made.given) >= 50)
         assert publisher.frames == 0
-
-
-def test_frames_of_another_version_are_told() -> None:
-    session, endpoint = publishing_session(lan=False, config=None)
-    token = session.liveliness().declare_token(key("future", "alive"))
-    publisher = session.declare_publisher(key("future", "frame"))
-    with subscribe(f"zenoh://{endpoint.removeprefix('tcp/')}/future", patience_s=60) as frames:
-        stop = threading.Event()
-        feeding = threading.Thread(target=lambda: [publisher.put(b"GELT\2\0" + bytes(200)) for _ in iter(lambda: stop.wait(0.02), True)])  # fmt: skip  # noqa: E501
-        feeding.start()
-        with pytest.raises(StreamError, match="version 2"):
-            frames.next_frame()
-        stop.set()
-        feeding.join()
-    token.undeclare()
-    session.close()
 
 
 # ---- who is found ----

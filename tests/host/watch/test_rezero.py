@@ -15,7 +15,6 @@ from gellight.lab.simulator.scene import Press
 from gellight.reconstruction.integration import angle_deg, normals
 from gellight.watch.cells import spread
 from gellight.watch.explanation import Explanation
-from gellight.watch.findings import WatchFinding
 from gellight.watch.monitor import SensorWatch
 from gellight.watch.rezero import Situation, refusal
 from sim_reference.camera import digitise
@@ -102,7 +101,9 @@ def test_a_jump_is_told_and_set_to_zero_only_when_asked(new_sensor: New) -> None
     sensor.run(5)
     assert set(sensor.told) == {"drift", "zero_off", "recalibrate"}
     off = sensor.figures("zero_off")
-    assert f"depth is off by up to {off['zero_most_mm']:.2f} mm" in finding(sensor, "zero_off").text
+    assert f"depth is off by up to {off['zero_most_mm']:.2f} mm" in next(
+        one.text for one in sensor.watch.findings() if one.kind == "zero_off"
+    )
     assert "at once: that is no drift" in sensor.watch.refusal(asked=False)
     assert sensor.watch.refusal(asked=True) == ""
     sensor.watch.accept_zero(sensor.watch.propose_zero(asked=True))
@@ -123,10 +124,6 @@ def test_what_drifts_while_a_new_zero_is_made_slowly_is_no_jump(new_sensor: New,
     sensor.run(12)
     reason = sensor.watch.refusal(asked=False)
     assert ("at once: that is no drift" in reason) if jump else (reason == "")
-
-
-def finding(sensor: WatchedSensor, kind: str) -> WatchFinding:
-    return next(found for found in sensor.watch.findings() if found.kind == kind)
 
 
 def test_a_watch_may_be_told_to_set_no_zero_by_itself(new_sensor: New, halved: Bundle) -> None:
@@ -187,38 +184,29 @@ def test_a_running_daemon_follows_drift_by_itself_and_goes_on_streaming(
 
 
 @pytest.mark.parametrize(
-    ("situation", "allowed"),
+    ("situation", "by_itself", "asked"),
     [
-        ({}, True),
-        ({"explanation": None}, False),
-        ({"touched": True}, False),
-        ({"gains": (1.149, 0.851, 1.0)}, True),
-        ({"gains": (1.151, 1.0, 1.0)}, False),
-        ({"gains": (1.0, 0.849, 1.0)}, False),
-        ({"left_grey": 0.49}, True),
-        ({"left_grey": 0.51}, False),
-        ({"left_grey": 3.04, "rest_grey": 2.0}, True),
-        ({"left_grey": 3.05, "rest_grey": 2.0}, False),
-        ({"pressed_mm": 0.01}, False),
+        ({}, True, True),
+        ({"explanation": None}, False, False),
+        ({"touched": True}, False, False),
+        ({"gains": (1.149, 0.851, 1.0)}, True, True),
+        ({"gains": (1.151, 1.0, 1.0)}, False, False),
+        ({"gains": (1.0, 0.849, 1.0)}, False, False),
+        ({"left_grey": 0.49}, True, True),
+        ({"left_grey": 0.51}, False, False),
+        ({"left_grey": 3.04, "rest_grey": 2.0}, True, True),
+        ({"left_grey": 3.05, "rest_grey": 2.0}, False, False),
+        ({"pressed_mm": 0.01}, False, False),
+        ({"since_zero_grey": 0.09}, False, True),
+        ({"since_zero_grey": 0.11, "since_zero_s": 10.1, "sudden_grey": 0.99}, True, True),
+        ({"since_zero_s": 9.9}, False, True),
+        ({"sudden_grey": 1.01}, False, True),
     ],
 )
-def test_no_zero_is_set_beyond_a_bound_even_when_asked(situation: dict[str, Any], allowed: bool) -> None:
-    assert [refusal(situated(**situation), asked=asked) == "" for asked in (False, True)] == [allowed, allowed]
-
-
-@pytest.mark.parametrize(
-    ("situation", "allowed"),
-    [
-        ({"since_zero_grey": 0.09}, False),
-        ({"since_zero_grey": 0.11, "since_zero_s": 10.1, "sudden_grey": 0.99}, True),
-        ({"since_zero_s": 9.9}, False),
-        ({"sudden_grey": 1.01}, False),
-    ],
-)
-def test_by_itself_the_zero_follows_what_is_worth_it_seldom_and_never_a_jump(
-    situation: dict[str, Any], allowed: bool
+def test_no_zero_is_set_beyond_a_bound_and_by_itself_only_what_is_worth_it_seldom_and_never_a_jump(
+    situation: dict[str, Any], by_itself: bool, asked: bool
 ) -> None:
-    assert [refusal(situated(**situation), asked=asked) == "" for asked in (False, True)] == [allowed, True]
+    assert [refusal(situated(**situation), asked=one) == "" for one in (False, True)] == [by_itself, asked]
 
 
 def situated(**changes: Any) -> Situation:

@@ -99,12 +99,6 @@ def test_the_state_of_another_sensor_is_refused_and_left_alone(tmp_path: Path) -
     assert (tmp_path / "state.json").read_bytes() == before
 
 
-def spoilt(place: Path, spoil: Callable[[Any], Any]) -> bytes:
-    begun_in(place.parent).finish(SIZE)
-    place.write_text(json.dumps(spoil(json.loads(place.read_text()))))
-    return place.read_bytes()
-
-
 @pytest.mark.parametrize(
     ("spoil", "error", "words"),
     [
@@ -118,7 +112,10 @@ def spoilt(place: Path, spoil: Callable[[Any], Any]) -> bytes:
 def test_a_damaged_or_foreign_state_is_named_and_left_alone(
     tmp_path: Path, spoil: Callable[[Any], Any], error: type[GellightError], words: str
 ) -> None:
-    before = spoilt(tmp_path / "state.json", spoil)
+    begun_in(tmp_path).finish(SIZE)
+    place = tmp_path / "state.json"
+    place.write_text(json.dumps(spoil(json.loads(place.read_text()))))
+    before = place.read_bytes()
     for use in (lambda: begun_in(tmp_path), lambda: unfinished(tmp_path), lambda: discard(tmp_path)):
         with pytest.raises(error, match=words):
             use()
@@ -135,18 +132,12 @@ def test_a_folder_with_pictures_of_somebody_else_is_refused_and_nothing_is_chang
     assert mine.read_bytes() == b"a picture of my own"
 
 
-def foreign_pictures(folder: Folder) -> list[Path]:
-    """Pictures that somebody put beside those of a calibration, under names that it would use."""
-    pictures = [folder.path / kind / "press-002.png" for kind in ("presses", "checks")]
-    for picture in pictures:
-        picture.write_bytes(b"a picture of my own")
-    return pictures
-
-
 def test_pictures_that_a_calibration_did_not_take_are_neither_removed_nor_overwritten(tmp_path: Path) -> None:
     folder = begun_in(tmp_path)
     folder.add_press(PICTURE, CIRCLE)
-    mine = foreign_pictures(folder)
+    mine = [tmp_path / kind / "press-002.png" for kind in ("presses", "checks")]
+    for picture in mine:  # under names that it would use
+        picture.write_bytes(b"a picture of my own")
     again = begun_in(tmp_path)
     assert again.add_press(PICTURE, CIRCLE).file == "presses/press-003.png"
     discard(tmp_path)

@@ -1,8 +1,8 @@
-"""The guided routine that begins with the presses of a like unit."""
+"""The guided routine: begun with the presses of a like unit; and what it refuses, a hand in the way or a dead LED."""
 
 import contextlib
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -12,19 +12,22 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from gellight.base.errors import BundleError, InputError, TrainingError
+from gellight.base.errors import BundleError, CameraError, GellightError, InputError, TrainingError
 from gellight.bundle.bundle import Bundle, extend_bundle, load_bundle
 from gellight.bundle.limits import Limits
+from gellight.frames.image_files import ImageCamera
 from gellight.lab.calibration import fitting
 from gellight.lab.calibration.folder import Folder
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.calibration.state import LIKE_UNIT, discard, kept_like, unfinished
+from gellight.lab.report.pictures import write_png
+from gellight.lab.simulator.simulated_camera import SimulatedCamera
 from gellight.lab.simulator.virtual_hand import VirtualHand
 from gellight.lab.training.child import RefusedTableError
 from gellight.lab.training.training import LIKE
 from gellight.opening import open_camera
 from tests.helpers.begun_calibration import begun_in
-from tests.helpers.calibration_routine import LIT, camera, finished, options, wait_for
+from tests.helpers.calibration_routine import LIT, URL, camera, finished, options, wait_for
 
 OTHER = f"{LIT}&seed=7"
 ANY = Limits(depth_mm=10.0, normal_deg=90.0)
@@ -153,3 +156,83 @@ def test_another_unit_is_refused_once_the_network_is_trained(first: Bundle, unli
         again.keep_like(first)
     discard(tmp_path / "state")
     assert not (tmp_path / "state").exists()
+
+
+# ---- what it refuses ----
+
+
+class Clumsy(VirtualHand):
+    """A hand that may forget to lift."""
+
+    at_rest = False
+
+    def lift(self) -> None:
+        """Lift, or forget to."""
+        if not self.at_rest:
+            super().lift()
+
+
+class Interrupted(VirtualHand):
+    """A hand that presses the cylinder, and then something ends the routine."""
+
+    end: Callable[[], object]
+
+    def cylinder(self, number: int) -> None:
+        """Press, and end it."""
+        super().cylinder(number)
+        self.end()
+
+
+def swap_colours(hand: Clumsy, sensor: SimulatedCamera) -> None:
+    """Let what is red look green."""
+    sensor._response = sensor._scene.response = type(sensor._response)(
+        exposure=sensor._response.exposure, crosstalk=((0, 1, 0), (1, 0, 0), (0, 0, 1))
+    )
+
+
+@pytest.mark.parametrize(
+    ("disturb", "url", "told"),
+    [
+        (lambda hand, sensor: sensor.stage.press("CYLINDER", 0.5, 2.0, 1.0), URL, "something lies on it"),
+        (lambda hand, sensor: setattr(hand, "at_rest", True), URL, "lift the tool"),
+        (lambda hand, sensor: sensor._scene.led_gain.put(5, 0.0), LIT, "LED 5 stays dark"),
+        (swap_colours, LIT, "shines in another colour: check the colour order"),
+    ],
+    ids=["a hand on the gel", "a tool that is never lifted", "a dead LED", "LEDs in another order"],
+)
+def test_what_disturbs_a_routine_ends_it_with_its_reason(
+    disturb: Callable[[Clumsy, SimulatedCamera], None], url: str, told: str, tmp_path: Path
+) -> None:
+    with camera(url) as sensor:
+        hand = Clumsy(sensor.stage)
+        routine = Routine(sensor, options(tmp_path), tmp_path / "state", hand=hand)
+        disturb(hand, sensor)
+        snapshot = finished(routine)
+    assert snapshot["step"] == "failed"
+    assert isinstance(routine.error, GellightError)
+    assert not (tmp_path / "bundle").exists()
+    assert told in snapshot["problem"]
+
+
+@pytest.mark.parametrize(
+    ("way", "step"), [("abort", "aborted"), ("stop", "aborted"), ("camera", "failed"), ("hand", "failed")]
+)
+def test_however_a_routine_ends_nothing_stays_pressed_into_the_gel(way: str, step: str, tmp_path: Path) -> None:
+    small = {"image_width_px": 160, "image_height_px": 120, "pixel_size_mm": 0.2352}
+    with open_camera(URL, geometry=small) as sensor:
+        hand = Interrupted(sensor.stage)
+        routine = Routine(sensor, options(tmp_path), tmp_path / "state", hand=hand)
+        ways = {"abort": lambda: routine.act("abort"), "stop": routine.stop, "camera": sensor.close,
+                "hand": Mock(side_effect=RuntimeError("the hand is stuck"))}  # fmt: skip
+        hand.end = ways[way]
+        assert finished(routine)["step"] == step
+        assert sensor.stage.status()["object"] == ""
+
+
+def test_recorded_pictures_cannot_be_calibrated_live(tmp_path: Path) -> None:
+    write_png(tmp_path / "a.png", np.full((240, 320, 3), 120, np.uint8))
+    routine = Routine(ImageCamera([tmp_path / "a.png"]), options(tmp_path), tmp_path / "state")
+    routine.act("start")
+    routine.join(200)
+    assert isinstance(routine.error, CameraError)
+    assert "a calibration needs a camera that goes on delivering" in str(routine.error)

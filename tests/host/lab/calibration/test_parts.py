@@ -15,13 +15,9 @@ from gellight.lab.calibration.display import Display
 from gellight.lab.calibration.live_error import LiveError
 from gellight.lab.calibration.preparing import led_settings, of_image, uniformity
 from gellight.lab.calibration.sensing import TouchDetector, wait_free, wait_press
-from gellight.lab.simulator.scene import Scene
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm, contact_circle, sphere_gradient
 from gellight.photometric.ring_geometry import RingGeometry
-from sim_reference.camera import CameraResponse
-from sim_reference.geometry import SensorGeometry
 
-GEOMETRY = SensorGeometry(image_width_px=320, image_height_px=240, pixel_size_mm=0.1176)
 BALL = Ball(radius_mm=4.0, pixel_size_mm=0.1176)
 SHAPE = (240, 320)
 
@@ -46,11 +42,6 @@ def photograph(press: Press, ball: Ball, reference: np.ndarray, seed: int) -> np
 
 
 REFERENCE = np.full((*SHAPE, 3), 120.0, np.float32)
-
-
-@pytest.fixture(scope="module")
-def scene() -> Scene:
-    return Scene(GEOMETRY, CameraResponse())
 
 
 def test_the_light_of_a_normal_distribution_has_its_figures() -> None:

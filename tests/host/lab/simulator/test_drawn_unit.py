@@ -131,9 +131,3 @@ def test_a_real_press_that_was_left_out_is_drawn(tmp_path: Path) -> None:
     assert np.abs(change[inside]).mean() > 20
     assert np.abs(drawn - change)[inside].mean() < 4
     assert light.error_grey < 3.5
-
-
-@pytest.mark.parametrize(("bundle", "said"), [("synthetic", "no real unit: leave it out"), ("", "bundle = ")])
-def test_a_bundle_of_no_unit_is_refused(bundle: str, said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        open_camera(f"sim://?bundle={bundle}")

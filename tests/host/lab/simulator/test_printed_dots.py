@@ -114,12 +114,6 @@ def test_dots_come_off_as_the_url_says() -> None:
     assert (grey < 80).sum() == 63 - 13
 
 
-@pytest.mark.parametrize("query", ["dots=9", "dots=0x7", "dots=9x7&dot_diameter=2.5", "dots=9x7&friction=0"])
-def test_dots_that_cannot_be_are_refused(query: str) -> None:
-    with pytest.raises(InputError, match=r"dots|friction"):
-        open_simulated(f"sim://?board=0&{query}")
-
-
 def test_a_drag_needs_something_that_is_pressed_and_stays_on_the_gel() -> None:
     stage = Stage(GEOMETRY, programme=False)
     with pytest.raises(InputError, match="nothing is pressed"):

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from gellight.base.errors import InputError
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame, LightState
@@ -94,8 +93,3 @@ def test_each_strobe_moves_the_light_on_and_every_sure_frame_is_of_the_light_it_
             if len(shown) >= CHANGES:
                 break
     assert shown == [(shown[0] + number) % 3 for number in range(CHANGES)]
-
-
-def test_a_strobe_without_a_board_is_refused() -> None:
-    with pytest.raises(InputError, match="a strobe needs the board"):
-        open_camera("sim://?strobe=1&board=0")

@@ -83,8 +83,14 @@ def test_a_press_held_by_the_url_stays() -> None:
         ("&object=CUBE&depth=1", "no object 'CUBE': choose one of BALL"),
         ("&object=SINE-0.1-0.01&depth=1", "waves can be 0.5 to 12 mm long"),
         ("&fps=0", "fps"),
+        *((f"&board=0&{dots}", "dots|friction")
+          for dots in ("dots=9", "dots=0x7", "dots=9x7&dot_diameter=2.5", "dots=9x7&friction=0")),
+        *((f"&{ring}", "ring_c") for ring in ("ring_c=31&board=0", "ring_c=200", "ring_c=warm")),
+        ("&strobe=1&board=0", "a strobe needs the board"),
+        ("&bundle=synthetic", "no real unit: leave it out"),
+        ("&bundle=", "bundle = "),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_url_says_which_parameter(parameters: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         open_quiet(parameters)

@@ -1,20 +1,15 @@
 """What makes one simulated sensor differ from another: its controls, its LEDs, its colour filters, its probe."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from gellight.base.errors import CameraError, InputError
 from gellight.frames.camera import Camera
-from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.lab.simulator.shutter import ReadNoise
 from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.opening import open_camera
 from gellight.reconstruction.fine_pattern import FinePattern
 from sim_reference.camera import CameraResponse, digitise
-from tests.helpers.selfcheck import SelfCheck
-from tests.helpers.tactile import tactile
 
 GEOMETRY = {"image_width_px": 64, "image_height_px": 48, "pixel_size_mm": 0.588}
 PLAIN = "sim://?board=0&programme=0&fps=1000&noise=0"
@@ -78,21 +73,6 @@ def test_leds_and_crosstalk_are_as_the_url_asks_and_the_same_each_time() -> None
     rows = np.array(SimulatedUrl(crosstalk=0.2).response().crosstalk)
     assert rows.sum(axis=1) == pytest.approx(1)
     assert 1 - rows[0, 0] == pytest.approx(0.2)
-
-
-def test_the_self_check_follows_controls_and_leds() -> None:
-    with camera("&led_spread=0.1&dim=0.2") as sensor:
-        judge = SelfCheck(sensor, (0.588, 0.588))
-        sensor.controls.set("exposure_us", 6000)
-        assert judge.compare(felt_of(sensor.read())).picture_error_grey < 1.5
-        stranger = SelfCheck(camera(), (0.588, 0.588))
-        assert stranger.compare(felt_of(sensor.read())).picture_error_grey > 10, "a sensor with other LEDs"
-
-
-def felt_of(frame: CameraFrame) -> TactileFrame:
-    """What a reconstruction without any error makes of a frame."""
-    truth = frame.truth
-    return replace(tactile(truth.depth_mm, truth.gradient_map, truth.contact), camera_frame=frame)
 
 
 def test_the_cylinder_presses_a_flat_round_end() -> None:

@@ -1,20 +1,30 @@
-"""How deep a ball stands in the gel by its contact circle: limits, another solver, and what is said of real presses."""
+"""How deep a ball stands in the gel by its contact circle, how much slopes beside it count, and steep walls."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from gellight.base.errors import InputError
+from gellight.frame_path.pipeline import Reconstructor
+from gellight.lab.simulator.scene import Press as Pressed
+from gellight.lab.simulator.scene import Scene
 from gellight.lab.training.indentation import Indentation, expected_indentation_mm, indentation_of
 from gellight.lab.training.presses import Ball, Press, cap_depth_mm
-from gellight.lab.training.validation import IndentationFigures
+from gellight.lab.training.skirts import find_skirts, skirt_words
+from gellight.lab.training.training import fit, read_reference
+from gellight.lab.training.validation import IndentationFigures, frame_of
 from gellight.reconstruction.force import Layer
 from sim_reference import gel
+from sim_reference.camera import CameraResponse
 from sim_reference.deformation import grid
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import AS_BUILT
+from tests.helpers.pressed_pictures import GEOMETRY, photograph
 
 R_MM = 4.0
 
@@ -89,3 +99,78 @@ def test_a_median_beyond_15_per_cent_is_a_warning(shares: list[float], warned: b
 
 def test_nothing_is_said_where_nobody_knows_the_gel() -> None:
     assert IndentationFigures.of([None, None]) is None
+
+
+# ---- skirts ----
+
+
+@pytest.mark.parametrize(
+    ("felt", "skirt", "share"),
+    [
+        ([1.76] * 5, 1.0, 0.24),
+        ([1.149] * 5, 0.5, 1.0),
+        ([1.151] * 5, 0.5, 0.70),
+        ([0.851] * 5, 0.5, 1.0),
+        ([0.84] * 5, 0.5, 1.32),
+        ([0.6] * 5, 0.5, 1.5),
+        ([3.0] * 5, 1.0, 0.05),
+        ([1.76] * 3, 1.0, 1.0),
+        ([1.76] * 4, 1.0, 0.24),
+    ],
+)
+def test_skirts_count_so_much_that_presses_are_felt_as_deep_as_they_are(
+    felt: Sequence[float], skirt: float, share: float
+) -> None:
+    """Presses felt `felt` times as deep as they are, of which `skirt` comes from beside the contact."""
+
+    def errors_at(counted: float) -> list[Any]:
+        shares = [one - (1 - counted) * skirt for one in felt]
+        return [SimpleNamespace(indentation=Indentation(felt_mm=one, expected_mm=1.0)) for one in shares]
+
+    found = find_skirts(errors_at)
+    assert found.share == share
+    assert found.errors[0].indentation.felt_mm == pytest.approx(felt[0] - (1 - share) * skirt)
+    told = skirt_words({"held_out": found.record()})
+    assert [f"{felt[0]:.2f} times as deep" in words for words in told] == ([] if share == 1 else [True])
+
+
+def test_where_nobody_knows_the_gel_all_slopes_count() -> None:
+    errors = [SimpleNamespace(indentation=None)] * 9
+    assert find_skirts(lambda counted: errors).share == 1.0  # type: ignore[arg-type, return-value]
+    assert skirt_words({"held_out": None}) == []
+
+
+# ---- walls that are steeper than any press of the ball ----
+
+
+BALL = Ball(radius_mm=4, pixel_size_mm=GEOMETRY.pixel_size_mm)
+
+
+@pytest.fixture(scope="module")
+def felt(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scene, Path, Reconstructor]:
+    """A bundle of ten presses of .4 to 1 mm, whose steepest slope is 0.67."""
+    folder, random = tmp_path_factory.mktemp("presses"), np.random.default_rng(2)
+    scene = Scene(GEOMETRY, CameraResponse())
+    photograph(scene, None, 0, folder / "untouched.png")
+    presses = []
+    for number in range(10):
+        x, y = random.uniform([-12, -9], [12, 9])
+        pressed = Pressed("BALL", random.uniform(0.4, 1.0), x, y)
+        contact = photograph(scene, pressed, number + 1, folder / f"{number}.png")
+        x_px, y_px = x / GEOMETRY.pixel_size_mm + 79.5, y / GEOMETRY.pixel_size_mm + 59.5
+        radius_px, path = float(np.sqrt(contact.sum() / np.pi)), folder / f"{number}.png"
+        presses.append(Press(image=path, center_x_px=x_px, center_y_px=y_px, contact_radius_px=radius_px))
+    bundle = fit(presses, read_reference(folder / "untouched.png"), BALL, folder / "bundle", sensor="walls")
+    return scene, folder, Reconstructor(bundle)
+
+
+@pytest.mark.parametrize(("depth_mm", "least_mm"), [(0.3, 0.29), (0.6, 0.57), (1.0, 0.95)])
+def test_a_flat_end_between_upright_walls_is_felt_as_deep_as_it_is(
+    felt: tuple[Scene, Path, Reconstructor], depth_mm: float, least_mm: float
+) -> None:
+    """Where the network learnt the slopes of the presses alone: 0.294, 0.553, 0.830 mm."""
+    scene, folder, path = felt
+    contact = photograph(scene, Pressed("CYLINDER", depth_mm), 99, folder / "cylinder.png")
+    frame = frame_of(Press(image=folder / "cylinder.png", center_x_px=80, center_y_px=60, contact_radius_px=5))
+    middle = contact & (np.hypot(*(np.indices(contact.shape) - np.array([59.5, 79.5])[:, None, None])) < 8)
+    assert least_mm < float(path.reconstruct(frame).depth_mm[middle].mean()) < 1.04 * depth_mm

@@ -98,8 +98,5 @@ def test_a_child_ends_with_the_program_that_started_it(tmp_path: Path) -> None:
         [sys.executable, "-c", f"{starts}sys.stdout.flush(); os._exit(0)", *module],
         env=child.gelnet_environment(), stdout=subprocess.PIPE, text=True, check=True, timeout=60,
     )  # fmt: skip
-    eventually(lambda: not Path(f"/proc/{int(started.stdout)}/cmdline").exists() or is_zombie(int(started.stdout)))
-
-
-def is_zombie(process: int) -> bool:
-    return Path(f"/proc/{process}/cmdline").read_bytes() == b""
+    command = Path(f"/proc/{int(started.stdout)}/cmdline")
+    eventually(lambda: not command.exists() or command.read_bytes() == b"")  # that of a zombie is empty

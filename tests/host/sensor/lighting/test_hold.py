@@ -165,23 +165,16 @@ def clean_frames(timing: CameraTiming, frames: int) -> np.ndarray:
     return np.asarray((begins + timing.duration_s <= frames * timing.period_s + 1e-12).sum(axis=1))
 
 
-@pytest.fixture(scope="module")
-def cameras() -> list[CameraTiming]:
+def test_a_hold_is_the_smallest_that_gives_every_light_a_clean_frame() -> None:
     rng = np.random.default_rng(0)
-    return [
-        CameraTiming(
+    for _ in range(300):
+        timing = CameraTiming(
             period_s=(period := 1 / rng.uniform(10, 240)),
             exposure_s=rng.uniform(0.01, 1) * period,
             readout_s=rng.uniform(0, 1) * period,
             stamp_error_s=rng.choice([0.0, 1e-3]),
             pulse_period_s=rng.choice([5e-4, 2.5e-3]),
         )
-        for _ in range(300)
-    ]
-
-
-def test_a_hold_is_the_smallest_that_gives_every_light_a_clean_frame(cameras: list[CameraTiming]) -> None:
-    for timing in cameras:
         frames = hold_frames(timing)
         assert clean_frames(timing, frames).max() >= 1
         assert clean_frames(timing, frames - 1).max() == 0

@@ -22,6 +22,17 @@ TRIPLES = colour_triples(RING)
 TIMING = CameraTiming(pulse_period_s=0.0005)
 
 
+@pytest.fixture
+def camera(monkeypatch: pytest.MonkeyPatch) -> VirtualCamera:
+    return virtual_sensor(monkeypatch)
+
+
+@pytest.fixture
+def sequenced(camera: VirtualCamera) -> SequencedCamera:
+    """It runs free, and is stopped by the test that says so."""
+    return SequencedCamera(camera, TRIPLES, timing=TIMING)
+
+
 def follow(sequenced: SequencedCamera, camera: VirtualCamera, frames: int) -> Counter:
     """Count (truth, label) of that many frames; "right" where a clean label has the right group."""
     counts: Counter = Counter()
@@ -33,8 +44,7 @@ def follow(sequenced: SequencedCamera, camera: VirtualCamera, frames: int) -> Co
     return counts
 
 
-def test_free_and_locked_every_frame_of_a_thirty_hertz_camera_is_another_light(monkeypatch: pytest.MonkeyPatch) -> None:
-    camera = virtual_sensor(monkeypatch)
+def test_free_and_locked_every_frame_of_a_thirty_hertz_camera_is_another_light(camera: VirtualCamera) -> None:
     with SequencedCamera(camera, TRIPLES, timing=TIMING) as sequenced:
         assert sequenced.frames == 1
         follow(sequenced, camera, 25)
@@ -135,9 +145,8 @@ def test_a_sensor_that_was_unplugged_gets_its_sequence_again(monkeypatch: pytest
     assert after["clean", "right"] >= 13
 
 
-def test_a_ring_that_was_replugged_between_two_frames_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_ring_that_was_replugged_between_two_frames_is_no_fault(camera: VirtualCamera) -> None:
     """The camera notices nothing, but its ring is another one: the old one does not answer any more."""
-    camera = virtual_sensor(monkeypatch)
     with SequencedCamera(camera, TRIPLES, timing=TIMING) as sequenced:
         follow(sequenced, camera, 5)
         camera.ring.close()
@@ -147,9 +156,9 @@ def test_a_ring_that_was_replugged_between_two_frames_is_no_fault(monkeypatch: p
     assert counts["mixed", "clean"] == counts["clean", "clean"] == 0
 
 
-def test_a_running_sequence_adopts_controls_and_gives_the_new_light_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    camera = virtual_sensor(monkeypatch)
-    sequenced = SequencedCamera(camera, TRIPLES, timing=TIMING)
+def test_a_running_sequence_adopts_controls_and_gives_the_new_light_back(
+    camera: VirtualCamera, sequenced: SequencedCamera
+) -> None:
     follow(sequenced, camera, 5)
     sequenced.adopt({}, RING // 2)
     counts = follow(sequenced, camera, 30)
@@ -159,8 +168,7 @@ def test_a_running_sequence_adopts_controls_and_gives_the_new_light_back(monkeyp
     sequenced.close()
 
 
-def test_hold_gives_the_groups_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
-    camera = virtual_sensor(monkeypatch)
+def test_hold_gives_the_groups_in_turn(camera: VirtualCamera) -> None:
     with SequencedCamera(camera, TRIPLES, mode=LightMode.HOLD, timing=TIMING) as sequenced:
         for number in range(6):
             frame = sequenced.read()
@@ -175,8 +183,7 @@ def test_a_stamp_that_is_too_late_leaves_frames_unknown(monkeypatch: pytest.Monk
     assert counts["clean", "clean"] == counts["mixed", "clean"] == counts["clean", "right"] == 0
 
 
-def test_stopping_gives_the_light_back_and_leaves_the_camera_open(monkeypatch: pytest.MonkeyPatch) -> None:
-    camera = virtual_sensor(monkeypatch)
+def test_stopping_gives_the_light_back_and_leaves_the_camera_open(camera: VirtualCamera) -> None:
     before = RING // 3
     camera.ring.wait_for_light(camera.ring.set_leds(before).light_id)
     sequenced = SequencedCamera(camera, TRIPLES, timing=TIMING)
@@ -191,27 +198,23 @@ def test_stopping_gives_the_light_back_and_leaves_the_camera_open(monkeypatch: p
     assert not camera.board.lit.any()
 
 
-def test_a_board_that_is_gone_is_an_error_not_a_label(monkeypatch: pytest.MonkeyPatch) -> None:
-    camera = virtual_sensor(monkeypatch)
-    sequenced = SequencedCamera(camera, TRIPLES, timing=TIMING)
+def test_a_board_that_is_gone_is_an_error_not_a_label(camera: VirtualCamera, sequenced: SequencedCamera) -> None:
     sequenced.read()
     camera.board.power_off()
     with pytest.raises(BoardError, match="did not answer"):
         sequenced.read()
 
 
-def test_a_frame_whose_time_is_estimated_has_no_known_light(monkeypatch: pytest.MonkeyPatch) -> None:
-    camera = virtual_sensor(monkeypatch)
-    sequenced = SequencedCamera(camera, TRIPLES, timing=TIMING)
+def test_a_frame_whose_time_is_estimated_has_no_known_light(
+    camera: VirtualCamera, sequenced: SequencedCamera, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert follow(sequenced, camera, 60)["clean", "right"] > 20
     read = camera.read
     monkeypatch.setattr(camera, "read", lambda: replace(read(), estimated=True))
     assert {said for _, said in follow(sequenced, camera, 20)} == {"unknown"}
 
 
-def test_a_line_that_was_silent_for_a_while_ends_no_stream(monkeypatch: pytest.MonkeyPatch) -> None:
-    camera = virtual_sensor(monkeypatch)
-    sequenced = SequencedCamera(camera, TRIPLES, timing=TIMING)
+def test_a_line_that_was_silent_for_a_while_ends_no_stream(camera: VirtualCamera, sequenced: SequencedCamera) -> None:
     follow(sequenced, camera, 10)
     transport, silent_until_us = camera.ring.transport, camera.board.now_us + 1.05e6
     heard = transport.read
@@ -233,9 +236,9 @@ def test_a_line_that_was_silent_for_a_while_ends_no_stream(monkeypatch: pytest.M
     assert again["clean", "clean"] == again["mixed", "clean"] == again["dark", "clean"] == 0
 
 
-def test_a_line_that_took_no_bytes_for_a_while_ends_no_stream(monkeypatch: pytest.MonkeyPatch) -> None:
-    camera = virtual_sensor(monkeypatch)
-    sequenced = SequencedCamera(camera, TRIPLES, timing=TIMING)
+def test_a_line_that_took_no_bytes_for_a_while_ends_no_stream(
+    camera: VirtualCamera, sequenced: SequencedCamera
+) -> None:
     follow(sequenced, camera, 10)
     transport = camera.ring.transport
     write = transport.write
@@ -250,10 +253,8 @@ def test_a_line_that_took_no_bytes_for_a_while_ends_no_stream(monkeypatch: pytes
     assert follow(sequenced, camera, 40)["clean", "right"] >= 30
 
 
-def test_darkness_that_nobody_planned_is_no_group(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_darkness_that_nobody_planned_is_no_group(camera: VirtualCamera, sequenced: SequencedCamera) -> None:
     """Another thread darkens the ring: frames that saw it are not clean, from the first on."""
-    camera = virtual_sensor(monkeypatch)
-    sequenced = SequencedCamera(camera, TRIPLES, timing=TIMING)
     follow(sequenced, camera, 10)
     camera.ring.blank()
     counts = follow(sequenced, camera, 4)
@@ -261,8 +262,7 @@ def test_darkness_that_nobody_planned_is_no_group(monkeypatch: pytest.MonkeyPatc
     assert counts["dark", "clean"] == counts["mixed", "clean"] == 0
 
 
-def test_more_groups_than_the_board_holds_or_a_camera_without_ring_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    camera = virtual_sensor(monkeypatch)
+def test_more_groups_than_the_board_holds_or_a_camera_without_ring_are_refused(camera: VirtualCamera) -> None:
     with pytest.raises(InputError, match="17 light groups: the board holds 1 to 16"):
         SequencedCamera(camera, np.zeros((17, 12, 3), np.uint8), timing=TIMING)
     with open_simulated("sim://?board=0&programme=0") as dark, pytest.raises(CameraError, match="no light ring"):
