@@ -2,13 +2,14 @@
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any, TypeVar
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gellight.base.errors import InputError
+from gellight.base.errors import GellightError, InputError
 
 Model = TypeVar("Model", bound=BaseModel)
 Byte = Annotated[int, Field(ge=0, le=255)]
@@ -95,6 +96,15 @@ def in_words(error: ValidationError, whole: str = "it") -> str:
     """
     first = error.errors(include_url=False)[0]
     return f"{'.'.join(map(str, first['loc'])) or whole} {_words(dict(first))}"
+
+
+@contextmanager
+def explained(say: Callable[[str], GellightError] = InputError, whole: str = "it") -> Iterator[None]:
+    """Raise what `say` makes of the words of `in_words` for what a model refuses."""
+    try:
+        yield
+    except ValidationError as error:
+        raise say(in_words(error, whole)) from None
 
 
 def _words(problem: dict[str, Any]) -> str:

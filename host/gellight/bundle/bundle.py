@@ -280,9 +280,7 @@ def extend_bundle(bundle: Bundle, folder: str | Path, files: Mapping[str, bytes]
 
     Raises BundleError; then the folder is as before.
     """
-    content = {**bundle.files, **files}
-    manifest = checked_manifest(folder, **{**bundle.manifest.model_dump(), "files": _digests(content)})
-    return save_bundle(Bundle(manifest=manifest, files=content, source=str(folder)), folder, overwrite)
+    return save_bundle(bundle.with_files(files), folder, overwrite)
 
 
 def packed_bundle(bundle: Bundle) -> bytes:

@@ -2,9 +2,9 @@
 
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
-from gellight.base.allowed import in_words
+from gellight.base.allowed import explained
 from gellight.base.errors import BundleError
 from gellight.bundle.bundle import Bundle
 
@@ -32,10 +32,8 @@ def read_bundle_file(bundle: Bundle, name: str, model: type[Content], remedy: st
 
     remedy: how to make the file anew, for the message.
     """
-    try:
+    with explained(lambda wrong: BundleError(f"{bundle.source}: {name}: {wrong}; {remedy}")):
         content = model.model_validate_json(bundle.files[name])
-    except ValidationError as error:
-        raise BundleError(f"{bundle.source}: {name}: {in_words(error)}; {remedy}") from error
     height, width = bundle.image_shape
     if isinstance(content, PictureFile) and (content.image_height_px, content.image_width_px) != (height, width):
         raise BundleError(

@@ -14,11 +14,10 @@ from pydantic import (
     ConfigDict,
     Field,
     FiniteFloat,
-    ValidationError,
     model_validator,
 )
 
-from gellight.base.allowed import Byte, Positive, in_words
+from gellight.base.allowed import Byte, Positive, explained
 from gellight.base.errors import BundleError
 from gellight.base.leds import MOST_LEDS
 
@@ -141,10 +140,8 @@ def parse_manifest(content: bytes, source: str) -> Manifest:
 
 def checked_manifest(where: str | Path, **values: Any) -> Manifest:
     """Return the manifest of these values; BundleError, naming `where`, for one that is out of range."""
-    try:
+    with explained(lambda wrong: BundleError(f"{where}: {MANIFEST}: {wrong}. Correct it or {AGAIN}")):
         return Manifest.model_validate(values)
-    except ValidationError as error:
-        raise BundleError(f"{where}: {MANIFEST}: {in_words(error)}. Correct it or {AGAIN}") from error
 
 
 def manifest_toml(manifest: Manifest) -> bytes:
@@ -164,7 +161,5 @@ class _Figures(BaseModel, extra="allow"):
 
 def read_metrics(content: bytes, source: str) -> dict[str, Any]:
     """Return the content of the file; BundleError, naming `source`, where it is no object or a figure no figure."""
-    try:
+    with explained(lambda wrong: BundleError(f"{source}: {METRICS}: {wrong}; {AGAIN}")):
         return _Figures.model_validate_json(content).model_dump(exclude_unset=True)
-    except ValidationError as error:
-        raise BundleError(f"{source}: {METRICS}: {in_words(error)}; {AGAIN}") from error

@@ -6,8 +6,9 @@ watch rests meanwhile. However the routine ends, the sensor is then set and lit 
 
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import platformdirs
@@ -102,7 +103,7 @@ MakeRoutine = Callable[[CalibrationRequest, Install], Routine]
 """Makes the routine that is asked for; `Install` installs the bundle that passes."""
 
 
-class CalibrationService:
+class CalibrationService(AbstractContextManager["CalibrationService"]):
     """Calibrates a running sensor and changes its bundle; safe to use from any thread."""
 
     def __init__(
@@ -132,10 +133,6 @@ class CalibrationService:
         self._closing = threading.Event()
         self._lock = threading.Lock()
         """held while a calibration begins or a bundle is restored"""
-
-    def __enter__(self) -> Self:
-        """Return the service."""
-        return self
 
     def __exit__(self, *problem: object) -> None:
         """Stop a calibration that still runs, keep what it has measured, and set the sensor as its bundle says."""

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Protocol, TypeVa
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, JsonValue, TypeAdapter, ValidationError
+from pydantic import Field, JsonValue, TypeAdapter
 
-from gellight.base.allowed import Byte, StrictModel, in_words
+from gellight.base.allowed import Byte, StrictModel, explained
 from gellight.base.errors import InputError
 from gellight.base.leds import MOST_LEDS
 from gellight.bundle.bundle import packed_bundle
@@ -282,26 +282,20 @@ Made = TypeVar("Made", bound=StrictModel)
 
 def read_call(content: bytes) -> AnyCall:
     """Return the call of a message; InputError says what is wrong with it."""
-    try:
+    with explained(lambda wrong: InputError(f"no call of GelLight: {wrong}")):
         return _CALLS.validate_json(content)
-    except ValidationError as error:
-        raise InputError(f"no call of GelLight: {in_words(error)}") from None
 
 
 def read_json(kind: type[Made], content: str | bytes) -> Made:
     """Return what a message says; InputError says what is wrong with it."""
-    try:
+    with explained():
         return kind.model_validate_json(content)
-    except ValidationError as error:
-        raise InputError(in_words(error)) from None
 
 
 def made(kind: type[Made], **values: object) -> Made:
     """Return a call with these values; InputError says what is wrong with them."""
-    try:
+    with explained():
         return kind.model_validate(values)
-    except ValidationError as error:
-        raise InputError(in_words(error)) from None
 
 
 def light_of(colours: NDArray[np.uint8] | None) -> Light:

@@ -29,7 +29,7 @@ from gellight.frames.camera import Camera, PressStage
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.picture import FILE_NAME as PICTURE_STEPS
 from gellight.frames.picture import PictureSteps
-from gellight.frames.status import SensorStatus, TouchStatus
+from gellight.frames.status import SensorStatus
 from gellight.reconstruction.following import ContactFollower, object_follower
 from gellight.reconstruction.shear.slip import SlipFollower
 from gellight.watch.monitor import PERIOD_S, SensorWatch
@@ -322,11 +322,6 @@ class SensorSession:
     def go_on_after(self, sequence: int) -> None:
         """Say that the one reader of a session with `every` has the frames up to this sequence number."""
         self._threads.note_asked(sequence)
-
-    def touch(self) -> TouchStatus | None:
-        """Return what the newest frame feels, as `contact_summary`; None before the first frame."""
-        frame = self._newest()
-        return contact_summary(frame) if frame else None
 
     def _newest(self) -> TactileFrame | None:
         try:

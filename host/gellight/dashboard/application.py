@@ -26,7 +26,7 @@ from gellight.daemon.session import SensorSession
 from gellight.dashboard.access import Handler, guard
 from gellight.dashboard.fetched import FOR_EVER, ScanController, add_routes, answered, refused
 from gellight.dashboard.messages import encode, without_nan
-from gellight.dashboard.metrics import Metrics
+from gellight.dashboard.metrics import add_metrics
 from gellight.dashboard.view import ReferenceViews
 
 logger = logging.getLogger(__name__)
@@ -109,7 +109,7 @@ class Dashboard:
         app.router.add_post("/command", self._obey)
         app.router.add_get("/sensors", self._list_sensors)
         app.router.add_get("/status", self._show_status)
-        Metrics(self._status_text).add_routes(app)
+        add_metrics(app, self._status_text)
         add_routes(app, self._source, self._references, self._calibration, self._scan)
         app.router.add_get("/", _send_page)
         app.router.add_static("/", PAGE)
@@ -134,9 +134,8 @@ class Dashboard:
         yield
         pump.cancel()
         await asyncio.gather(pump, return_exceptions=True)
-        self._waiter.shutdown(wait=True, cancel_futures=True)
-        self._teller.shutdown(wait=True, cancel_futures=True)
-        self._worker.shutdown(wait=True, cancel_futures=True)
+        for pool in (self._waiter, self._teller, self._worker):
+            pool.shutdown(wait=True, cancel_futures=True)
 
     async def _pump(self) -> None:
         """Fetch and encode the newest frame whenever a page is ready to draw it."""

@@ -15,26 +15,19 @@ COUNTERS = {
 """name and meaning of what only grows, by the key of the status"""
 
 
-class Metrics:
-    """Answers with the figures of the status."""
+def add_metrics(app: web.Application, status_text: Callable[[], Awaitable[str]]) -> None:
+    """Add `/metrics` and `/health`, which answers 200, or 503 with what is wrong, by the status as JSON."""
 
-    def __init__(self, status_text: Callable[[], Awaitable[str]]) -> None:
-        """Take what returns the status as JSON."""
-        self._status_text = status_text
-
-    def add_routes(self, app: web.Application) -> None:
-        """Add `/metrics` and `/health`."""
-        app.router.add_get("/metrics", self._show_metrics)
-        app.router.add_get("/health", self._show_health)
-
-    async def _show_metrics(self, request: web.Request) -> web.Response:
-        text = "\n".join(metric_lines(json.loads(await self._status_text()))) + "\n"
+    async def show_metrics(request: web.Request) -> web.Response:
+        text = "\n".join(metric_lines(json.loads(await status_text()))) + "\n"
         return web.Response(body=text.encode(), headers={"Content-Type": CONTENT_TYPE})
 
-    async def _show_health(self, request: web.Request) -> web.Response:
-        """Answer 200, or 503 with what is wrong."""
-        error = json.loads(await self._status_text())["error"]
+    async def show_health(request: web.Request) -> web.Response:
+        error = json.loads(await status_text())["error"]
         return web.json_response({"ok": error is None, "error": error}, status=503 if error else 200)
+
+    app.router.add_get("/metrics", show_metrics)
+    app.router.add_get("/health", show_health)
 
 
 def metric_lines(status: Mapping[str, Any]) -> Iterator[str]:

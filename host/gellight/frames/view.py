@@ -11,9 +11,9 @@ from typing import Annotated, Self
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
-from gellight.base.allowed import in_words
+from gellight.base.allowed import explained
 from gellight.base.errors import InputError
 
 Array = NDArray[np.float64]
@@ -172,7 +172,5 @@ def read_view(path: Path) -> View:
 
 def view_in(content: bytes | str, name: str) -> View:
     """Return the view of the content of a `view.json`; InputError, with its `name`, for what is none."""
-    try:
+    with explained(lambda wrong: InputError(f"{name} is no view ({wrong}): make it with `gellight calibrate view`")):
         return View.model_validate_json(content)
-    except ValidationError as error:
-        raise InputError(f"{name} is no view ({in_words(error)}): make it with `gellight calibrate view`") from error

@@ -18,9 +18,10 @@ import os
 import struct
 import time
 from collections.abc import Collection, Iterator
+from contextlib import AbstractContextManager
 from io import BufferedReader
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import zstandard
@@ -53,7 +54,6 @@ from gellight.recording.ros_messages import (
 CHUNK_BYTES = 4 << 20
 MOST_RECORD_BYTES = 1 << 28
 """of one record of the file: no picture and no bundle is larger"""
-SUFFIX = ".mcap"
 ZSTD = "zstd"
 """of a chunk, as MCAP names it; those of before are not packed"""
 FRAME, IMAGE_RAW, COMPRESSED, DEPTH, DEPTH_16, CONTACT = (
@@ -86,7 +86,7 @@ class ContactInfo(StrictModel):
     """where the object has gone; None where nobody tracked it, or nothing touched"""
 
 
-class RecordingWriter:
+class RecordingWriter(AbstractContextManager["RecordingWriter"]):
     """Writes a recording; a context manager that finishes the file."""
 
     def __init__(
@@ -164,10 +164,6 @@ class RecordingWriter:
             self._writer.finish()  # type: ignore[no-untyped-call]  # mcap does not annotate it
         finally:
             self._file.close()
-
-    def __enter__(self) -> Self:
-        """Give the writer itself."""
-        return self
 
     def __exit__(self, *problem: object) -> None:
         """Finish the file."""

@@ -10,9 +10,9 @@ import threading
 import time
 import zlib
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from math import inf
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,7 @@ def connect(url: str) -> "LightRing":
     return LightRing(open_transport(url))
 
 
-class LightRing(BoardLink):
+class LightRing(BoardLink, AbstractContextManager["LightRing"]):
     """A board that has said hello. Close it, or use it in a `with` statement: then its LEDs are dark."""
 
     def __init__(self, transport: Transport, *, timeout_s: float = 0.25, attempts: int = 4,
@@ -100,10 +100,6 @@ class LightRing(BoardLink):
             self._thread.start()
 
     # ---- life ----
-
-    def __enter__(self) -> Self:
-        """Return the ring."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """Make the LEDs dark, whatever happened."""

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AliasChoices, Field, TypeAdapter, ValidationError
+from pydantic import AliasChoices, Field, TypeAdapter
 
-from gellight.base.allowed import Byte, StrictModel, in_words
+from gellight.base.allowed import Byte, StrictModel, explained
 from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import (
@@ -318,10 +318,8 @@ def _plane(message: bytes, name: str, said: tuple[int, int], place: int, shape: 
 def _read_details(message: bytes, place: int, length: int) -> Details:
     if length > MOST_DETAILS or place + length > len(message):
         raise _damaged(f"{length} bytes of details at byte {place} of {len(message)}")
-    try:
+    with explained(_damaged, "details"):
         return _DETAILS.validate_json(message[place : place + length])
-    except ValidationError as error:
-        raise _damaged(in_words(error, "details")) from None
 
 
 def _report(figures: ExposureFigures | None, maps: Mapping[str, NDArray[Any]]) -> ExposureReport | None:

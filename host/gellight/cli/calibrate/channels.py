@@ -1,6 +1,7 @@
 """`gellight calibrate channels`: GelNet over three or more lights, shown one after the other."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -79,7 +80,9 @@ class ChannelInput:
                 ball = replace(ball, camera_height_mm=camera.stage.camera_height_mm)
             groups = chosen_groups(sequence, RingGeometry.from_overrides(settings.geometry.overrides()).colours)
             name = sensor_name(camera)
-            return take_series(camera, groups, ball, self.balls_to_press, sensor=name, ask=_ask, tell=_tell)
+            return take_series(
+                camera, groups, ball, self.balls_to_press, sensor=name, ask=_ask, tell=partial(typer.echo, err=True)
+            )
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,3 @@ def same_size(paths: list[Path], white: float | None) -> list[Path]:
 
 def _ask(words: str) -> None:
     typer.prompt(f"{words}; then Enter", default="", show_default=False, err=True)
-
-
-def _tell(words: str) -> None:
-    typer.echo(words, err=True)

@@ -1,5 +1,8 @@
 // The picture of the wizard, with the circle of a press on it that can be dragged.
 
+import { clamp, onDrag, shares } from "./hand.js";
+import { fit } from "./packed.js";
+
 const HANDLE_PX = 16; // on the screen, how near to the rim counts as the rim
 const LEAST_RADIUS = 4;
 
@@ -13,17 +16,17 @@ export class CirclePicture {
   /** `onChange(circle)` is called when the visitor has let go of a circle that he changed. */
   constructor(canvas, onChange) {
     this.#canvas = canvas;
-    canvas.addEventListener("pointerdown", (event) => this.#take(event));
-    canvas.addEventListener("pointermove", (event) => {
-      this.#drag?.(this.#place(event));
-      if (this.#drag) this.#draw();
-    });
-    canvas.addEventListener("lostpointercapture", () => {
-      if (!this.#drag) return;
+    const take = (event) => this.#take(event);
+    const move = (event) => {
+      this.#drag(this.#place(event));
+      this.#draw();
+    };
+    const end = () => {
       this.#drag = null;
       const { x, y, radius } = this.#circle;
       onChange({ center_x_px: x, center_y_px: y, contact_radius_px: radius });
-    });
+    };
+    onDrag(canvas, { take, move, end });
   }
 
   get dragging() {
@@ -34,34 +37,34 @@ export class CirclePicture {
   show(image, press, editable) {
     if (this.dragging) return;
     this.#image = image;
-    const { width, height } = image;
-    if (this.#canvas.width !== width || this.#canvas.height !== height) Object.assign(this.#canvas, { width, height });
+    fit(this.#canvas, image);
     this.#circle = press && { x: press.center_x_px, y: press.center_y_px, radius: press.contact_radius_px };
     this.#editable = Boolean(press) && editable;
     this.#canvas.classList.toggle("editable", this.#editable);
     this.#draw();
   }
 
-  /** Place of a pointer in px of the image, and how many of them a px of the screen is. */
+  /** Place of a pointer in px of the image. */
   #place(event) {
-    const box = this.#canvas.getBoundingClientRect();
-    const scale = this.#canvas.width / box.width;
-    return [(event.clientX - box.left) * scale, (event.clientY - box.top) * scale, scale];
+    const [x, y] = shares(event, this.#canvas);
+    return [x * this.#canvas.width, y * this.#canvas.height];
   }
 
+  /** Choose what a pointer does that goes down; return whether it does anything. */
   #take(event) {
-    if (!this.#editable || event.button !== 0) return;
-    const [fromX, fromY, scale] = this.#place(event);
+    if (!this.#editable || event.button !== 0) return false;
+    const [fromX, fromY] = this.#place(event);
     const circle = this.#circle;
     const [right, down] = [fromX - circle.x, fromY - circle.y];
     const distance = Math.hypot(right, down);
     const { width, height } = this.#canvas;
-    if (Math.abs(distance - circle.radius) < HANDLE_PX * scale) {
+    const moved = (from, size) => clamp(from, 0, size - 1);
+    if (Math.abs(distance - circle.radius) < (HANDLE_PX * width) / this.#canvas.clientWidth) {
       this.#drag = ([x, y]) => { circle.radius = Math.max(LEAST_RADIUS, Math.hypot(x - circle.x, y - circle.y)); };
     } else if (distance < circle.radius) {
-      this.#drag = ([x, y]) => Object.assign(circle, { x: within(x - right, width), y: within(y - down, height) });
-    } else return;
-    this.#canvas.setPointerCapture(event.pointerId);
+      this.#drag = ([x, y]) => Object.assign(circle, { x: moved(x - right, width), y: moved(y - down, height) });
+    }
+    return this.dragging;
   }
 
   #draw() {
@@ -78,8 +81,4 @@ export class CirclePicture {
       pen.stroke(path);
     }
   }
-}
-
-function within(place, size) {
-  return Math.min(Math.max(place, 0), size - 1);
 }

@@ -1,9 +1,9 @@
 // What the page asks the sensor's program for.
 
-const SILENT = "the sensor's program does not answer";
+export const SILENT = "the sensor's program does not answer";
 
 /** Ask the sensor to do `call`, one of daemon/calls.py; return "" when it is done, else why not. */
-export async function command(call) {
+export function command(call) {
   const headers = { "Content-Type": "application/json" };
   return ask("command", () => {}, { method: "POST", headers, body: JSON.stringify(call) });
 }
@@ -15,7 +15,8 @@ export function fetchFile(address) {
   });
 }
 
-async function ask(address, take, options) {
+/** Let `take(answer)` have what the server has at `address`; return "" or why there is none. */
+export async function ask(address, take, options) {
   try {
     const answer = await fetch(address, options);
     if (!answer.ok) return (await answer.json()).message;

@@ -1,5 +1,6 @@
 // Depth and slope at any place of a view, in mm from the middle of the picture: x to the right, y down.
 
+import { clamp } from "./hand.js";
 import { NO_DEPTH, depthMm } from "./packed.js";
 
 /** Size of the view on the gel, [width, height] in mm. */
@@ -7,10 +8,16 @@ export function sizeMm({ image_px: image, pixel_size_mm: pixel }) {
   return [image[0] * pixel[0], image[1] * pixel[1]];
 }
 
+/** Size of a pixel of a view on the gel, [x, y] in mm. */
+export function pitchMm({ header, width, height }) {
+  const [widthMm, heightMm] = sizeMm(header);
+  return [widthMm / width, heightMm / height];
+}
+
 /** Return the depth in mm of `codes` (view.depth or view.truth) at a place; null outside and where there is none. */
 export function depthAt(view, codes, place) {
   const [column, row] = pixelAt(view, place);
-  const [left, top] = [clamp(Math.floor(column), view.width - 2), clamp(Math.floor(row), view.height - 2)];
+  const [left, top] = [clamp(Math.floor(column), 0, view.width - 2), clamp(Math.floor(row), 0, view.height - 2)];
   if (Math.abs(column - left - 0.5) > 1 || Math.abs(row - top - 0.5) > 1) return null;
   const [right, down] = [column - left, row - top];
   const first = top * view.width + left;
@@ -22,9 +29,8 @@ export function depthAt(view, codes, place) {
 
 /** Return the angle in degrees between the surface at a place and the gel at rest; null where it is not known. */
 export function slopeDegAt(view, place) {
-  const [width, height] = sizeMm(view.header);
-  const steps = [[width / view.width, 0], [0, height / view.height]];
-  const slopes = steps.map(([dx, dy]) => {
+  const [pitchX, pitchY] = pitchMm(view);
+  const slopes = [[pitchX, 0], [0, pitchY]].map(([dx, dy]) => {
     const at = (side) => depthAt(view, view.depth, [place[0] + side * dx, place[1] + side * dy]);
     const [before, after] = [at(-1), at(1)];
     return before === null || after === null ? null : (after - before) / (2 * (dx + dy));
@@ -51,8 +57,4 @@ export function sectionOf(view, codes, [start, end]) {
 function pixelAt(view, [x, y]) {
   const [width, height] = sizeMm(view.header);
   return [(x / width + 0.5) * view.width - 0.5, (y / height + 0.5) * view.height - 0.5];
-}
-
-function clamp(index, last) {
-  return Math.min(Math.max(index, 0), last);
 }

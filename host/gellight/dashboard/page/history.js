@@ -1,5 +1,6 @@
 // Indentation over the last minutes, in mm; while the page is paused, an earlier moment can be chosen on it.
 
+import { onDrag, onKey } from "./hand.js";
 import { plot, roundUp } from "./plot.js";
 
 const KEPT_S = 300;
@@ -20,16 +21,8 @@ export class History {
     const point = ({ offsetX }) => {
       if (this.#points.length) listeners.choose(this.#points.at(-1)[0] + this.#timeAt(offsetX));
     };
-    canvas.addEventListener("pointerdown", (event) => {
-      canvas.setPointerCapture(event.pointerId);
-      point(event);
-    });
-    canvas.addEventListener("pointermove", (event) => canvas.hasPointerCapture(event.pointerId) && point(event));
-    canvas.addEventListener("keydown", (event) => {
-      if (!STEPS[event.key]) return;
-      event.preventDefault();
-      listeners.step(STEPS[event.key]);
-    });
+    onDrag(canvas, { take: point, move: point });
+    onKey(canvas, ({ key }) => (key in STEPS ? listeners.step(STEPS[key]) : false));
     new ResizeObserver(() => this.draw(true)).observe(canvas);
   }
 

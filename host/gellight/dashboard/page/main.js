@@ -282,7 +282,6 @@ function savePictures() {
   savePng(shown, named, `${status?.sensor} · ${bundleText(status?.calibration)}`);
 }
 
-for (const id of ["exaggeration", "surface-colour", "detail"]) choices.keep(element(id), again);
 const CHOICES = {
   scale: (um) => planes.setScale(Number(um)),
   map: (name) => {
@@ -292,9 +291,9 @@ const CHOICES = {
   gain: (gain) => planes.setGain(Number(gain)),
   span: (seconds) => history.set({ spanS: Number(seconds) }),
 };
-for (const [id, apply] of Object.entries(CHOICES)) {
+for (const id of ["exaggeration", "surface-colour", "detail", ...Object.keys(CHOICES)]) {
   choices.keep(element(id), (value) => {
-    apply(value);
+    CHOICES[id]?.(value);
     again();
   });
 }

@@ -1,5 +1,6 @@
 // The binary message of one tactile frame; messages.py on the server describes every byte.
 
+import { pitchMm } from "./field.js";
 import { differenceOf, inflate, pixelsOf, slopesOf, unpackDepth } from "./packed.js";
 
 const MAGIC = 0x464c4547; // "GELF", little-endian
@@ -43,7 +44,7 @@ export class Decoder {
       inflate(plane("contact")),
       header.truth ? this.#truthOf(plane("truth"), () => depths("truth")) : null,
     ]);
-    const slopes = slopesOf(depth, width, height, pitchMm(header));
+    const slopes = slopesOf(depth, width, height, pitchMm({ header, width, height }));
     const view = { header, width, height, bitmap, depth, contact, truth, slopes, difference: null };
     this.#subtract(view, pixelsOf(bitmap));
     return view;
@@ -98,9 +99,4 @@ function parse(buffer) {
 
 function equal(one, other) {
   return one.length === other.length && one.every((byte, i) => byte === other[i]);
-}
-
-/** Size in mm of a pixel of the view on the gel: [x, y]. */
-function pitchMm({ image_px: image, view_px: view, pixel_size_mm: pixel }) {
-  return [0, 1].map((axis) => (image[axis] * pixel[axis]) / view[axis]);
 }

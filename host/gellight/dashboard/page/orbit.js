@@ -1,12 +1,13 @@
 // Turning the surface with the pointer and coming nearer with the wheel.
 
+import { ARROWS, clamp, onDrag, onKey } from "./hand.js";
+
 const TURN_RAD_PER_PX = 0.008;
 const STEEPEST_RAD = 1.5;
 const FLATTEST_RAD = 0.15;
 const START = { azimuth: -0.42, elevation: 0.8, distance: 1 };
 const KEY_RAD = 0.08;
 const KEY_NEARER = 0.9;
-const TURNS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class Orbit {
   azimuth = START.azimuth; // about the z axis, from straight below
@@ -17,11 +18,7 @@ export class Orbit {
   /** Call `changed` after each movement on `element`. */
   constructor(element, changed) {
     this.#changed = changed;
-    element.addEventListener("pointerdown", (event) => element.setPointerCapture(event.pointerId));
-    element.addEventListener("pointermove", (event) => {
-      if (!element.hasPointerCapture(event.pointerId)) return;
-      this.#turn(event.movementX * TURN_RAD_PER_PX, event.movementY * TURN_RAD_PER_PX);
-    });
+    onDrag(element, { move: (event) => this.#turn(event.movementX, event.movementY, TURN_RAD_PER_PX) });
     element.addEventListener("wheel", (event) => {
       const scrolls = document.documentElement.scrollHeight > innerHeight;
       if (scrolls && document.activeElement !== element) return; // the wheel is the page's
@@ -29,7 +26,7 @@ export class Orbit {
       this.#come(Math.exp(event.deltaY * 0.001));
     }, { passive: false });
     element.addEventListener("dblclick", () => this.reset());
-    element.addEventListener("keydown", (event) => this.#key(event));
+    onKey(element, (event) => this.#key(event));
   }
 
   /** Look again as at the beginning. */
@@ -38,14 +35,9 @@ export class Orbit {
     this.#changed();
   }
 
-  #key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const turn = TURNS[event.key];
-    if (turn) this.#turn(...turn.map((part) => part * KEY_RAD));
-    else if (event.key === "+") this.#come(KEY_NEARER);
-    else if (event.key === "-") this.#come(1 / KEY_NEARER);
-    else return;
-    event.preventDefault();
+  #key({ key }) {
+    if (key in ARROWS) return this.#turn(...ARROWS[key], KEY_RAD);
+    return "+-".includes(key) && this.#come(key === "+" ? KEY_NEARER : 1 / KEY_NEARER);
   }
 
   #come(times) {
@@ -53,9 +45,9 @@ export class Orbit {
     this.#changed();
   }
 
-  #turn(right, down) {
-    this.azimuth -= right;
-    this.elevation = clamp(this.elevation + down, FLATTEST_RAD, STEEPEST_RAD);
+  #turn(right, down, rad) {
+    this.azimuth -= right * rad;
+    this.elevation = clamp(this.elevation + down * rad, FLATTEST_RAD, STEEPEST_RAD);
     this.#changed();
   }
 
@@ -67,8 +59,4 @@ export class Orbit {
     camera.up.set(0, 0, 1);
     camera.lookAt(0, 0, -0.03 * reach * Math.cos(this.elevation)); // leaves room for what rises from the gel
   }
-}
-
-function clamp(value, low, high) {
-  return Math.min(Math.max(value, low), high);
 }

@@ -39,37 +39,33 @@ export function unpackDepth(bytes, width, height) {
 /** Return (h, w, 2) d(depth)/dx, d(depth)/dy by central differences, one-sided at the rims; 0 without a depth. */
 export function slopesOf(depth, width, height, [pitchX, pitchY]) {
   const slopes = new Float32Array(2 * width * height);
-  for (let row = 0; row < height; row++) {
-    const above = row > 0 ? width : 0;
-    const below = row < height - 1 ? width : 0;
-    const first = row * width;
-    const along = DEPTH_UNIT_MM / (2 * pitchX);
-    const across = DEPTH_UNIT_MM / (Math.max((above + below) / width, 1) * pitchY);
-    fill(slopes, 0, depth, first + 1, first + width - 1, 1, 1, along);
-    fill(slopes, 1, depth, first, first + width, above, below, across);
-    if (width < 2) continue;
-    fill(slopes, 0, depth, first, first + 1, 0, 1, 2 * along);
-    fill(slopes, 0, depth, first + width - 1, first + width, 1, 0, 2 * along);
+  const slope = (from, to, mm) =>
+    (depth[from] === NO_DEPTH || depth[to] === NO_DEPTH ? 0 : (depth[to] - depth[from]) * (DEPTH_UNIT_MM / mm));
+  for (let row = 0, i = 0; row < height; row++) {
+    const above = row > 0 ? 1 : 0;
+    const below = row < height - 1 ? 1 : 0;
+    const downMm = Math.max(above + below, 1) * pitchY;
+    for (let column = 0; column < width; column++, i++) {
+      const left = column > 0 ? 1 : 0;
+      const right = column < width - 1 ? 1 : 0;
+      slopes[2 * i] = slope(i - left, i + right, Math.max(left + right, 1) * pitchX);
+      slopes[2 * i + 1] = slope(i - above * width, i + below * width, downMm);
+    }
   }
   return slopes;
 }
 
-/** Fill one of the two slopes of pixels from `from` up to `to` from the neighbours `before` and `after` it. */
-function fill(slopes, axis, depth, from, to, before, after, factor) {
-  for (let i = from; i < to; i++) {
-    const one = depth[i - before];
-    const other = depth[i + after];
-    if (one !== NO_DEPTH && other !== NO_DEPTH) slopes[2 * i + axis] = (other - one) * factor;
-  }
-}
+const canvas = new OffscreenCanvas(1, 1);
 
-let canvas = null;
+/** Give a canvas a size, which empties it; leave one alone that has it. */
+export function fit(canvas, { width, height }) {
+  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+}
 
 /** Return the (h, w, 4) RGBA bytes of a picture. */
 export function pixelsOf(bitmap) {
   const { width, height } = bitmap;
-  canvas ??= new OffscreenCanvas(1, 1);
-  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+  fit(canvas, bitmap);
   const context = canvas.getContext("2d", { willReadFrequently: true });
   context.drawImage(bitmap, 0, 0);
   return context.getImageData(0, 0, width, height).data;

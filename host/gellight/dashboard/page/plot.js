@@ -1,5 +1,7 @@
 // Axes and curves on a canvas, in the colours of the page.
 
+import { fit } from "./packed.js";
+
 const MARGIN = { left: 40, right: 10, top: 8, bottom: 32 };
 const FONT = "12px system-ui, sans-serif";
 const PX_PER_TICK = { x: 70, y: 34 };
@@ -11,8 +13,7 @@ const PX_PER_TICK = { x: 70, y: 34 };
 export function plot(canvas, { x, y, curves, cursor = null }) {
   const ratio = devicePixelRatio;
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-  const size = { width: Math.round(width * ratio), height: Math.round(height * ratio) };
-  if (canvas.width !== size.width || canvas.height !== size.height) Object.assign(canvas, size);
+  fit(canvas, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
   const pen = canvas.getContext("2d");
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, width, height);
@@ -95,9 +96,7 @@ function draw(pen, { points, dashed = false, filled = false }, at, inner, ink) {
 
 /** Round values within an axis, at most `most` steps apart; and the digits they need. */
 function ticks({ from, to }, most) {
-  const least = (to - from) / Math.max(most, 1);
-  const ten = 10 ** Math.floor(Math.log10(least));
-  const step = [1, 2, 5, 10].map((times) => times * ten).find((size) => size >= least * 0.999);
+  const step = roundUp((to - from) / Math.max(most, 1));
   const first = Math.ceil(from / step - 1e-9);
   const count = Math.floor(to / step + 1e-9) - first + 1;
   const digits = Math.max(-Math.floor(Math.log10(step) + 1e-9), 0);

@@ -2,9 +2,9 @@
 
 import { command } from "./command.js";
 import { element, html, render } from "./dom.js";
+import { ARROWS } from "./hand.js";
 
 const DEPTH_STEP_MM = 0.05;
-const STEPS = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
 const ADVICE = "Hold the pointer on a picture to press there; drag to move; turn the wheel meanwhile for depth.";
 
 export class PressPanel {
@@ -90,11 +90,11 @@ export class PressPanel {
 
   /** Let the arrow keys choose among the objects, as in any group of which one is chosen. */
   #turn = (event) => {
-    const step = STEPS[event.key];
-    if (!step) return;
+    if (!(event.key in ARROWS)) return;
     event.preventDefault();
     const { objects } = this.#stage;
-    this.#choose(objects.at((objects.indexOf(this.#object) + step) % objects.length));
+    const [right, down] = ARROWS[event.key];
+    this.#choose(objects.at((objects.indexOf(this.#object) + right + down) % objects.length));
     element("objects").querySelector("[aria-checked=true]").focus();
   };
 

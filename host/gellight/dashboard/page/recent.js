@@ -1,33 +1,32 @@
 // The last minutes of frames, as they came: dense where they are new, thinned out where they are old, never more bytes
 // than the bound.
 
+import { clamp } from "./hand.js";
+
 const MOST_BYTES = 64e6;
 const LEAST_GAP_S = 0.05;
 
 export class Recent {
+  bytes = 0;
   #frames = []; // {timeS, buffer}, oldest first
-  #bytes = 0;
+  #mostBytes;
 
   constructor(mostBytes = MOST_BYTES) {
-    this.mostBytes = mostBytes;
+    this.#mostBytes = mostBytes;
   }
 
   get count() {
     return this.#frames.length;
   }
 
-  get bytes() {
-    return this.#bytes;
-  }
-
   /** Keep the message `buffer` of a frame taken at `timeS`; forget what has become too much. */
   add(timeS, buffer) {
     const last = this.#frames.at(-1)?.timeS;
-    if (last > timeS) this.#clear(); // the sensor's clock was restarted
+    if (last > timeS) [this.#frames, this.bytes] = [[], 0]; // the sensor's clock was restarted
     else if (timeS - last < LEAST_GAP_S) return;
     this.#frames.push({ timeS, buffer });
-    this.#bytes += buffer.byteLength;
-    while (this.#bytes > this.mostBytes && this.#frames.length > 2) this.#thin();
+    this.bytes += buffer.byteLength;
+    while (this.bytes > this.#mostBytes && this.#frames.length > 2) this.#thin();
   }
 
   /** Return the frame nearest to `timeS`, as {timeS, buffer}; null where there is none. */
@@ -40,7 +39,7 @@ export class Recent {
   /** Return the frame `count` frames after the one nearest to `timeS`, or before it; the first or last at the ends. */
   step(timeS, count) {
     const place = this.#frames.indexOf(this.nearest(timeS)) + count;
-    return this.#frames[Math.min(Math.max(place, 0), this.#frames.length - 1)] ?? null;
+    return this.#frames[clamp(place, 0, this.#frames.length - 1)] ?? null;
   }
 
   /** Forget the frame whose neighbours are nearest to each other, measured by how long ago it was. */
@@ -50,11 +49,6 @@ export class Recent {
     let least = 1;
     for (let i = 2; i < this.#frames.length - 1; i++) if (gap(i) < gap(least)) least = i;
     const [forgotten] = this.#frames.splice(least, 1);
-    this.#bytes -= forgotten.buffer.byteLength;
-  }
-
-  #clear() {
-    this.#frames = [];
-    this.#bytes = 0;
+    this.bytes -= forgotten.buffer.byteLength;
   }
 }

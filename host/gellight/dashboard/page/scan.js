@@ -2,6 +2,7 @@
 
 import { command, fetchFile } from "./command.js";
 import { element, html, nothing, render, svg } from "./dom.js";
+import { clamp } from "./hand.js";
 
 const STEPS = {
   press: "Press over half of a press that was", hold: "Hold it still", lift: "Lift it",
@@ -138,9 +139,10 @@ export class ScanPanel {
     const number = Object.keys(outlines).at(-1);
     const outline = outlines[number];
     const place = outline ? this.#placeOf(number, outlines) : [0, 0];
-    const half = outline ? [distance(outline[0], outline[1]) / 2, distance(outline[1], outline[2]) / 2] : [0, 0];
+    const side = (axis) => outline[axis + 1].map((mm, along) => mm - outline[axis][along]);
+    const half = [0, 1].map((axis) => (outline ? Math.hypot(...side(axis)) / 2 : 0));
     this.#led = true;
-    this.#press.pressAt(place.map((mm, axis) => Math.max(-half[axis], Math.min(half[axis], mm - shift[axis]))));
+    this.#press.pressAt(place.map((mm, axis) => clamp(mm - shift[axis], -half[axis], half[axis])));
   }
 
   #map() {
@@ -161,10 +163,6 @@ export class ScanPanel {
 
 function label(text, [[left, top], , [right, bottom]], size) {
   return svg`<text x=${(left + right) / 2} y=${(top + bottom) / 2} font-size=${size}>${text}</text>`;
-}
-
-function distance([x, y], [otherX, otherY]) {
-  return Math.hypot(otherX - x, otherY - y);
 }
 
 function figuresOf({ presses, lost, map }) {

@@ -3,6 +3,7 @@
 import * as THREE from "./vendor/three-0.185/three.module.min.js";
 import { depthColour } from "./colour.js";
 import { depthAt, sizeMm } from "./field.js";
+import { shares } from "./hand.js";
 import { Orbit } from "./orbit.js";
 import { NO_DEPTH, depthMm } from "./packed.js";
 
@@ -108,12 +109,10 @@ export class Surface {
   }
 
   /** Return the place [x, y] in mm that a pointer on the canvas points at; null beside the gel. */
-  placeAt({ clientX, clientY }) {
-    if (!this.#view) return null;
-    const box = this.canvas.getBoundingClientRect();
+  placeAt(event) {
     const caster = new THREE.Raycaster();
-    const at = [((clientX - box.left) / box.width) * 2 - 1, 1 - ((clientY - box.top) / box.height) * 2];
-    caster.setFromCamera(new THREE.Vector2(...at), this.#camera);
+    const [right, down] = shares(event, this.canvas);
+    caster.setFromCamera(new THREE.Vector2(2 * right - 1, 1 - 2 * down), this.#camera);
     const { origin, direction } = caster.ray;
     const times = this.#uniforms.exaggeration.value;
     const tallest = this.#uniforms.depth.value.image.data.reduce((a, b) => Math.max(a, b), 0) * times;

@@ -1,6 +1,7 @@
 // The keys of the page: every element with a `data-key` is clicked by it, and the help lists them.
 
 import { element, html, render } from "./dom.js";
+import { onKey } from "./hand.js";
 
 const MORE_KEYS = [
   ["arrows", "on a picture: move the cursor; with Shift by 0.1 mm"],
@@ -13,13 +14,12 @@ const MORE_KEYS = [
 /** Listen to the keys; `escape()` is called for Esc. */
 export function listenToKeys(escape) {
   const keyed = new Map([...document.querySelectorAll("[data-key]")].map((node) => [node.dataset.key, node]));
-  document.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input, select, textarea")) return;
-    if (event.key === "Escape" && !document.querySelector(":popover-open") && !document.fullscreenElement) escape();
-    const node = keyed.get(event.key.toLowerCase());
-    if (!node || (event.key === " " && event.target.closest("button, a, summary"))) return;
-    event.preventDefault();
-    node.click();
+  onKey(document, ({ key, target }) => {
+    if (target.closest("input, select, textarea")) return false;
+    if (key === "Escape" && !document.querySelector(":popover-open") && !document.fullscreenElement) escape();
+    const node = keyed.get(key.toLowerCase());
+    if (!node || (key === " " && target.closest("button, a, summary"))) return false;
+    return node.click();
   });
   fillHelp(keyed);
 }

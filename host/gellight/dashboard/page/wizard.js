@@ -2,7 +2,7 @@
 
 import { drawCurve } from "./charts.js";
 import { CirclePicture } from "./circle.js";
-import { command as ask } from "./command.js";
+import { SILENT, ask, command as order } from "./command.js";
 import { element, render } from "./dom.js";
 import { NAMES } from "./wizard_texts.js";
 import { page } from "./wizard_view.js";
@@ -30,17 +30,9 @@ const picture = new CirclePicture(element("picture"), correct);
 
 async function poll() {
   if (!document.hidden) {
-    try {
-      const answer = await fetch("calibration");
-      const state = await answer.json();
-      if (!answer.ok) throw new Error(state.message);
-      stats.state = state;
-      noteLoss(state.routine?.progress ?? {});
-      tell({ error: "" });
-    } catch (error) {
-      const silent = error instanceof TypeError;
-      tell({ error: silent ? "the sensor's program does not answer; it is asked again" : error.message });
-    }
+    const error = await ask("calibration", async (answer) => { stats.state = await answer.json(); });
+    if (!error) noteLoss(stats.state.routine?.progress ?? {});
+    tell({ error: error === SILENT ? `${SILENT}; it is asked again` : error });
     await showPicture();
   }
   setTimeout(poll, POLL_MS);
@@ -69,7 +61,7 @@ function show() {
 }
 
 async function command(call) {
-  tell({ refusal: await ask(call) });
+  tell({ refusal: await order(call) });
 }
 
 /** The view file that was chosen, as the server reads it; throws, in words, for one that cannot be a view. */

@@ -53,7 +53,6 @@ class _Collector:
         """of the virtual hand"""
         self.enough = False
         self.wanted = run.options.presses + run.folder.state.extra_presses
-        self.radius_mm: float | None = None
 
     def collect(self) -> None:
         run = self.run

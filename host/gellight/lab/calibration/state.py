@@ -6,9 +6,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
-from gellight.base.allowed import in_words
+from gellight.base.allowed import explained
 from gellight.base.errors import BundleError, InputError, first_line
 from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.bundle.manifest import MANIFEST
@@ -179,10 +179,8 @@ def state_in(path: Path) -> State | None:
             f"{place} has schema version {content['schema_version']}, this program reads {SCHEMA_VERSION}: "
             f"move {path} away and begin again"
         )
-    try:
+    with explained(lambda wrong: BundleError(f"{place} is damaged ({wrong}): move {path} away and begin again")):
         return State.model_validate(content)
-    except ValidationError as error:
-        raise BundleError(f"{place} is damaged ({in_words(error)}): move {path} away and begin again") from error
 
 
 @contextmanager

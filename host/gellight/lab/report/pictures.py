@@ -1,8 +1,8 @@
 """Pictures of maps, RGB: the same colour is the same depth in every picture, so pictures can be compared."""
 
+from contextlib import AbstractContextManager
 from math import floor, log10
 from pathlib import Path
-from typing import Self
 
 import cv2
 import numpy as np
@@ -145,7 +145,7 @@ SLOWEST = 0.01
 """pictures a second"""
 
 
-class VideoFile:
+class VideoFile(AbstractContextManager["VideoFile"]):
     """Takes pictures of one size; a context manager that finishes the file."""
 
     def __init__(self, path: Path, fps: float) -> None:
@@ -165,10 +165,6 @@ class VideoFile:
                 raise OSError(f"no video can be begun in {self._path.name}")
         self._writer.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
         self._count += 1
-
-    def __enter__(self) -> Self:
-        """Give the file itself."""
-        return self
 
     def __exit__(self, *problem: object) -> None:
         """Finish the file; OSError where it has not become whole, of which the encoder says nothing."""

@@ -131,9 +131,7 @@ def _over_grid(at: Array, height: Array, inside: NDArray[np.bool_]) -> Body:
     count = len(at)
     x, y = np.meshgrid(at, at)
     vertices = np.stack([x, y, np.where(inside, height - height[inside].max(), NO_OBJECT)], axis=-1).reshape(-1, 3)
-    number = np.arange(count * count).reshape(count, count)
-    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
-    faces = np.concatenate([np.stack(three, axis=-1).reshape(-1, 3) for three in ((a, b, c), (b, d, c))])
+    faces = _squares(count)
     faces = faces[inside.ravel()[faces].all(axis=1)]
     used, renumbered = np.unique(faces, return_inverse=True)
     return Body(vertices[used], renumbered.reshape(-1, 3))
@@ -147,11 +145,15 @@ def _unit_ball(steps: int) -> tuple[Array, NDArray[np.int64]]:
     sides = [np.roll(np.stack([sign * one, u, v], axis=1), axis, axis=1) for axis in range(3) for sign in (-1, 1)]
     points = np.concatenate(sides)
     count = len(at)
+    faces = np.concatenate([_squares(count) + side * count * count for side in range(6)])
+    return points / np.linalg.norm(points, axis=1, keepdims=True), faces
+
+
+def _squares(count: int) -> NDArray[np.int64]:
+    """(T, 3) the two triangles of each square of `count` x `count` points, numbered by rows."""
     number = np.arange(count * count).reshape(count, count)
     a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]))
-    square = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
-    faces = np.concatenate([square + side * count * count for side in range(6)])
-    return points / np.linalg.norm(points, axis=1, keepdims=True), faces
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
 
 
 CHUNK = 2_000_000

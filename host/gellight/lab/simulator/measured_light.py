@@ -60,7 +60,7 @@ class MeasuredLight:
         some = _some_of_each(press)
         (x, y, *slopes), changes = rows[some, 3:].T, rows[some, :3]
         normal = _normal(*slopes)
-        terms = _products(*normal)[:, None] * _over_the_view(x, y, (width, height))
+        terms = _terms(*normal, _POWERS)[:, None] * _over_the_view(x, y, (width, height))
         weights, error_grey = _fitted(terms.reshape(-1, len(some)).T, changes, press[some])
         columns, lines = (
             np.clip(np.arange(n, dtype=np.float64), at.min(), at.max()) for n, at in ((width, x), (height, y))
@@ -75,7 +75,7 @@ class MeasuredLight:
         nx, ny = (part.astype(np.float32) for part in _normal(across, down))
         shorter = np.minimum(1, self.steepest / np.maximum(np.hypot(nx, ny), np.float32(1e-6)))
         grey = np.moveaxis(self.reference, 2, 0).copy()
-        for product, field in zip(_products(nx * shorter, ny * shorter), self.fields, strict=True):
+        for product, field in zip(_terms(nx * shorter, ny * shorter, _POWERS), self.fields, strict=True):
             grey += product * field
         return np.ascontiguousarray(np.moveaxis(np.maximum(grey, 0), 0, 2))
 
@@ -90,11 +90,6 @@ def _normal(across: Floats, down: Floats) -> tuple[Floats, Floats]:
     """Return the components along the gel of the normal; for the sign see the sum above."""
     upright = 1 / np.sqrt(1 + across**2 + down**2)
     return across * upright, down * upright
-
-
-def _products(nx: Floats, ny: Floats) -> Floats:
-    """(14, ...) products of the normal's components."""
-    return _terms(nx, ny, _POWERS)
 
 
 def _over_the_view(x: Floats, y: Floats, size: tuple[int, int]) -> Floats:

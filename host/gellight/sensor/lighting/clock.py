@@ -13,11 +13,9 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gellight.ring.light_ring import Ping
 
-Array = NDArray[np.float64]
 MOST_DRIFT = 200e-6
 """of two crystals against each other, with the host's clock being slewed by NTP"""
 WANDER = 2e-6

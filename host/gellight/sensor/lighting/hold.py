@@ -20,9 +20,7 @@ from gellight.sensor.set_and_light import set_and_light
 logger = logging.getLogger(__name__)
 
 
-def exposures(
-    camera: Camera, groups: NDArray[np.uint8] | Iterable[NDArray[np.uint8]], *, timing: CameraTiming | None = None
-) -> list[CameraFrame]:
+def exposures(camera: Camera, groups: NDArray[np.uint8] | Iterable[NDArray[np.uint8]]) -> list[CameraFrame]:
     """Return one clean frame for each light group, in order; afterwards the light is again what it was before.
 
     `groups` is (n, 12, 3) uint8 RGB, or an iterable of (12, 3). Each frame carries the label `clean` with its index.
@@ -31,7 +29,7 @@ def exposures(
     or the current limit scales a light).
     """
     with ring_in_hand(camera):
-        return [expose(camera, colours, index, timing=timing)[0] for index, colours in enumerate(groups)]
+        return [expose(camera, colours, index)[0] for index, colours in enumerate(groups)]
 
 
 @contextmanager

@@ -6,9 +6,9 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from gellight.base.allowed import StrictModel, in_words
+from gellight.base.allowed import StrictModel, explained
 from gellight.base.errors import InputError
 from gellight.ring import protocol
 from gellight.ring.light_groups import Groups, colour_triples, single_leds
@@ -48,10 +48,8 @@ def _of_file(path: Path, leds: int) -> Groups:
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"sequence {path} is neither rgb nor single, nor a file that can be read ({why})") from None
-    try:
+    with explained(lambda wrong: InputError(f"sequence {path}: {wrong}; {_remedy(leds)}")):
         groups = SequenceFile.model_validate_json(content).groups
-    except ValidationError as error:
-        raise InputError(f"sequence {path}: {in_words(error)}; {_remedy(leds)}") from None
     if wrong := [number for number, group in enumerate(groups) if len(group) != leds]:
         raise InputError(f"sequence {path}: groups.{wrong[0]}: {len(groups[wrong[0]])} colours; {_remedy(leds)}")
     values = np.array([[list(bytes.fromhex(colour)) for colour in group] for group in groups], np.uint8)

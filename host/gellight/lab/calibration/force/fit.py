@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from gellight.base.errors import InputError, printable
-from gellight.bundle.bundle import Bundle, extend_bundle
+from gellight.bundle.bundle import Bundle
 from gellight.lab.calibration.force.indented import Felt, felt_in_images, felt_in_recording
 from gellight.lab.calibration.force.record import ForceReadings
 from gellight.reconstruction.force import Layer
-from gellight.reconstruction.force_file import ForceRecord, force_file
+from gellight.reconstruction.force_file import ForceRecord
 from gellight.recording.recording_file import Recording
 
 Array = NDArray[np.float64]
@@ -184,8 +184,3 @@ def _felt(readings: ForceReadings, bundle: Bundle, recording: Path | None, layer
     if recording is None:
         raise InputError(f"{readings.path} has times: give the recording of the same time with --recording")
     return felt_in_recording(readings, Recording(recording), bundle, layers)
-
-
-def add_force(bundle: Bundle, record: ForceRecord, out: Path, *, overwrite: bool = False) -> Bundle:
-    """Write the bundle with the constant as a new one and return it; BundleError where that cannot be."""
-    return extend_bundle(bundle, out, force_file(record), overwrite=overwrite)
