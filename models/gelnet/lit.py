@@ -15,7 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gelnet.steeper import BRIGHTEST_GREY, over_the_view
 from gelnet.table import Table
+from gelnet.teacher import of_presses
 
 RIDGE = 0.02
 """of the linear terms of the normal, for one press, as a share of their mean square: that of `teacher`"""
@@ -24,9 +26,6 @@ MOST_OFF = 0.25
 """of the colours of presses that nothing was fitted to, rms: beyond it the presses teach alone. Six real single lights
 leave .27 to .28: their rows made balls held out better in one draw and worse in another"""
 CLEARLY = 0.9
-MOST_ROWS = 3000
-"""of a press, evenly chosen: more change nothing"""
-BRIGHTEST_GREY = 255.0
 _PLACE_COSTS = DEGREE ** np.array([0.0, 1, 1, 2, 2, 2])
 _COSTS = np.outer(DEGREE ** np.array([0.0, 0, 0, 1, 1, 1, 1]), _PLACE_COSTS).ravel()
 Array = NDArray[np.float64]
@@ -54,7 +53,7 @@ def judged(table: Table) -> Lights:
     """Compare the lights of a table with its presses; of one press, the lights alone."""
     pressed = _pressed(table)
     presses, left = np.unique(pressed.image), _left(pressed)
-    seen = float((pressed.pixels[:, :3] ** 2).sum())
+    seen = max(float((pressed.pixels[:, :3] ** 2).sum()), 1.0)  # of a picture that never changes 0
     alone, with_presses = float((left**2).sum()), 0.0
     if len(presses) < 2:
         return Lights(math.sqrt(alone / seen), corrected=False)
@@ -92,10 +91,8 @@ def _added(table: Table) -> Array:
 
 
 def _pressed(table: Table) -> Table:
-    """Return rows of each press that slope, at most `MOST_ROWS` of one."""
-    pressed = (table.gradient != 0).any(axis=1)
-    presses = [np.flatnonzero(pressed & (table.image == number)) for number in np.unique(table.image[pressed])]
-    return table.chosen(np.concatenate([rows[:: -(-len(rows) // MOST_ROWS)] for rows in presses]))
+    """Return the rows of the presses that the teacher is fitted to."""
+    return table.chosen(of_presses(table)[0])
 
 
 def _left(pressed: Table) -> NDArray[np.float32]:
@@ -117,6 +114,4 @@ def _terms(table: Table) -> Array:
     upright = 1 / np.sqrt(1 + (slopes**2).sum(axis=1))
     (x, y), z = slopes.T * upright, upright
     of_normal = np.stack([x, y, z - 1, x * x - y * y, x * y, x * z - x, y * z - y], axis=1)
-    across, down = (2 * (table.pixels[:, 3:5].astype(np.float64) + 0.5) / table.image_size - 1).T
-    view = np.stack([np.ones_like(across), across, down, across**2, across * down, down**2], axis=1)
-    return np.asarray((of_normal[:, :, None] * view[:, None, :]).reshape(len(slopes), -1))
+    return np.asarray((of_normal[:, :, None] * over_the_view(table)[:, None, :]).reshape(len(slopes), -1))

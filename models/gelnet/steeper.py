@@ -75,12 +75,12 @@ def _terms(slopes: NDArray[np.floating], table: Table) -> Array:
     """(N, 28) parts of the colours of (N, 2) slopes at the places of a table: of the touch, x, y, z, the rest of f."""
     upright = 1 / np.sqrt(1 + (slopes.astype(np.float64) ** 2).sum(axis=1))
     (x, y), z = slopes.T * upright, upright - 1
-    view = _over_the_view(table)
+    view = over_the_view(table)
     everywhere = np.stack([x * x - y * y, x * y, x * z, y * z], axis=1)
     return np.concatenate([view, *(part[:, None] * view for part in (x, y, z)), everywhere], axis=1)
 
 
-def _over_the_view(table: Table) -> Array:
+def over_the_view(table: Table) -> Array:
     """(N, 6) quadratics of the place, which runs from -1 to 1 over the picture."""
     x, y = (2 * (table.pixels[:, 3:5].astype(np.float64) + 0.5) / table.image_size - 1).T
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)

@@ -90,7 +90,7 @@ def fit_teacher(table: Table, untouched: Floats) -> Teacher:
     """
     bright = np.maximum(untouched, DARKEST_GREY)
     gain = np.asarray(bright / bright.mean(axis=(0, 1)), np.float32)
-    chosen, share, presses = _of_presses(table)
+    chosen, share, presses = of_presses(table)
     pixels, angles = table.pixels[chosen], np.arctan(table.gradient[chosen])
     colours = _even(pixels, gain)
     like = fit_teacher(table.like, untouched) if table.like else None
@@ -112,13 +112,13 @@ def unlikeness(table: Table, untouched: Floats) -> float:
     """Return how far the answers of the like unit are off on the presses of a table, over what no slope is off."""
     if table.like is None:
         raise ValueError("the table has no presses of a like unit")
-    chosen, share, _ = _of_presses(table)
+    chosen, share, _ = of_presses(table)
     true = np.arctan(table.gradient[chosen])
     off = np.arctan(fit_teacher(table.like, untouched).answer(table.pixels[chosen])) - true
     return float((share[:, 0] * np.hypot(*off.T)).sum() / (share[:, 0] * np.hypot(*true.T)).sum())
 
 
-def _of_presses(table: Table) -> tuple[NDArray[np.intp], Array, int]:
+def of_presses(table: Table) -> tuple[NDArray[np.intp], Array, int]:
     """Return the rows of presses that are fitted, (n, 1) how much each counts, and the number of presses."""
     pressed = (table.gradient != 0).any(axis=1)
     presses = [np.flatnonzero(pressed & (table.image == number)) for number in np.unique(table.image[pressed])]

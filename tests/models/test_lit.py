@@ -99,6 +99,12 @@ def test_lights_that_leave_a_quarter_of_the_colours_are_not_learnt_from(share: f
     assert judged(replace(table, lit=table.pixels[:, :3] * np.float32(share))).believed == believed
 
 
+def test_presses_that_change_nothing_believe_no_lights() -> None:
+    table = pressed(2)
+    table.rows[:, :3] = 0
+    assert not judged(table).believed
+
+
 @pytest.mark.parametrize(("share", "corrected"), [(0.95, False), (0.85, True)])
 def test_what_presses_add_is_taken_where_it_is_clearly_better(share: float, corrected: bool) -> None:
     """The first press is off by what the second one is, and by noise: what is fitted takes the first part away."""

@@ -13,6 +13,7 @@ from gellight.bundle.bundle import Bundle, load_bundle
 from gellight.daemon.assembly import open_session
 from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.image_files import read_grey
+from gellight.lab.optics.lights import ball_series
 from gellight.lab.optics.lights.ball_series import BallSeries, LitBalls, read_series, take_series
 from gellight.lab.optics.lights.channel_fit import channel_table, fit_channels
 from gellight.lab.training.presses import Ball, Press, contact_circle
@@ -204,3 +205,27 @@ def test_what_does_not_go_with_such_a_bundle_is_told(live: Bundle, tmp_path: Pat
                 update={"sensor": settings(live).sensor.model_copy(update={"url": "sim://?board=0"})}
             )
         )
+
+
+@pytest.mark.parametrize(("refused", "enough"), [(60, True), (61, False)])
+def test_a_virtual_hand_presses_until_it_was_refused_too_often(
+    monkeypatch: pytest.MonkeyPatch, refused: int, enough: bool
+) -> None:
+    series, answers = BallSeries(levels=np.ones((12, 120, 160), np.float32), presses=()), iter(range(100))
+
+    def one_more(*_: object) -> BallSeries:
+        if next(answers) < refused:
+            raise InputError("no press")
+        return series
+
+    monkeypatch.setattr(ball_series, "_exposed", lambda *_: series.levels)
+    monkeypatch.setattr(ball_series, "_series", one_more)
+    told: list[str] = []
+    with open_camera("sim://?programme=0", geometry=SMALL) as camera:
+        given = camera, colour_triples(RING), Ball(radius_mm=4.0, pixel_size_mm=0.2352), 2
+        if enough:
+            assert take_series(*given, sensor="one", ask=told.append, tell=told.append).series == (series, series)
+        else:
+            with pytest.raises(InputError, match="no press"):
+                take_series(*given, sensor="one", ask=told.append, tell=told.append)
+    assert told == ["not used: no press"] * 60
