@@ -51,7 +51,7 @@ _OUTLIER = 1.5
 """medians of what the plane leaves: beyond that a cell weighs less"""
 _MOST_STEPS = 100
 _SETTLED = 1e-2
-"""change of the pressure in one step, as a share of all of it, while the zero is sought"""
+"""change of the pressure in one step, as a share of all of it, until the zero has settled"""
 _SETTLED_AT_LAST = 1e-3
 """forces of the finite-element presses are within 0.3 % of those that 1e-6 and any number of rounds give"""
 _HALF_SPACE = 30.0

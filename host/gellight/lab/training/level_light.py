@@ -81,13 +81,13 @@ def at_rest_depth(
 def with_lights(
     table: PressTable,
     like: PressTable | None,
-    model: LightModel,
+    model: LightModel | None,
     untouched: Floats,
     pixel_size_mm: tuple[float, float],
     camera_height_mm: float = 0.0,
 ) -> TrainingData:
-    """Return both tables as `at_rest_depth` does, and what the lights show; a table that knows no depth as it is."""
-    if table.depth_mm is None:
+    """Return both tables as `at_rest_depth` does, and what the lights show; as they are without lights or a depth."""
+    if model is None or table.depth_mm is None:
         return TrainingData(table, like)
     seen = model, untouched, pixel_size_mm
     level, begun = at_rest_depth(table, *seen, camera_height_mm), like and at_rest_depth(like, *seen, camera_height_mm)

@@ -177,9 +177,8 @@ def fit(
     follow = drift > reference.noise_grey
     table = build_table(presses, reference.image, ball, HAND_DRAWN, follow_light=follow)
     like = under_light_of(how.like, reference.image) if how.like else None
-    learnt, size = TrainingData(table, like), (ball.pixel_size_mm, ball.pixel_size_mm)
-    if how.lights:
-        learnt = with_lights(table, like, how.lights, reference.image, size, ball.told_height_mm)
+    size = ball.pixel_size_mm, ball.pixel_size_mm
+    learnt = with_lights(table, like, how.lights, reference.image, size, ball.told_height_mm)
     network, record = train(learnt, how.options, untouched=reference.image, progress=progress, check=check)
     metrics |= {LIKE: how.like.manifest.sensor} if how.like else {}
     rest_grey = rest_of_presses(presses, reference.image, noise_grey=reference.noise_grey, follow_light=follow)
