@@ -5,6 +5,7 @@ An import counts wherever it stands: at the top, inside a function, under TYPE_C
 
 import ast
 import functools
+import importlib.metadata
 import re
 import sys
 import tomllib
@@ -13,8 +14,10 @@ from pathlib import Path
 
 import grimp
 import pytest
+from packaging.utils import canonicalize_name
 
 from tests.helpers.places import CHECKOUT
+from tests.release.licences import PROJECT, closure
 
 HOST, TESTS = CHECKOUT / "host/gellight", CHECKOUT / "tests"
 GRAPH = grimp.build_graph("gellight", "gelnet", "sim_reference", include_external_packages=True, cache_dir=None)
@@ -163,6 +166,22 @@ def test_no_test_imports_another_test_file() -> None:
         statements = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)]
         shared = [node.module.split(".") for node in statements if (node.module or "").startswith("tests.")]
         assert not [name for name in shared if name[-1].startswith("test_") or "conftest" in name], path
+
+
+OF_A_NIGHT = {"atheris", "drjit", "mitsuba"}
+"""packages of files that a daily test never imports"""
+BESIDE = ("gellight_design", "gellight_ros", "gellight_scan", "gellight_touch")
+
+
+def test_what_a_file_of_tests_imports_at_its_top_comes_with_what_every_day_installs() -> None:
+    installed = closure([*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["test"], *BESIDE])
+    by_name = importlib.metadata.packages_distributions().items()
+    brought = {name for name, brings in by_name if {*map(canonicalize_name, brings)} & installed.keys()}
+    known = brought | sys.stdlib_module_names | {"firmware", "gellight", *BESIDE, "gelnet", "sim_reference", "tests"}
+    at_the_top = [node for path in TESTS.rglob("*.py") for node in ast.parse(path.read_text()).body]
+    names = {alias.name for node in at_the_top if isinstance(node, ast.Import) for alias in node.names}
+    names |= {node.module or "" for node in at_the_top if isinstance(node, ast.ImportFrom)}
+    assert {name.split(".")[0] for name in names} - known == OF_A_NIGHT
 
 
 def test_helpers_lie_apart_from_the_tests() -> None:
