@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from gellight.base.errors import InputError
-from gellight.cli.options import AsJson
+from gellight.cli.options import AsJson, rare_option
 from gellight.recording.kinds import ONE_FILE, Kind
 
 
@@ -16,7 +16,7 @@ def command(
     kind: Annotated[Kind, typer.Option("--as", help="A file a frame, a video, arrays or a data set.")] = Kind.NPZ,
     calibration: Annotated[str | None, typer.Option(help="Bundle.", show_default="the recording's own")] = None,
     every: Annotated[int, typer.Option(min=1, help="Take every n-th frame.")] = 1,
-    depth_scale_um: Annotated[float, typer.Option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
+    depth_scale_um: Annotated[float, rare_option(min=1, help="Depth of the brightest colour, micrometres.")] = 1000,
     track: Annotated[bool, typer.Option("--track", help="Follow the object: hdf5 and lerobot get its pose.")] = False,
     as_json: AsJson = False,
 ) -> None:

@@ -1,7 +1,4 @@
-"""Verbs that are imported when they are used: the help of a group shows them all and imports none.
-
-What is rarely needed of a verb's options stands in groups below what the verb is used with.
-"""
+"""Verbs that are imported when they are used: the help of a group shows them all and imports none."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
@@ -20,27 +17,8 @@ from gellight.base.errors import InputError
 
 MARKUP: Literal["markdown"] = "markdown"
 """of the help; typer's other mode takes "[default: ...]" for markup and leaves it out"""
-PANELS = {
-    "Page": "browser dashboard",
-    "Light": "sequence",
-    "Process": "workers seed",
-    "What is recorded": "depth map",
-    "Other tools": "cylinder-diameter-mm balls-to-press",
-    "Grids": "grid spacing-px pitch-mm",
-    "Pictures": "view dots white overlay depth-scale-um",
-    "Training": "recipe width epochs like fit/lights fit/keep",
-    "Limits": "largest-depth-error-um largest-normal-error-deg verifications until-um calibrate/presses",
-    "Files": "surface/frame resume restart overwrite install",
-    "Simulation": "gel resolution-mm friction noise coarse/size design/size",
-    "Shape of the part": "curved body",
-    "Pins": "pin",
-}
-"""by title: the options, or VERB/OPTION where one name means different things"""
 BESIDE = "Other distributions"
 """title of the verbs of others that name no panel"""
-MOST = 8
-"""options that a verb shows above these groups"""
-_TITLES = {option: title for title, options in PANELS.items() for option in options.split()}
 LARGEST = 1_000_000_000
 """largest number that an option takes, in any unit"""
 _type_of_value = TyperOption.display_type_rich
@@ -71,7 +49,7 @@ class LazyVerb(TyperCommand):
             holder.add_typer(verb, name=self.name)
         else:
             holder.command(self.name)(verb)
-        return refuse_senseless(sort_options(get_group(holder).commands[str(self.name)]))
+        return refuse_senseless(get_group(holder).commands[str(self.name)])
 
     def make_context(self, info_name: Any, args: Any, *more: Any, **options: Any) -> Any:
         """Parse the arguments of the verb: the first thing that a group does with the verb that was typed."""
@@ -104,17 +82,7 @@ def refuse_senseless(command: Any) -> Any:
     numbers far beyond those of a sensor overflow somewhere in the work.
     """
     for one in command.params:
-        kinds = set(_kinds(one.type_descriptor.annotation))
-        name = one.opts[-1] if one.opts[-1].startswith("-") else one.opts[-1].upper()
-        if Path in kinds:
-            check = _check_path
-        elif str in kinds and one.default != "":
-            check = _check_text
-        elif float in kinds or int in kinds:
-            check = _check_number
-        else:
-            check = _check_nothing
-        one.process_value = partial(_process, partial(check, name), one.process_value)
+        one.process_value = partial(_process, one, one.process_value)
     for below in getattr(command, "commands", {}).values():
         refuse_senseless(below)
     return command
@@ -127,14 +95,29 @@ def _kinds(annotation: Any) -> Iterator[Any]:
         yield from _kinds(part)
 
 
-def _process(check: Callable[[Any], None], process: Callable[[Any, Any], Any], context: Any, typed: Any) -> Any:
+def _process(option: Any, process: Callable[[Any, Any], Any], context: Any, typed: Any) -> Any:
     for one in typed if isinstance(typed, list | tuple) else [typed]:
-        check(one)
+        _check(option, one)
     try:
         return process(context, typed)
     except typer.BadParameter as error:
         _reword(error)
         raise
+
+
+def _check(option: Any, typed: Any) -> None:
+    kinds = set(_kinds(option.type_descriptor.annotation))
+    name = option.opts[-1] if option.opts[-1].startswith("-") else option.opts[-1].upper()
+    if Path in kinds:
+        if typed == "":
+            raise InputError(f"{name} '' names no file and no folder: give a path, or . for this folder")
+    elif str in kinds:
+        if typed == "" and option.default != "":
+            raise InputError(f"{name} '' is empty: give it a value, or leave it out")
+    elif kinds & {int, float}:
+        with suppress(TypeError, ValueError):  # what is no number is told by typer
+            if not abs(float(typed)) <= LARGEST:
+                raise InputError(f"{name} {typed} is not possible: give a number from {-LARGEST} to {LARGEST}")
 
 
 def _reword(error: typer.BadParameter) -> None:
@@ -147,26 +130,6 @@ def _reword(error: typer.BadParameter) -> None:
         (first, *_) = refused.errors(include_url=False)
         said = first["ctx"]["error"] if first["type"] == "value_error" else in_words(refused, "").removeprefix(" = ")
         error.message = str(said)
-
-
-def _check_nothing(name: str, typed: Any) -> None:
-    """Leave it to the option's type."""
-
-
-def _check_path(name: str, typed: Any) -> None:
-    if typed == "":
-        raise InputError(f"{name} '' names no file and no folder: give a path, or . for this folder")
-
-
-def _check_text(name: str, typed: Any) -> None:
-    if typed == "":
-        raise InputError(f"{name} '' is empty: give it a value, or leave it out")
-
-
-def _check_number(name: str, typed: Any) -> None:
-    with suppress(TypeError, ValueError):  # what is no number is told by typer
-        if not abs(float(typed)) <= LARGEST:
-            raise InputError(f"{name} {typed} is not possible: give a number from {-LARGEST} to {LARGEST}")
 
 
 def lazy_group(
@@ -209,18 +172,3 @@ def _group(table: Mapping[str, tuple[str, ...]], gone: Mapping[str, str]) -> typ
             return super().get_command(ctx, cmd_name)
 
     return Group
-
-
-def sort_options(command: Any) -> Any:
-    """Give every option of a command, and of those below it, its group; return the command.
-
-    A verb with few options keeps them together.
-    """
-    options = [one for one in command.params if one.param_type_name == "option" and one.name != "help"]
-    if len(options) > MOST:
-        for option in options:
-            name = max(option.opts, key=len).lstrip("-")
-            option.rich_help_panel = _TITLES.get(f"{command.name}/{name}", _TITLES.get(name))
-    for below in getattr(command, "commands", {}).values():
-        sort_options(below)
-    return command

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, is_dataclass
+from functools import partial
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,10 +19,12 @@ from gellight.cli.ending import until_interrupted
 LONGEST_S = 1e6
 """longest time that can be asked for"""
 
+rare_option = partial(typer.Option, rich_help_panel="More")
+"""as `typer.Option`, below those that a verb is used with every day; other files have such groups of their own"""
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 Sensor = Annotated[str | None, typer.Option(help="URL of the sensor.", show_default="as in the settings, or auto")]
 Calibration = Annotated[str, typer.Option(help="Bundle: a folder, a .gelcal file, or 'synthetic'.")]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is there.")]
+Overwrite = Annotated[bool, rare_option("--overwrite", help="Replace what is there.")]
 
 
 def _checked_name(name: str | None) -> str | None:
@@ -116,10 +119,10 @@ class RunOptions:
     calibration: Annotated[str | None, typer.Option(help="Calibration bundle.", show_default="that of the sensor")] = (
         None
     )
-    frames: Annotated[int, typer.Option(help="Stop after this number of frames; 0: run until Ctrl-C.", min=0)] = 0
+    frames: Annotated[int, rare_option(help="Stop after this number of frames; 0: run until Ctrl-C.", min=0)] = 0
     settings: Annotated[
         list[str] | None,
-        typer.Option(
+        rare_option(
             "--set",
             metavar="SECTION.KEY=VALUE",
             help="Set this for the run, again for another one; `gellight config show --schema` lists them.",

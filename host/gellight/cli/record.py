@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from gellight.base.settings import load_settings
-from gellight.cli.options import AsJson, RunOptions, Seconds, check_out, with_options
+from gellight.cli.options import AsJson, RunOptions, Seconds, check_out, rare_option, with_options
 from gellight.frames.measures import MapOnRequest
 from gellight.recording.kinds import DepthKind
 
@@ -24,9 +24,9 @@ def command(
     ),
     maps: Annotated[
         list[MapOnRequest] | None,
-        typer.Option("--map", help="Record this map too; give it again for another one.", show_default="none"),
+        rare_option("--map", help="Record this map too; give it again for another one.", show_default="none"),
     ] = None,
-    dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = False,
+    dashboard: Annotated[bool, rare_option(help="Serve the dashboard.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Record what a sensor gives, in an MCAP file.

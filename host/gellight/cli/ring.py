@@ -3,6 +3,7 @@
 import time
 from dataclasses import asdict, replace
 from enum import IntEnum
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -33,6 +34,7 @@ app = typer.Typer(
     no_args_is_help=True,
 )
 PINS = ("data", "trigger", "output", "status", "switch")
+wiring_option = partial(typer.Option, rich_help_panel="Wiring")
 Url = Annotated[str, typer.Option(help="/dev/ttyACM0, serial://, serial://NUMBER or sim://")]
 
 
@@ -147,7 +149,7 @@ def configure(
     board: Annotated[str | None, typer.Option(help=f"preset of the pins: {', '.join(BOARDS)}")] = None,
     pins: Annotated[
         list[str] | None,
-        typer.Option(
+        wiring_option(
             "--pin",
             metavar="NAME=GPIO",
             help=f"GPIO of {', '.join(PINS)}; again for another one. 128 more: low lights or closes it; 255: none",
@@ -162,9 +164,9 @@ def configure(
     hottest: Annotated[
         int | None, typer.Option(help="°C of the chip above which the LEDs are dimmed, 40 to 85")
     ] = None,
-    leds: Annotated[int | None, typer.Option(help=f"number of LEDs, 1 to {MOST_LEDS}")] = None,
-    order: Annotated[str | None, typer.Option(help="grb (WS2812B), rgb or rgbw (SK6812 RGBW)")] = None,
-    output: Annotated[str | None, typer.Option(help="when the output pulses: start, middle or none")] = None,
+    leds: Annotated[int | None, wiring_option(help=f"number of LEDs, 1 to {MOST_LEDS}")] = None,
+    order: Annotated[str | None, wiring_option(help="grb (WS2812B), rgb or rgbw (SK6812 RGBW)")] = None,
+    output: Annotated[str | None, wiring_option(help="when the output pulses: start, middle or none")] = None,
     url: Url = "serial://",
 ) -> None:
     """Change what the board remembers without power: its pins and LEDs; then start it anew."""

@@ -11,8 +11,8 @@ import typer
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
 from gellight.cli.calibrate.told_ball import told_ball
-from gellight.cli.calibrate.training_options import Training
-from gellight.cli.options import AsJson, NewBundle, Sensor, with_options
+from gellight.cli.calibrate.training_options import Training, training_option
+from gellight.cli.options import AsJson, NewBundle, with_options
 from gellight.cli.showing import progress, show
 from gellight.daemon.bundle_choice import sensor_name
 from gellight.frames.image_files import image_files, read_grey
@@ -24,6 +24,9 @@ from gellight.photometric.ring_geometry import RingGeometry
 from gellight.reconstruction.image_noise import noise_of_one
 from gellight.sensor.lighting.sequence_choice import chosen_groups
 
+picture_option = partial(typer.Option, rich_help_panel="From pictures")
+sensor_option = partial(typer.Option, rich_help_panel="From a sensor")
+
 
 @dataclass(frozen=True)
 class ChannelInput:
@@ -32,22 +35,24 @@ class ChannelInput:
     ball_radius_mm: Annotated[float, typer.Option(help="radius of the balls, mm")]
     pixel_size_mm: Annotated[float, typer.Option(help="mm per pixel on the gel")]
     balls: Annotated[
-        str | None, typer.Option(help="folder or quoted pattern: balls, one picture a light; or several such series")
+        str | None, picture_option(help="folder or quoted pattern: balls, one picture a light; or several such series")
     ] = None
     untouched: Annotated[
-        str | None, typer.Option(help="folder or quoted pattern: the untouched gel, in the same order")
+        str | None, picture_option(help="folder or quoted pattern: the untouched gel, in the same order")
     ] = None
     presses: Annotated[
-        Path | None, typer.Option(help="csv of the circles, as `detect` writes it; they hold in all pictures")
+        Path | None, picture_option(help="csv of the circles, as `detect` writes it; they hold in all pictures")
     ] = None
     white: Annotated[
-        float | None, typer.Option(min=1, help="level that is white", show_default="255, or 65535 of 16 bit")
+        float | None, picture_option(min=1, help="level that is white", show_default="255, or 65535 of 16 bit")
     ] = None
-    sensor: Sensor = None
+    sensor: Annotated[
+        str | None, sensor_option(help="URL of the sensor.", show_default="as in the settings, or auto")
+    ] = None
     sequence: Annotated[
-        str | None, typer.Option(help="with a sensor: its light groups, rgb, single or a JSON file")
+        str | None, sensor_option(help="with a sensor: its light groups, rgb, single or a JSON file")
     ] = None
-    balls_to_press: Annotated[int, typer.Option(min=6, help="with a sensor: presses, a fourth of which judges")] = 16
+    balls_to_press: Annotated[int, sensor_option(min=6, help="with a sensor: presses, a fourth of which judges")] = 16
 
     def taken(self) -> LitBalls:
         """Return the pictures, read or taken now; InputError for what cannot be used."""
@@ -89,11 +94,11 @@ class ChannelInput:
 class FewBalls(Training):
     """How a network of few balls is trained."""
 
-    recipe: Annotated[str, typer.Option(help="fast; thorough learns few balls by heart")] = "fast"
+    recipe: Annotated[str, training_option(help="fast; thorough learns few balls by heart")] = "fast"
 
 
 @with_options
-def command(given: ChannelInput, new: NewBundle, how: FewBalls, as_json: AsJson = False) -> None:
+def command(given: ChannelInput, how: FewBalls, new: NewBundle, as_json: AsJson = False) -> None:
     """Train GelNet on balls under three or more lights, a channel for each.
 
     From recorded pictures, of any lights and of one channel and 16 bit too; a pattern is expanded in natural order, and

@@ -9,7 +9,7 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.cli.calibrate.training_options import Like
-from gellight.cli.options import Sensor
+from gellight.cli.options import Sensor, rare_option
 from gellight.lab.calibration.presets import PRESETS, preset_called
 
 if TYPE_CHECKING:
@@ -25,22 +25,22 @@ class Target:
     """The sensor that is calibrated, and where its bundle and its state are kept."""
 
     sensor: Sensor = None
-    name: Annotated[str, typer.Option(help="What people call the sensor; it is known by its serial number.")] = ""
+    name: Annotated[str, rare_option(help="What people call the sensor; it is known by its serial number.")] = ""
     out: Annotated[Path, typer.Option(help="Folder of the bundle to write; the state is kept in OUT.state.")] = Path(
         "calibration"
     )
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted calibration.")] = False
-    restart: Annotated[bool, typer.Option("--restart", help="Throw an interrupted calibration away.")] = False
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing bundle of this sensor.")] = False
+    resume: Annotated[bool, rare_option("--resume", help="Go on with an interrupted calibration.")] = False
+    restart: Annotated[bool, rare_option("--restart", help="Throw an interrupted calibration away.")] = False
+    overwrite: Annotated[bool, rare_option("--overwrite", help="Replace an existing bundle of this sensor.")] = False
     view: Annotated[
-        Path | None, typer.Option(help="Of the gel, as `calibrate view` wrote it: a view.json.", show_default="all")
+        Path | None, rare_option(help="Of the gel, as `calibrate view` wrote it: a view.json.", show_default="all")
     ] = None
     dots: Annotated[
-        bool, typer.Option("--dots", help="The gel has marker dots, which are filled; light it, and touch nothing.")
+        bool, rare_option("--dots", help="The gel has marker dots, which are filled; light it, and touch nothing.")
     ] = False
     install: Annotated[
         bool,
-        typer.Option("--install/--no-install", help="Put what passes into service: kept, and remembered by the board."),
+        rare_option("--install/--no-install", help="Put what passes into service: kept, and remembered by the board."),
     ] = True
 
     @property
@@ -104,17 +104,15 @@ class Tools:
         typer.Option(help="Radius of the ball, mm.", show_default="4, or as the interrupted calibration has it"),
     ] = None
     cylinder_diameter_mm: Annotated[
-        float | None, typer.Option(help="Diameter of the flat-ended cylinder, mm.", show_default="8, or likewise")
+        float | None, rare_option(help="Diameter of the flat-ended cylinder, mm.", show_default="8, or likewise")
     ] = None
     pixel_size_mm: Annotated[
         float | None,
-        typer.Option(
-            help="Size of a pixel on the gel, mm, where it is known.", show_default="the cylinder measures it"
-        ),
+        rare_option(help="Size of a pixel on the gel, mm, where it is known.", show_default="the cylinder measures it"),
     ] = None
     preset: Annotated[
         str | None,
-        typer.Option(
+        rare_option(
             help=f"Kind of sensor, whose usual ball is taken: {', '.join(preset.name for preset in PRESETS)}.",
             show_default="none",
         ),
@@ -143,16 +141,16 @@ class Presses:
     like: Like = None
     until_um: Annotated[
         float | None,
-        typer.Option(
+        rare_option(
             help="Press no more once presses held out are felt to this, µm: the depth beside its contact's mean.",
             show_default="all presses",
         ),
     ] = None
-    verifications: Annotated[int, typer.Option(help="Fresh ball presses that judge.")] = 6
+    verifications: Annotated[int, rare_option(help="Fresh ball presses that judge.")] = 6
     largest_depth_error_um: Annotated[
-        float, typer.Option(help="A calibration worse than this on fresh presses is not kept, µm.")
+        float, rare_option(help="A calibration worse than this on fresh presses is not kept, µm.")
     ] = 80.0
-    largest_normal_error_deg: Annotated[float, typer.Option(help="The same for the normals, degrees.")] = 7.0
+    largest_normal_error_deg: Annotated[float, rare_option(help="The same for the normals, degrees.")] = 7.0
 
     def limits(self) -> "Limits":
         """Return what a calibration has to reach."""

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from gellight.cli.calibrate.training_options import Labels, Recorded, SizedTraining
-from gellight.cli.options import AsJson, Calibration, NewBundle, with_options
+from gellight.cli.calibrate.training_options import Labels, Recorded, SizedTraining, training_option
+from gellight.cli.options import AsJson, Calibration, NewBundle, rare_option, with_options
 
 LARGEST_ERROR_DEG = 14.0
 """mean of the normals: real sensors say up to 11.2 with all presses and 12.7 of two, wrong labels 15.2 and more; half
@@ -18,13 +18,14 @@ def fit(
     recorded: Recorded,
     bundle: NewBundle,
     how: SizedTraining,
-    sensor: Annotated[str, typer.Option(help="serial number or name of the sensor")] = "unnamed",
-    view: Annotated[Path | None, typer.Option(help="view.json that `calibrate view` wrote with these images")] = None,
+    sensor: Annotated[str, rare_option(help="serial number or name of the sensor")] = "unnamed",
+    view: Annotated[Path | None, rare_option(help="view.json that `calibrate view` wrote with these images")] = None,
     largest_normal_error_deg: Annotated[
-        float, typer.Option(min=0, help="exit with 1 where the mean error of the normals is beyond, degrees")
+        float, rare_option(min=0, help="exit with 1 where the mean error of the normals is beyond, degrees")
     ] = LARGEST_ERROR_DEG,
     keep: Annotated[
-        bool, typer.Option("--keep", help="learn also from presses whose label the others and its picture contradict")
+        bool,
+        training_option("--keep", help="learn also from presses whose label the others and its picture contradict"),
     ] = False,
     as_json: AsJson = False,
 ) -> None:

@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from gellight.base.errors import InputError
 from gellight.base.writing import write_file
-from gellight.cli.options import AsJson, Overwrite, with_options
+from gellight.cli.options import AsJson, Overwrite, rare_option, with_options
 from gellight.cli.showing import show
 from gellight.frames.image_files import image_files, read_image, read_levels
 from gellight.frames.view import View
@@ -20,6 +21,8 @@ from gellight.lab.optics.lens.lattice import view_of_grid
 from gellight.lab.report.pictures import encode_png
 
 VIEW = "view.json"
+
+grid_option = partial(typer.Option, rich_help_panel="From a grid")
 
 
 @dataclass(frozen=True)
@@ -33,10 +36,10 @@ class Chosen:
     size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT of the view, px")] = None
     crop: Annotated[str | None, typer.Option(help="x,y,width,height: this part as it is")] = None
     grid: Annotated[
-        Path | None, typer.Option(help="picture of a square grid on the gel; with the three options below")
+        Path | None, grid_option(help="picture of a square grid on the gel; with --pixel-size-mm and these")
     ] = None
-    spacing_px: Annotated[float | None, typer.Option(help="distance of neighbours in it, roughly")] = None
-    pitch_mm: Annotated[float | None, typer.Option(help="the same in mm")] = None
+    spacing_px: Annotated[float | None, grid_option(help="distance of neighbours in it, roughly")] = None
+    pitch_mm: Annotated[float | None, grid_option(help="the same in mm")] = None
     pixel_size_mm: Annotated[float | None, typer.Option(help="mm per pixel that the view is to have")] = None
 
     def view(self, first: Path) -> View:
@@ -69,7 +72,7 @@ def command(
     chosen: Chosen,
     white: Annotated[
         float | None,
-        typer.Option(help="level that is white in 16-bit pictures, such as 1023 of a camera of 10 bit", min=1),
+        rare_option(help="level that is white in 16-bit pictures, such as 1023 of a camera of 10 bit", min=1),
     ] = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,

@@ -11,7 +11,7 @@ import typer
 from gellight.cli.options import AsJson, check_out, with_options
 from gellight.cli.showing import show
 from gellight_design.boards.catalogue import CARRIERS, LAMPS
-from gellight_design.cli.sweeping import GeometryFile, Workers, many
+from gellight_design.cli.sweeping import GeometryFile, Workers, many, simulation_option
 from gellight_design.simulating.choices import RESOLUTION_MM, GelKind
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ app = typer.Typer(help="Find the best illumination and make its parts.", no_args
 
 OutFolder = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write results and figures here.")]
 Package = Annotated[str, typer.Option("--package", help=f"Package of the LEDs: {', '.join(LAMPS)}.")]
-Size = Annotated[int, typer.Option("--size", min=32, max=2048, help="Pixels a side of the evaluated square.")]
+Size = Annotated[int, simulation_option("--size", min=32, max=2048, help="Pixels a side of the evaluated square.")]
 
 
 @dataclass(frozen=True)
@@ -47,14 +47,16 @@ class Study(OutputOptions):
     """The options that all studies share."""
 
     geometry: GeometryFile = None
-    press: Annotated[float, typer.Option("--press", help="How deep the objects are pressed, mm.")] = 0.9
-    relief: Annotated[float, typer.Option("--relief", help="Relief of the objects, mm.")] = 1.0
-    noise: Annotated[float, typer.Option("--noise", min=0, max=100, help="Noise of the camera, grey levels.")] = 1.0
+    press: Annotated[float, simulation_option("--press", help="How deep the objects are pressed, mm.")] = 0.9
+    relief: Annotated[float, simulation_option("--relief", help="Relief of the objects, mm.")] = 1.0
+    noise: Annotated[float, simulation_option("--noise", min=0, max=100, help="Noise of the camera, grey levels.")] = (
+        1.0
+    )
     size: Size = 256
     gel: Annotated[
-        GelKind, typer.Option("--gel", help="Elastic layer, or finite elements: a minute for each press, once.")
+        GelKind, simulation_option("--gel", help="Elastic layer, or finite elements: a minute for each press, once.")
     ] = "layer"
-    resolution: Annotated[float, typer.Option("--resolution-mm", min=0.001, help="Of the finite elements.")] = (
+    resolution: Annotated[float, simulation_option("--resolution-mm", min=0.001, help="Of the finite elements.")] = (
         RESOLUTION_MM
     )
     workers: Workers = 0

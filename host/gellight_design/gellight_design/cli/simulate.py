@@ -9,7 +9,7 @@ from gellight.base.errors import InputError
 from gellight.cli.lazy import MARKUP
 from gellight.cli.options import AsJson, Overwrite, check_out
 from gellight.cli.showing import progress, show
-from gellight_design.cli.sweeping import GeometryFile, Workers, many
+from gellight_design.cli.sweeping import GeometryFile, Workers, many, simulation_option
 from gellight_design.simulating.choices import GelKind, LightKind
 
 if TYPE_CHECKING:
@@ -30,12 +30,12 @@ def press(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write surface, pressure and report here.")],
     depth: Annotated[float | None, typer.Option("--depth-mm", help="How deep, mm.")] = None,
     force: Annotated[float | None, typer.Option("--force-n", help="With which force, N, instead of a depth.")] = None,
-    gel: Annotated[GelKind, typer.Option("--gel", help="Elastic layer, or finite elements.")] = "fem",
+    gel: Annotated[GelKind, simulation_option("--gel", help="Elastic layer, or finite elements.")] = "fem",
     resolution: Annotated[
-        float, typer.Option("--resolution-mm", min=0.001, help="Between vertices of the surface.")
+        float, simulation_option("--resolution-mm", min=0.001, help="Between vertices of the surface.")
     ] = 0.3,
     friction: Annotated[
-        float, typer.Option("--friction", min=0, max=2, help="Coefficient; in finite elements, to a depth.")
+        float, simulation_option("--friction", min=0, max=2, help="Coefficient; in finite elements, to a depth.")
     ] = 0.0,
     geometry: GeometryFile = None,
     overwrite: Overwrite = False,
@@ -64,13 +64,15 @@ def dataset(
     objects: Annotated[
         list[str] | None, typer.Option("--object", help="An object; may be repeated.", show_default="all")
     ] = None,
-    shallowest: Annotated[float, typer.Option("--shallowest-mm", help="Least depth of a press.")] = 0.2,
-    deepest: Annotated[float, typer.Option("--deepest-mm", help="Largest depth of a press.")] = 1.0,
+    shallowest: Annotated[float, simulation_option("--shallowest-mm", help="Least depth of a press.")] = 0.2,
+    deepest: Annotated[float, simulation_option("--deepest-mm", help="Largest depth of a press.")] = 1.0,
     light: Annotated[LightKind, typer.Option("--light", help="One picture a press, or one a LED.")] = "ring",
-    gel: Annotated[GelKind, typer.Option("--gel", help="Elastic layer, or finite elements.")] = "layer",
-    resolution: Annotated[float, typer.Option("--resolution-mm", min=0.05, help="Of the finite elements.")] = 0.3,
-    noise: Annotated[float, typer.Option("--noise", min=0, max=50, help="Noise of the camera, grey levels.")] = 1.0,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Other presses, other noise.")] = 0,
+    gel: Annotated[GelKind, simulation_option("--gel", help="Elastic layer, or finite elements.")] = "layer",
+    resolution: Annotated[float, simulation_option("--resolution-mm", min=0.05, help="Of the finite elements.")] = 0.3,
+    noise: Annotated[
+        float, simulation_option("--noise", min=0, max=50, help="Noise of the camera, grey levels.")
+    ] = 1.0,
+    seed: Annotated[int, simulation_option("--seed", min=0, help="Other presses, other noise.")] = 0,
     geometry: GeometryFile = None,
     workers: Workers = 0,
     as_json: AsJson = False,
@@ -105,10 +107,12 @@ def dataset(
 def sequence(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="What moves how: JSON, see docs/tracking.md.")],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the pictures and the true poses here.")],
-    gel: Annotated[GelKind, typer.Option("--gel", help="Elastic layer, or finite elements.")] = "layer",
-    resolution: Annotated[float, typer.Option("--resolution-mm", min=0.05, help="Of the finite elements.")] = 0.3,
-    noise: Annotated[float, typer.Option("--noise", min=0, max=50, help="Noise of the camera, grey levels.")] = 1.0,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Other noise.")] = 0,
+    gel: Annotated[GelKind, simulation_option("--gel", help="Elastic layer, or finite elements.")] = "layer",
+    resolution: Annotated[float, simulation_option("--resolution-mm", min=0.05, help="Of the finite elements.")] = 0.3,
+    noise: Annotated[
+        float, simulation_option("--noise", min=0, max=50, help="Noise of the camera, grey levels.")
+    ] = 1.0,
+    seed: Annotated[int, simulation_option("--seed", min=0, help="Other noise.")] = 0,
     geometry: GeometryFile = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,13 +15,14 @@ from gellight.cli.showing import progress
 if TYPE_CHECKING:
     from gellight_design.simulating.processes import Progress
 
+simulation_option = partial(typer.Option, rich_help_panel="Simulation")
 GeometryFile = Annotated[
     Path | None,
     typer.Option(
         "--geometry", metavar="FILE", help="Settings file with a section `geometry`.", show_default="the default sensor"
     ),
 ]
-Workers = Annotated[int, typer.Option("--workers", min=0, max=1024, help="Processes; 0: one for each core.")]
+Workers = Annotated[int, simulation_option("--workers", min=0, max=1024, help="Processes; 0: one for each core.")]
 
 
 @contextmanager

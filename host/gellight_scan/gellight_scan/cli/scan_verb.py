@@ -1,5 +1,6 @@
 """`gellight scan`: presses side by side become one map of a surface larger than the view, touches of a body a mesh."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -7,7 +8,9 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.base.settings import load_settings
-from gellight.cli.options import AsJson, RunOptions, with_options
+from gellight.cli.options import AsJson, RunOptions, rare_option, with_options
+
+shape_option = partial(typer.Option, rich_help_panel="Shape of the part")
 
 
 @with_options
@@ -24,12 +27,12 @@ def command(
         int, typer.Option(min=0, help="End after this number of presses, or touches of a body; 0: at Ctrl-C.")
     ] = 0,
     curved: Annotated[
-        bool, typer.Option("--curved", help="The part is not flat as a whole: take only its plane off.")
+        bool, shape_option("--curved", help="The part is not flat as a whole: take only its plane off.")
     ] = False,
     body: Annotated[
-        bool, typer.Option("--body", help="The part is round: it is rolled in the gel, and becomes a mesh.")
+        bool, shape_option("--body", help="The part is round: it is rolled in the gel, and becomes a mesh.")
     ] = False,
-    dashboard: Annotated[bool, typer.Option(help="Serve the dashboard.")] = False,
+    dashboard: Annotated[bool, rare_option(help="Serve the dashboard.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Scan a surface larger than the view, press by press.

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,8 @@ import typer
 
 from gellight.base.errors import InputError
 from gellight.cli.options import AsJson, Overwrite, check_out, with_options
+
+recording_option = partial(typer.Option, rich_help_panel="Of a recording")
 
 
 class Form(StrEnum):
@@ -41,16 +44,16 @@ class OfRecording:
     """What is taken from a recording."""
 
     frame: Annotated[
-        int | None, typer.Option(help="Its sequence number, of a recording.", show_default="the deepest")
+        int | None, recording_option(help="Its sequence number, of a recording.", show_default="the deepest")
     ] = None
     error: Annotated[
         float | None,
-        typer.Option(
+        recording_option(
             "--error-mm", min=0, help="Standard deviation of a height of a recording.", show_default="by the bundle"
         ),
     ] = None
     calibration: Annotated[
-        str | None, typer.Option(help="Bundle for a recording.", show_default="the recording's own")
+        str | None, recording_option(help="Bundle for a recording.", show_default="the recording's own")
     ] = None
 
     def refuse_useless(self) -> None:
