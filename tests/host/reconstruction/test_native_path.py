@@ -226,6 +226,18 @@ def test_a_path_is_refused_that_differs_in_the_mean(
     assert refused or path.limits == "at cells"
 
 
+@pytest.mark.parametrize(
+    ("depths", "apart"), [((9.99, 10.01), 0.01), ((10.01, 91.0), 0.0), ((-10.01, -91.0), 0.0), ((0.0, np.nan), np.nan)]
+)
+def test_depths_that_no_gel_has_differ_in_nothing(depths: tuple[float, float], apart: float) -> None:
+    """Two presses of a unit like another taught slopes along the line of sight: NumPy's 91.10 mm were 91.02 in C."""
+    frames: list[Any] = [
+        SimpleNamespace(normal_map=np.tile([0.0, 0.0, 1.0], (4, 6, 1)), depth_mm=np.full((4, 6), depth_mm))
+        for depth_mm in depths
+    ]
+    assert judge.differences(*frames) == pytest.approx((0.0, apart), nan_ok=True)
+
+
 @needs_a_library
 def test_a_damaged_library_is_not_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture

@@ -17,6 +17,9 @@ MOST_APART = {"every pixel": (0.01, 1e-4), "cells": (0.5, 2e-2)}
 Asked at every pixel as NumPy is, C differs by rounding: 0.0001 degrees and 0.001 µm. That judges all of the library but
 the blending between cells, which costs up to 0.18 degrees and 5.3 µm on steep colours that nobody learnt.
 """
+DEEPEST_MM = 10.0
+"""No gel is as thick. A network of few presses can answer a made-up frame by slopes along the line of sight; depth
+then runs to 90 mm, and rounding is worth 0.1 mm there and nothing elsewhere."""
 _STRONGEST_GREY = 40.0
 
 
@@ -38,9 +41,13 @@ def refuse_disagreement(path: NativePath, judge: TactilePath, bundle: Bundle) ->
 
 
 def differences(found: TactileFrame, right: TactileFrame) -> tuple[float, float]:
-    """Return the mean angle between the normals of two frames, degrees, and the mean difference of their depth, mm."""
+    """Return the mean angle between the normals of two frames, degrees, and the mean difference of their depth, mm.
+
+    What is further than `DEEPEST_MM` from the gel at rest counts as just so far.
+    """
+    depths = (np.clip(frame.depth_mm, -DEEPEST_MM, DEEPEST_MM) for frame in (found, right))
     angle = angle_deg(found.normal_map.reshape(-1, 3), right.normal_map.reshape(-1, 3))
-    return float(angle.mean()), float(np.abs(found.depth_mm - right.depth_mm).mean())
+    return float(angle.mean()), float(np.abs(np.subtract(*depths)).mean())
 
 
 def made_up_image(bundle: Bundle, seed: int = 0) -> NDArray[np.uint8]:
