@@ -107,8 +107,9 @@ def command(given: ChannelInput, how: FewBalls, new: NewBundle, as_json: AsJson 
     virtual hand presses; `run --calibration` then shows these groups in turn. A quarter of the balls is held out and
     judges GelNet beside least squares.
     """
+    taken = given.taken()
     with progress("training") as report:
-        bundle = fit_channels(given.taken(), new.out, options=how.options(), overwrite=new.overwrite, progress=report)
+        bundle = fit_channels(taken, new.out, options=how.options(), overwrite=new.overwrite, progress=report)
     judged = bundle.metrics["held_out"]
     lines = [f"wrote {new.out}; on {judged['network']['balls']} balls that were held out:"]
     for name, way in (("network", "GelNet"), ("least_squares", "least squares")):
