@@ -193,7 +193,6 @@ function tick() {
   const now = performance.now();
   tickedAt = now;
   history.draw();
-  measure.draw();
   drawnTimes = drawnTimes.filter((time) => now - time < FPS_WINDOW_MS);
   stats.drawn_fps = drawnTimes.length / (FPS_WINDOW_MS / 1000);
   stats.kept = recent.count;

@@ -22,6 +22,7 @@ export class Measure {
   constructor(changed) {
     this.#changed = changed;
     element("clear-line").addEventListener("click", () => this.clear());
+    new ResizeObserver(() => this.#draw()).observe(element("section"));
   }
 
   /** Measure another view. */
@@ -93,11 +94,10 @@ export class Measure {
       this.section = { measured: cut(depth), truth: cut(truth) };
       write("section-text", describe(this.section));
     }
-    this.draw();
+    this.#draw();
   }
 
-  /** Draw the section; also after the chart has another size. */
-  draw() {
+  #draw() {
     const { measured, truth } = this.section ?? { measured: [], truth: null };
     const depths = [...measured, ...(truth ?? [])].map(([, mm]) => mm).filter((mm) => mm !== null);
     const lowest = Math.min(0, ...depths);
