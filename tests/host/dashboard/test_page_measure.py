@@ -135,7 +135,7 @@ def test_the_arrow_keys_press_where_they_are(page: Page, source: FormulaSource) 
     assert source.stage.calls == [("BALL", 0.8, 0.0, -0.5)]
     page.get_by_test_id("object-BALL").focus()
     page.keyboard.press("ArrowRight")
-    expect(page.get_by_test_id("object-TSTEP")).to_have_attribute("aria-checked", "true")
+    expect(page.get_by_test_id("object-TSTEP")).to_be_checked()
     expect(page.get_by_test_id("object-TSTEP")).to_be_focused()
 
 

@@ -154,15 +154,17 @@ def test_the_frames_that_are_kept_stay_within_their_bytes_and_reach_far_back(ope
     kept = opened().evaluate("""async () => {
         const { Recent } = await import("./recent.js");
         const recent = new Recent(100_000);
-        for (let i = 0; i < 3000; i++) recent.add(i / 10, new ArrayBuffer(1000));
+        for (let i = 0; i < 3000; i++) recent.add(i / 10, new ArrayBuffer(1000), i === 1501 ? 2 : 1);
         return [recent.count, recent.bytes, recent.nearest(0).timeS, recent.nearest(1e9).timeS,
-                recent.step(299.9, -1).timeS, Math.abs(recent.nearest(150).timeS - 150)];
+                recent.step(299.9, -1).timeS, Math.abs(recent.nearest(150).timeS - 150),
+                recent.frames.find(({ peakMm }) => peakMm === 2)?.timeS];
     }""")
-    count, held, oldest, newest, before, middle = kept
+    count, held, oldest, newest, before, middle, peak = kept
     assert (count, held) == (100, 100_000)
     assert (oldest, newest) == (0, 299.9)
     assert newest - before < 0.5, "dense where it is new"
     assert middle < 15, "and without a hole"
+    assert peak == pytest.approx(150.1, abs=15), "the chart loses no touch"
 
 
 def test_the_tracked_object_has_its_axes_and_its_way_on_the_pictures(opened: Open, source: FormulaSource) -> None:

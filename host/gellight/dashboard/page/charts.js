@@ -6,8 +6,8 @@ import { plot, roundUp } from "./plot.js";
 const FULL = 3; // presses of a place that is drawn in full colour; one is enough
 
 /** Draw points [[x, y], ...] as a curve from 0 up. */
-export function drawCurve(canvas, points, label) {
-  plot(canvas, {
+export function drawCurve(chart, points, label) {
+  plot(chart, {
     x: { from: points[0][0], to: points.at(-1)[0], label },
     y: { from: 0, to: roundUp(Math.max(...points.map(([, y]) => y), 1e-6)), label: "" },
     curves: [{ points }],

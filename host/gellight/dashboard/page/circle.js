@@ -1,7 +1,6 @@
 // The picture of the wizard, with the circle of a press on it that can be dragged.
 
 import { clamp, onDrag, shares } from "./hand.js";
-import { fit } from "./packed.js";
 
 const HANDLE_PX = 16; // on the screen, how near to the rim counts as the rim
 const LEAST_RADIUS = 4;
@@ -37,7 +36,7 @@ export class CirclePicture {
   show(image, press, editable) {
     if (this.dragging) return;
     this.#image = image;
-    fit(this.#canvas, image);
+    Object.assign(this.#canvas, { width: image.width, height: image.height });
     this.#circle = press && { x: press.center_x_px, y: press.center_y_px, radius: press.contact_radius_px };
     this.#editable = Boolean(press) && editable;
     this.#canvas.classList.toggle("editable", this.#editable);

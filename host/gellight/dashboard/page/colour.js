@@ -21,7 +21,8 @@ export function chooseMap(name) {
 const ABOVE_SCALE = [200, 0, 255]; // violet: unlike every colour of every map to every eye
 const NOTHING = [60, 60, 60];
 
-const pack = ([r, g, b]) => (255 << 24) | (b << 16) | (g << 8) | r;
+/** Return an opaque pixel of three levels from 0 to below 256, each cut to a whole number. */
+export const rgb = (red, green, blue) => (255 << 24) | (blue << 16) | (green << 8) | red;
 
 /** RGB of a place between 0 (rest) and 1 (end of the scale); what is above the end is violet. */
 export function depthColour(fraction) {
@@ -34,12 +35,7 @@ export function depthColour(fraction) {
 /** Packed RGBA of every depth code, for a scale that ends at `scaleUm`. */
 export function depthTable(scaleUm) {
   const table = new Uint32Array(NO_DEPTH + 1);
-  for (let code = 0; code < NO_DEPTH; code++) table[code] = pack(depthColour((depthMm(code) * 1000) / scaleUm));
-  table[NO_DEPTH] = pack(NOTHING);
+  for (let code = 0; code < NO_DEPTH; code++) table[code] = rgb(...depthColour((depthMm(code) * 1000) / scaleUm));
+  table[NO_DEPTH] = rgb(...NOTHING);
   return table;
-}
-
-/** Grey level to show for each coded difference, `gain` times as strong, around mid-grey. */
-export function differenceTable(gain) {
-  return Uint8ClampedArray.from({ length: 256 }, (_, code) => 128 + gain * (code - 128));
 }

@@ -29,17 +29,11 @@ export class Connection {
       this.#listeners.open();
       this.grant(FRAMES_AHEAD);
     };
-    socket.onmessage = ({ data }) => this.#receive(data);
+    socket.onmessage = ({ data }) => {
+      if (data instanceof ArrayBuffer) this.#listeners.frame(data);
+      else this.#listeners.status(JSON.parse(data));
+    };
     socket.onclose = () => this.#retry();
-  }
-
-  #receive(data) {
-    if (data instanceof ArrayBuffer) {
-      this.#listeners.frame(data);
-      return;
-    }
-    const message = JSON.parse(data);
-    if (message.type === "status") this.#listeners.status(message);
   }
 
   #retry() {

@@ -1,6 +1,6 @@
 // The numbers of the page: of the contact, the light ring, and what the daemon says of itself.
 
-import { element, html, nothing, svg } from "./dom.js";
+import { html, nothing, svg } from "./dom.js";
 
 const FORCE_FLAGS = { beyond_view: "and more beyond the view", heavier: "heavier than calibrated" };
 const RING_RADIUS = 48;
@@ -22,7 +22,6 @@ export function contactFigures({ contact, force, shear }) {
     <div><dt>area</dt><dd><span data-testid="area">${fixed(contact.area_mm2, 1)}</span> <small>mm²</small></dd></div>
     <div><dt>centre</dt><dd><span data-testid="centroid">${centre}</span> <small>mm</small></dd></div>
     ${shear ? along(shear) : nothing}
-    ${cone(shear?.force_n && force?.normal_n > 0 ? Math.hypot(...shear.force_n) / force.normal_n : null)}
     ${force ? html`<div data-testid="force-row" class=${force.flags.length ? "notice" : ""}
       title=${force.flags.map((flag) => FORCE_FLAGS[flag] ?? flag).join(", ")}><dt>force</dt><dd><span
         data-testid="force">${fixed(force.normal_n, 2)}</span> <small>${`±${fixed(force.error_n, 2)}`}</small>
@@ -37,16 +36,6 @@ function along({ force_n: newtons, force_error_n: error, torque_nmm: torque, sli
     <dd><span data-testid="shear">${newtons?.map((newton) => fixed(newton, 2)).join(", ") ?? "unknown"}</span>
       <small>${newtons ? `±${fixed(Math.max(...error), 2)}` : ""}</small> <small>N</small>
       <small data-testid="slip">${slip === "unknown" ? "" : slip}</small></dd></div>`;
-}
-
-/** How much of what friction holds the force along the gel needs, by the coefficient that the user sets. */
-function cone(ratio) {
-  const coefficient = Number(element("friction")?.value);
-  const share = coefficient > 0 ? ratio / coefficient : 1;
-  return html`<div data-testid="cone-row" ?hidden=${ratio === null}><dt><label for="friction">friction</label></dt>
-    <dd><meter id="cone" data-testid="cone" min="0" max="1" high="0.9" optimum="0" value=${Math.min(share, 1)}
-        title="${fixed(ratio, 2)} of the normal force, ${fixed(100 * share, 0)} % of what friction holds"></meter>
-      <input id="friction" data-testid="friction" type="number" min="0.05" max="3" step="0.05" value="0.5"></dd></div>`;
 }
 
 /** The contacts of a frame; the sensor numbers them, and each keeps its number while it lasts. */

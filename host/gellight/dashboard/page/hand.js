@@ -19,7 +19,7 @@ export function onDrag(target, { take = () => {}, move, end = () => {} }) {
   target.addEventListener("lostpointercapture", end);
 }
 
-/** Call `act(event)` for keys on `target`, none of them the browser's own; it returns false for one it has no use for. */
+/** Call `act(event)` for keys on `target`, none of them the browser's own; it returns false for one of no use. */
 export function onKey(target, act) {
   target.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || act(event) === false) return;

@@ -1,61 +1,43 @@
-// Indentation over the last minutes, in mm; while the page is paused, an earlier moment can be chosen on it.
+// Indentation over the last minutes, in mm; while the page is paused, an earlier frame can be chosen on it.
 
-import { onDrag, onKey } from "./hand.js";
+import { onDrag, onKey, shares } from "./hand.js";
 import { plot, roundUp } from "./plot.js";
 
-const KEPT_S = 300;
 const LEAST_SCALE_MM = 0.1;
 const STEPS = { ArrowLeft: -1, ArrowRight: 1, PageUp: -10, PageDown: 10 };
 
 export class History {
-  #canvas;
-  #points = []; // [time in s, indentation in mm], oldest first
-  #spanS = 15;
-  #cursorS = null; // the moment that is shown; null is the newest
-  #timeAt = () => 0; // from a px of the canvas to seconds before the newest point
-  #drawn = null; // the newest point when the chart was drawn
+  spanS = 15;
+  cursorS = null; // when the frame was taken that is held; null where the newest is shown
+  #chart;
+  #recent;
+  #timeAt = () => 0; // from a share of the chart's width to seconds before the newest frame
 
-  /** `listeners`: choose(timeS) when a moment is pointed at, step(count) for the arrow keys. */
-  constructor(canvas, listeners) {
-    this.#canvas = canvas;
-    const point = ({ offsetX }) => {
-      if (this.#points.length) listeners.choose(this.#points.at(-1)[0] + this.#timeAt(offsetX));
-    };
-    onDrag(canvas, { take: point, move: point });
-    onKey(canvas, ({ key }) => (key in STEPS ? listeners.step(STEPS[key]) : false));
-    new ResizeObserver(() => this.draw(true)).observe(canvas);
+  /** Show the frames of `recent`; `choose(frame)` is called when one is pointed at, or stepped to by the arrow keys. */
+  constructor(chart, recent, choose) {
+    this.#chart = chart;
+    this.#recent = recent;
+    const point = (event) => choose(recent.nearest(this.#nowS + this.#timeAt(shares(event, chart)[0])));
+    onDrag(chart, { take: point, move: point });
+    onKey(chart, ({ key }) => (key in STEPS ? choose(recent.step(this.cursorS, STEPS[key])) : false));
   }
 
-  /** Add an indentation in mm at `timeS`. */
-  add(timeS, indentationMm) {
-    if (this.#points.length && timeS < this.#points.at(-1)[0]) this.#points = []; // the sensor's clock was restarted
-    this.#points.push([timeS, indentationMm]);
-    while (this.#points[0][0] < timeS - KEPT_S) this.#points.shift();
+  get #nowS() {
+    return this.#recent.frames.at(-1)?.timeS ?? 0;
   }
 
-  /** Show the last `spanS` seconds, and mark the moment that is shown, `cursorS`; null where it is the newest. */
-  set({ spanS = this.#spanS, cursorS = this.#cursorS }) {
-    this.#spanS = spanS;
-    this.#cursorS = cursorS;
-    this.draw(true);
-  }
-
-  /** Draw the chart, if there is a newer point or `anew`. */
-  draw(anew = false) {
-    const newest = this.#points.at(-1) ?? [0, 0];
-    if (newest === this.#drawn && !anew) return;
-    this.#drawn = newest;
-    const [now] = newest;
-    const shown = this.#points.filter(([time]) => time >= now - this.#spanS).map(([time, mm]) => [time - now, mm]);
-    const top = roundUp(Math.max(LEAST_SCALE_MM, ...shown.map(([, mm]) => mm)));
-    const cursor = this.#cursorS === null ? null : this.#cursorS - now;
-    this.#timeAt = plot(this.#canvas, {
-      x: { from: -this.#spanS, to: 0, label: "s before the newest frame" },
-      y: { from: 0, to: top, label: "mm" },
-      curves: [{ points: shown, filled: true }],
+  draw() {
+    const now = this.#nowS;
+    const shown = this.#recent.frames.map(({ timeS, peakMm }) => [timeS - now, peakMm]);
+    const points = shown.filter(([time]) => time >= -this.spanS);
+    const cursor = this.cursorS === null ? null : this.cursorS - now;
+    this.#timeAt = plot(this.#chart, {
+      x: { from: -this.spanS, to: 0, label: "s before the newest frame" },
+      y: { from: 0, to: roundUp(Math.max(LEAST_SCALE_MM, ...points.map(([, mm]) => mm))), label: "mm" },
+      curves: [{ points, filled: true }],
       cursor,
     });
-    this.#canvas.setAttribute("aria-valuenow", (cursor ?? 0).toFixed(1));
-    this.#canvas.setAttribute("aria-valuetext", `${(-(cursor ?? 0)).toFixed(1)} s before the newest frame`);
+    this.#chart.setAttribute("aria-valuenow", (cursor ?? 0).toFixed(1));
+    this.#chart.setAttribute("aria-valuetext", `${(-(cursor ?? 0)).toFixed(1)} s before the newest frame`);
   }
 }

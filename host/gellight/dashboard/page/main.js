@@ -48,19 +48,16 @@ let drawnTimes = [];
 let tickedAt = 0;
 
 const planes = new Planes();
-const decoder = new Decoder((view) => planes.complete(view));
+const decoder = new Decoder(() => planes.drawDifference());
 const recent = new Recent();
 const link = new Link();
 const choices = new Choices();
 const measure = new Measure(mark);
 const press = new PressPanel();
 const scan = new ScanPanel(press);
-const marks = new Marks(planes.canvases);
-const pictures = new Pictures(planes.canvases, measure, press, () => (measuring() ? measure : press));
-const history = new History(element("history"), {
-  choose: (timeS) => revisit(recent.nearest(timeS)),
-  step: (count) => revisit(recent.step(shown?.header.time_s, count)),
-});
+const marks = new Marks();
+const pictures = new Pictures(measure, press, () => (measuring() ? measure : press));
+const history = new History(element("history"), recent, revisit);
 const connection = new Connection({
   open: () => { stats.connected = true; },
   lost: () => {
@@ -82,7 +79,7 @@ const banners = new Banners(element("banners"), {
 async function openSurface() {
   const { Surface } = await import("./surface.js");
   try {
-    surface = new Surface(element("surface"), planes.image.canvas, again);
+    surface = new Surface(element("surface"), planes, again);
   } catch (error) {
     noSurface = `: ${error.message}`;
     console.info(`the surface is drawn in 2D: ${error.message}`);
@@ -92,7 +89,7 @@ async function openSurface() {
   }
   surface.canvas.addEventListener("pointermove", (event) => event.buttons || measure.pointAt(surface.placeAt(event)));
   surface.canvas.addEventListener("pointerleave", () => measure.pointAt(null));
-  surface.update(shown, planes.normal.pixels.data);
+  surface.update(shown);
   drawSurface();
   stats.surface = "3D";
 }
@@ -106,12 +103,8 @@ async function receive(buffer) {
   });
   if (!view) return;
   undecoded = "";
-  recent.add(view.header.time_s, buffer);
-  history.add(view.header.time_s, view.header.contact.indentation_mm);
-  if (waiting) {
-    waiting.bitmap.close();
-    giveCredit();
-  }
+  recent.add(view.header.time_s, buffer, view.header.contact.indentation_mm);
+  if (waiting) giveCredit();
   waiting = view;
   again();
 }
@@ -145,8 +138,7 @@ function draw(view) {
   contacts.sort((one, other) => one.number - other.number);
   pictures.learn(view.header);
   planes.draw(view);
-  view.bitmap.close();
-  surface?.update(view, planes.normal.pixels.data);
+  surface?.update(view);
   measure.show(view);
   marks.follow(pose);
   drawSurface();
@@ -164,12 +156,12 @@ function level() {
 
 function drawSurface() {
   const chosen = (id) => Number(element(id).value);
-  const [exaggeration, colouring, scaleMm] = [chosen("exaggeration"), chosen("surface-colour"), chosen("scale") / 1000];
+  const exaggeration = chosen("exaggeration");
   const flat = level() === RELIEF;
   planes.relief.canvas.hidden = !flat;
   if (surface) surface.canvas.hidden = flat;
   if (flat) planes.drawRelief(exaggeration);
-  else surface.draw(level(), { exaggeration, colouring, scaleMm }, measure.places);
+  else surface.draw(level(), exaggeration, chosen("surface-colour"), measure.places);
   stats.level = LEVELS[level()];
 }
 
@@ -200,7 +192,7 @@ function takeStatus(said) {
 function tick() {
   const now = performance.now();
   tickedAt = now;
-  if (!paused) history.draw();
+  history.draw();
   drawnTimes = drawnTimes.filter((time) => now - time < FPS_WINDOW_MS);
   stats.drawn_fps = drawnTimes.length / (FPS_WINDOW_MS / 1000);
   stats.kept = recent.count;
@@ -245,11 +237,10 @@ function pause(wanted) {
   paused = wanted;
   element("pause").setAttribute("aria-pressed", paused);
   element("pause").textContent = paused ? "Resume" : "Pause";
-  document.body.classList.toggle("paused", paused);
   for (const id of ["save-npz", "save-ply"]) element(id).disabled = paused; // they are of the newest frame
+  history.cursorS = paused && shown ? shown.header.time_s : null;
   if (paused) return;
   again();
-  history.set({ cursorS: null });
   if (swallowed) connection.grant(swallowed);
   swallowed = 0;
 }
@@ -259,7 +250,8 @@ async function revisit(frame) {
   const view = await decoder.decode(frame.buffer);
   if (!paused) return;
   draw(view);
-  history.set({ cursorS: frame.timeS });
+  history.cursorS = frame.timeS;
+  history.draw();
 }
 
 // ---- what the visitor chooses ----
@@ -270,7 +262,6 @@ function measuring() {
 
 function chooseMeasure(wanted) {
   element("measure").setAttribute("aria-pressed", wanted);
-  document.body.classList.toggle("measuring", wanted);
 }
 
 function savePictures() {
@@ -284,12 +275,9 @@ function savePictures() {
 
 const CHOICES = {
   scale: (um) => planes.setScale(Number(um)),
-  map: (name) => {
-    planes.setMap(name);
-    surface?.recolour();
-  },
+  map: (name) => planes.setMap(name),
   gain: (gain) => planes.setGain(Number(gain)),
-  span: (seconds) => history.set({ spanS: Number(seconds) }),
+  span: (seconds) => { history.spanS = Number(seconds); },
 };
 for (const id of ["exaggeration", "surface-colour", "detail", ...Object.keys(CHOICES)]) {
   choices.keep(element(id), (value) => {

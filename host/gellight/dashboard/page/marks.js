@@ -9,18 +9,9 @@ const AXIS_MM = 2;
 const MOST_PLACES = 400;
 
 export class Marks {
-  #layers;
+  #layers = [...document.querySelectorAll(".marks")];
   #number = 0; // of the tracked object
   #way = []; // the places it has come by
-
-  constructor(canvases) {
-    this.#layers = canvases.map((canvas) => {
-      const layer = document.createElement("div");
-      layer.className = "marks";
-      canvas.after(layer);
-      return layer;
-    });
-  }
 
   /** Follow the object that is tracked, by the pose that a frame tells of it. */
   follow(pose) {

@@ -15,7 +15,6 @@ export class Measure {
   point = null; // under the pointer or the cursor of the arrow keys
   section = null; // {measured, truth}: see sectionOf
   #start = null; // where a line was begun
-  #empty = false; // the chart is drawn, without a section
   #view = null;
   #changed;
 
@@ -23,14 +22,14 @@ export class Measure {
   constructor(changed) {
     this.#changed = changed;
     element("clear-line").addEventListener("click", () => this.clear());
-    new ResizeObserver(() => this.#drawSection(true)).observe(element("section"));
+    new ResizeObserver(() => this.#draw()).observe(element("section"));
   }
 
   /** Measure another view. */
   show(view) {
     this.#view = view;
     this.#read();
-    this.#cut();
+    if (this.line) this.#cut();
   }
 
   /** Places along the line, for drawing it on the surface. */
@@ -95,13 +94,10 @@ export class Measure {
       this.section = { measured: cut(depth), truth: cut(truth) };
       write("section-text", describe(this.section));
     }
-    this.#drawSection();
+    this.#draw();
   }
 
-  /** Draw the section; without one only once, for a chart costs more than a picture. */
-  #drawSection(anew = false) {
-    if (!this.section && this.#empty && !anew) return;
-    this.#empty = !this.section;
+  #draw() {
     const { measured, truth } = this.section ?? { measured: [], truth: null };
     const depths = [...measured, ...(truth ?? [])].map(([, mm]) => mm).filter((mm) => mm !== null);
     const lowest = Math.min(0, ...depths);

@@ -1,7 +1,8 @@
 // The binary message of one tactile frame; messages.py on the server describes every byte.
 
+import { ask } from "./command.js";
 import { pitchMm } from "./field.js";
-import { differenceOf, inflate, pixelsOf, slopesOf, unpackDepth } from "./packed.js";
+import { inflate, slopesOf, unpackDepth, unpackPicture } from "./packed.js";
 
 const MAGIC = 0x464c4547; // "GELF", little-endian
 const VERSION = 2;
@@ -9,23 +10,21 @@ const PREFIX_BYTES = 12;
 
 /** Turns messages into views, in the order in which they came. */
 export class Decoder {
-  #reference = { name: "", pixels: null }; // the image behind the difference images; the browser keeps what it fetched
-  #newest = null; // {view, image}: whose difference is found when the reference has been fetched
-  #truth = { packed: null, codes: null }; // the last one: it stays while an object rests
+  #reference = { name: "", picture: null }; // the image behind the difference images, null until it has been fetched
   #completed;
   #last = Promise.resolve();
 
-  /** `completed(view)` is called when the difference of a view is known that was returned without. */
+  /** `completed()` is called when a reference image has come that views were returned without. */
   constructor(completed) {
     this.#completed = completed;
   }
 
   /**
    * Return a promise of the view of a message:
-   * {header, width, height, bitmap, difference, slopes, depth, contact, truth}. `bitmap` is the camera image; who draws
-   * it closes it. `difference` is (h, w, 3) grey levels + 128; null until the reference image is there. `slopes` is
-   * (h, w, 2) d(depth)/dx and d(depth)/dy. `depth` holds codes, and so does `truth`, the true depth map; it is null
-   * where the sensor is not simulated. `contact` has one bit a pixel.
+   * {header, width, height, image, reference, slopes, depth, contact, truth}. `image` is the camera image and
+   * `reference.picture` that of the untouched gel, null until it is there. `slopes` is (h, w, 2) d(depth)/dx and
+   * d(depth)/dy. `depth` holds codes, and so does `truth`, the true depth map; it is null where the sensor is not
+   * simulated. `contact` has one bit a pixel.
    */
   decode(buffer) {
     const view = this.#decode(buffer);
@@ -38,50 +37,25 @@ export class Decoder {
     const { header, plane } = parse(buffer);
     const [width, height] = header.view_px;
     const depths = async (name) => unpackDepth(await inflate(plane(name)), width, height);
-    const [bitmap, depth, contact, truth] = await Promise.all([
-      createImageBitmap(new Blob([plane("image")], { type: "image/jpeg" }), { colorSpaceConversion: "none" }),
+    const [image, depth, contact, truth] = await Promise.all([
+      unpackPicture(new Blob([plane("image")], { type: "image/jpeg" })),
       depths("depth"),
       inflate(plane("contact")),
-      header.truth ? this.#truthOf(plane("truth"), () => depths("truth")) : null,
+      header.truth ? depths("truth") : null,
     ]);
     const slopes = slopesOf(depth, width, height, pitchMm({ header, width, height }));
-    const view = { header, width, height, bitmap, depth, contact, truth, slopes, difference: null };
-    this.#subtract(view, pixelsOf(bitmap));
-    return view;
-  }
-
-  /** Return the codes of the true depth map; those of before where it has not changed. */
-  #truthOf(packed, unpack) {
-    if (!this.#truth.packed || !equal(packed, this.#truth.packed)) this.#truth = { packed, codes: unpack() };
-    return this.#truth.codes;
-  }
-
-  #subtract(view, image) {
-    const { reference: name } = view.header;
-    this.#newest = { view, image };
-    if (name !== this.#reference.name) this.#fetch(name);
-    else if (this.#reference.pixels) this.#subtractNewest();
-  }
-
-  #subtractNewest() {
-    const { view, image } = this.#newest;
-    view.difference = differenceOf(image, this.#reference.pixels, view.header.light_drift);
+    if (header.reference !== this.#reference.name) this.#fetch(header.reference);
+    return { header, width, height, image, reference: this.#reference, depth, contact, truth, slopes };
   }
 
   async #fetch(name) {
-    this.#reference = { name, pixels: null };
-    try {
-      const answer = await fetch(`reference/${name}`);
-      if (!answer.ok) throw new Error(await answer.text());
-      const bitmap = await createImageBitmap(await answer.blob(), { colorSpaceConversion: "none" });
-      if (name !== this.#reference.name) return;
-      this.#reference.pixels = pixelsOf(bitmap);
-      this.#subtractNewest();
-      this.#completed(this.#newest.view);
-    } catch (error) {
-      console.info(`no difference image for now: ${error.message}`);
-      if (name === this.#reference.name) this.#reference.name = ""; // the next frame asks again
-    }
+    const reference = { name, picture: null };
+    this.#reference = reference;
+    const refusal = await ask(`reference/${name}`, async (answer) => {
+      reference.picture = await unpackPicture(await answer.blob());
+    });
+    if (refusal) reference.name = ""; // the next frame asks again
+    else this.#completed();
   }
 }
 
@@ -95,8 +69,4 @@ function parse(buffer) {
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, PREFIX_BYTES, start - PREFIX_BYTES)));
   const place = Object.fromEntries(header.planes.map((plane) => [plane.name, plane]));
   return { header, plane: (name) => new Uint8Array(buffer, start + place[name].offset, place[name].length) };
-}
-
-function equal(one, other) {
-  return one.length === other.length && one.every((byte, i) => byte === other[i]);
 }

@@ -3,7 +3,7 @@
 export const DEPTH_UNIT_MM = 5e-4;
 export const DEPTH_OFFSET_MM = 1;
 export const NO_DEPTH = 65535;
-const DIFFERENCE_OFFSET = 128;
+const MID_GREY = 128;
 
 /** Depth in mm of a code of a depth map. */
 export function depthMm(code) {
@@ -57,28 +57,23 @@ export function slopesOf(depth, width, height, [pitchX, pitchY]) {
 
 const canvas = new OffscreenCanvas(1, 1);
 
-/** Give a canvas a size, which empties it; leave one alone that has it. */
-export function fit(canvas, { width, height }) {
-  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-}
-
-/** Return the (h, w, 4) RGBA bytes of a picture. */
-export function pixelsOf(bitmap) {
-  const { width, height } = bitmap;
-  fit(canvas, bitmap);
+/** Return a promise of the pixels of a packed picture, as ImageData. */
+export async function unpackPicture(blob) {
+  const bitmap = await createImageBitmap(blob, { colorSpaceConversion: "none" });
+  Object.assign(canvas, { width: bitmap.width, height: bitmap.height });
   const context = canvas.getContext("2d", { willReadFrequently: true });
   context.drawImage(bitmap, 0, 0);
-  return context.getImageData(0, 0, width, height).data;
+  bitmap.close();
+  return context.getImageData(0, 0, canvas.width, canvas.height);
 }
 
-/** Return (h, w, 3) bytes, grey levels + 128: (h, w, 4) image minus reference image minus the light's drift. */
-export function differenceOf(image, reference, drift) {
-  const difference = new Uint8ClampedArray((image.length / 4) * 3);
-  const [red, green, blue] = drift.map((grey) => DIFFERENCE_OFFSET - grey);
-  for (let from = 0, to = 0; from < image.length; from += 4, to += 3) {
-    difference[to] = image[from] - reference[from] + red;
-    difference[to + 1] = image[from + 1] - reference[from + 1] + green;
-    difference[to + 2] = image[from + 2] - reference[from + 2] + blue;
+/** Write image minus reference image minus the light's drift, `gain` times, around 128, into the RGBA of `pixels`. */
+export function subtract({ image, reference, header }, gain, pixels) {
+  const [from, rest] = [image.data, reference.picture.data];
+  for (let i = 0; i < pixels.length; i += 4) {
+    for (let channel = 0; channel < 3; channel++) {
+      const difference = from[i + channel] - rest[i + channel] - header.light_drift[channel];
+      pixels[i + channel] = MID_GREY + gain * difference;
+    }
   }
-  return difference;
 }

@@ -21,10 +21,10 @@ export class Pictures {
    * `pointer`.pointAt(place or null) is told of what is pointed at, the `tool()` in use of down(place), move(place),
    * up() and enter(place), `wheeled`.wheel(event); places are [x, y] in mm.
    */
-  constructor(canvases, pointer, wheeled, tool) {
+  constructor(pointer, wheeled, tool) {
     this.#pointer = pointer;
     this.#tool = tool;
-    for (const canvas of canvases) this.#listen(canvas, wheeled);
+    for (const canvas of document.querySelectorAll(".picture canvas")) this.#listen(canvas, wheeled);
   }
 
   /** Learn the size of the view from a frame's header. */

@@ -1,10 +1,10 @@
 // The flat pictures: camera image, difference, normals, measured and true depth, and the relief, a flat surface.
 
-import { chooseMap, depthColour, depthTable, differenceTable } from "./colour.js";
+import { chooseMap, depthColour, depthTable, rgb } from "./colour.js";
 import { element, html, render } from "./dom.js";
+import { subtract } from "./packed.js";
 
 const OUTLINE = 0xffffffff;
-const OPAQUE = 0xff000000;
 
 /** A canvas at view size with its pixels at hand. */
 class Plane {
@@ -36,33 +36,29 @@ export class Planes {
   relief = new Plane("relief");
   #view = null;
   #scaleUm = 0;
-  #differences = null; // grey level of each coded difference
+  #gain = 1;
   #colours = null; // of each depth code
-  #drawnTruth = []; // its codes, and the colours
-
-  /** What a pointer can be over. */
-  get canvases() {
-    return [this.image, this.difference, this.normal, this.depth, this.truth].map((plane) => plane.canvas);
-  }
 
   /** Show `view`; its true depth map where a simulated sensor knows it. */
   draw(view) {
     this.#view = view;
-    for (const plane of [this.image, this.difference, this.normal, this.depth]) plane.fit(view);
-    this.image.context.drawImage(view.bitmap, 0, 0);
-    this.#drawDifference();
+    for (const plane of [this.image, this.difference, this.normal, this.depth, this.truth]) plane.fit(view);
+    this.image.context.putImageData(view.image, 0, 0);
+    this.drawDifference();
     this.#drawNormals(view.slopes);
     this.#drawDepth();
   }
 
-  /** Show the difference image of `view`, which was not known when the rest was drawn. */
-  complete(view) {
-    if (view === this.#view) this.#drawDifference();
+  /** Show the difference image, as soon as the reference image is there. */
+  drawDifference() {
+    if (!this.#view?.reference.picture) return;
+    subtract(this.#view, this.#gain, this.difference.pixels.data);
+    this.difference.show();
   }
 
   setGain(gain) {
-    this.#differences = differenceTable(gain);
-    this.#drawDifference();
+    this.#gain = gain;
+    this.drawDifference();
   }
 
   /** Show depth in one of the sets of colours. */
@@ -91,18 +87,6 @@ export class Planes {
     this.relief.show();
   }
 
-  #drawDifference() {
-    const difference = this.#view?.difference;
-    if (!difference) return;
-    const { data } = this.difference.pixels;
-    for (let from = 0, to = 0; from < difference.length; from += 3, to += 4) {
-      data[to] = this.#differences[difference[from]];
-      data[to + 1] = this.#differences[difference[from + 1]];
-      data[to + 2] = this.#differences[difference[from + 2]];
-    }
-    this.difference.show();
-  }
-
   #drawNormals(slopes) {
     const { words } = this.normal;
     for (let i = 0; i < words.length; i++) {
@@ -116,20 +100,13 @@ export class Planes {
 
   #drawDepth() {
     if (!this.#view) return;
-    const { depth, contact, width, height } = this.#view;
+    const { depth, truth, contact, width, height } = this.#view;
     this.#paint(this.depth, depth);
     outline(this.depth.words, contact, width, height);
     this.depth.show();
-    this.#drawTruth();
-  }
-
-  #drawTruth() {
-    const { truth } = this.#view;
     element("truth-panel").hidden = !truth;
     document.body.classList.toggle("has-truth", Boolean(truth));
-    if (!truth || (truth === this.#drawnTruth[0] && this.#colours === this.#drawnTruth[1])) return;
-    this.#drawnTruth = [truth, this.#colours];
-    this.truth.fit(this.#view);
+    if (!truth) return;
     this.#paint(this.truth, truth);
     this.truth.show();
   }
@@ -137,11 +114,6 @@ export class Planes {
   #paint({ words }, codes) {
     for (let i = 0; i < words.length; i++) words[i] = this.#colours[codes[i]];
   }
-}
-
-/** Return an opaque pixel of three levels from 0 to below 256, each cut to a whole number. */
-function rgb(red, green, blue) {
-  return OPAQUE | (blue << 16) | (green << 8) | red;
 }
 
 /** Light from the upper left, (-0.5, -0.6, 0.62), on a surface with slopes x and y and the normal (-x, -y, 1). */

@@ -2,7 +2,6 @@
 
 import { command } from "./command.js";
 import { element, html, render } from "./dom.js";
-import { ARROWS } from "./hand.js";
 
 const DEPTH_STEP_MM = 0.05;
 const ADVICE = "Hold the pointer on a picture to press there; drag to move; turn the wheel meanwhile for depth.";
@@ -59,8 +58,7 @@ export class PressPanel {
         <h2>Press <span class="dim" id="stage-now" data-testid="stage-now">${this.#now()}</span></h2>
       </div>
       <fieldset ?disabled=${this.#forbidden !== ""}>
-        <div id="objects" class="objects" role="radiogroup" aria-label="object" @keydown=${this.#turn}>
-          ${objects.map((name) => this.#choice(name))}</div>
+        <div class="objects" role="radiogroup" aria-label="object">${objects.map((name) => this.#choice(name))}</div>
         <label class="slider">depth
           <input id="press-depth" data-testid="press-depth" type="range" min="0" max=${deepest} step="0.05"
             value="0.8" @input=${() => this.#changed()}>
@@ -83,20 +81,9 @@ export class PressPanel {
   }
 
   #choice(name) {
-    const chosen = name === this.#object;
-    return html`<button role="radio" data-testid="object-${name}" aria-checked=${chosen} tabindex=${chosen ? 0 : -1}
-      @click=${() => this.#choose(name)}>${name}</button>`;
+    return html`<label><input type="radio" name="object" data-testid="object-${name}"
+      .checked=${name === this.#object} @change=${() => this.#choose(name)}>${name}</label>`;
   }
-
-  /** Let the arrow keys choose among the objects, as in any group of which one is chosen. */
-  #turn = (event) => {
-    if (!(event.key in ARROWS)) return;
-    event.preventDefault();
-    const { objects } = this.#stage;
-    const [right, down] = ARROWS[event.key];
-    this.#choose(objects.at((objects.indexOf(this.#object) + right + down) % objects.length));
-    element("objects").querySelector("[aria-checked=true]").focus();
-  };
 
   #choose(name) {
     this.#object = name;

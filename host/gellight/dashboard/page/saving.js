@@ -15,10 +15,10 @@ export function savePng(view, planes, maker) {
   const canvas = document.createElement("canvas");
   Object.assign(canvas, { width: MARGIN + columns * step.x, height: 64 + rows * step.y });
   const pen = canvas.getContext("2d");
-  const style = getComputedStyle(document.body);
-  pen.fillStyle = style.getPropertyValue("--well");
+  const { backgroundColor, color } = getComputedStyle(document.documentElement);
+  pen.fillStyle = backgroundColor;
   pen.fillRect(0, 0, canvas.width, canvas.height);
-  pen.fillStyle = style.getPropertyValue("--text");
+  pen.fillStyle = color;
   pen.font = "600 20px system-ui, sans-serif";
   const { indentation_mm: indentation, area_mm2: area } = view.header.contact;
   pen.fillText(`indentation ${fixed(indentation, 3)} mm, area ${fixed(area, 1)} mm²`, MARGIN, 30);

@@ -1,7 +1,6 @@
 // The gel surface in 3D, seen from the camera's side: depth moves the vertices of a plane, in the graphics card.
 
 import * as THREE from "./vendor/three-0.185/three.module.min.js";
-import { depthColour } from "./colour.js";
 import { depthAt, sizeMm } from "./field.js";
 import { shares } from "./hand.js";
 import { Orbit } from "./orbit.js";
@@ -10,7 +9,9 @@ import { NO_DEPTH, depthMm } from "./packed.js";
 /** How finely the surface is drawn; the last level is no mesh, but a picture: see planes.js. */
 const MESHES = [[320, 240], [160, 120]];
 const PICK_STEPS = 300;
+const AXIS_MM = 5;
 const LIFT_MM = 0.05; // of the line over the surface, so that it is seen
+const GEL = new Uint8Array([158, 168, 184, 255]); // its own colour
 
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
@@ -19,13 +20,11 @@ uniform sampler2D depth;
 uniform float exaggeration;
 varying vec2 place;
 varying vec2 at;
-varying float depthMm;
 varying vec3 eye;
 void main() {
-  place = vec2(uv.x, 1.0 - uv.y);
+  place = uv;
   at = position.xy;
-  depthMm = texture2D(depth, place).r;
-  vec4 world = vec4(position.xy, depthMm * exaggeration, 1.0);
+  vec4 world = vec4(position.xy, texture2D(depth, vec2(uv.x, 1.0 - uv.y)).r * exaggeration, 1.0);
   eye = cameraPosition - world.xyz;
   gl_Position = projectionMatrix * viewMatrix * world;
 }`;
@@ -33,20 +32,14 @@ void main() {
 const FRAGMENT = `
 uniform sampler2D normals;
 uniform sampler2D colours;
-uniform sampler2D image;
 uniform float exaggeration;
-uniform float scaleMm;
-uniform int colouring;
 varying vec2 place;
 varying vec2 at;
-varying float depthMm;
 varying vec3 eye;
 void main() {
   vec3 flatNormal = texture2D(normals, place).xyz * 2.0 - 1.0;
   vec3 normal = normalize(vec3(flatNormal.x * exaggeration, -flatNormal.y * exaggeration, max(flatNormal.z, 0.05)));
-  vec3 base = vec3(0.62, 0.66, 0.72);
-  if (colouring == 0) base = texture2D(colours, vec2(depthMm / scaleMm * 254.0 / 256.0 + 0.5 / 256.0, 0.5)).rgb;
-  if (colouring == 1) base = texture2D(image, place).rgb;
+  vec3 base = texture2D(colours, place).rgb;
   vec3 key = normalize(vec3(-0.5, 0.6, 0.75));
   vec3 fill = normalize(vec3(0.8, -0.3, 0.5));
   float light = 0.42 + 0.62 * max(dot(normal, key), 0.0) + 0.16 * max(dot(normal, fill), 0.0);
@@ -61,7 +54,8 @@ export class Surface {
   #size = ""; // of the view, in pixels and mm
   #scene = new THREE.Scene();
   #camera = new THREE.PerspectiveCamera(30, 1, 1, 1000);
-  #uniforms = { depth: {}, normals: {}, image: {}, colours: {}, exaggeration: {}, scaleMm: {}, colouring: {} };
+  #uniforms = { depth: {}, normals: {}, colours: {}, exaggeration: {} };
+  #paints; // what the surface can be coloured by
   #material = new THREE.ShaderMaterial({
     uniforms: this.#uniforms, vertexShader: VERTEX, fragmentShader: FRAGMENT, side: THREE.DoubleSide,
     polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
@@ -71,15 +65,16 @@ export class Surface {
   #line = new THREE.Line(lines([]), new THREE.LineBasicMaterial({ color: 0xffffff, depthTest: false }));
   #view = null;
 
-  /** Draw into `box`; call `changed` when the view was turned. Throws where there is no WebGL. */
-  constructor(box, imageCanvas, changed) {
+  /** Draw into `box`, by the colours of `planes`; call `changed` when it was turned. Throws where there is no WebGL. */
+  constructor(box, planes, changed) {
     this.software = SOFTWARE.test(rendererName());
     this.renderer = new THREE.WebGLRenderer({ antialias: !this.software, alpha: true });
     this.canvas = this.renderer.domElement;
     box.append(this.canvas);
     this.orbit = new Orbit(box, changed);
-    this.#tell({ image: Object.assign(new THREE.CanvasTexture(imageCanvas), { flipY: false }) });
-    this.recolour();
+    const [depth, image, normals] = [planes.depth, planes.image, planes.normal].map(painted);
+    this.#paints = [depth, image, new THREE.DataTexture(GEL, 1, 1)];
+    this.#uniforms.normals.value = normals;
     this.#line.frustumCulled = false;
     this.#line.renderOrder = 1; // over the mesh
     this.#scene.add(this.#line);
@@ -91,21 +86,13 @@ export class Surface {
     }).observe(box);
   }
 
-  /** Take over the colours that were chosen. */
-  recolour() {
-    const colours = Array.from({ length: 256 }, (_, i) => [...depthColour(i === 255 ? 2 : i / 254), 255]);
-    this.#tell({ colours: texture(new Uint8Array(colours.flat()), 256, 1) });
-    this.#uniforms.colours.value.needsUpdate = true;
-  }
-
-  /** Take over the depth of `view` and the painted normals. */
-  update(view, normalPixels) {
+  /** Take over the depth of `view`. */
+  update(view) {
     this.#view = view;
     this.#fit(view);
     const { data } = this.#uniforms.depth.value.image;
     for (let i = 0; i < data.length; i++) data[i] = view.depth[i] === NO_DEPTH ? 0 : depthMm(view.depth[i]);
-    this.#uniforms.normals.value.image.data.set(normalPixels);
-    for (const name of ["depth", "normals", "image"]) this.#uniforms[name].value.needsUpdate = true;
+    this.#uniforms.depth.value.needsUpdate = true;
   }
 
   /** Return the place [x, y] in mm that a pointer on the canvas points at; null beside the gel. */
@@ -127,14 +114,16 @@ export class Surface {
   }
 
   /**
-   * Draw at a level of `MESHES`, from so far away that the whole gel is seen, whatever the shape of the box. `look`:
-   * {exaggeration, scaleMm, colouring}; over the surface lies a line through `places` [[x, y], ...] in mm.
+   * Draw at a level of `MESHES`, from so far away that the whole gel is seen, whatever the shape of the box, with one
+   * of the colours `#paints`; over the surface lies a line through `places` [[x, y], ...] in mm.
    */
-  draw(level, look, places) {
-    this.#tell(look);
+  draw(level, exaggeration, colouring, places) {
+    this.#uniforms.exaggeration.value = exaggeration;
+    this.#uniforms.colours.value = this.#paints[colouring];
+    for (const name of ["normals", "colours"]) this.#uniforms[name].value.needsUpdate = true;
     const size = sizeMm(this.#view.header);
     if (level !== this.#level) this.#remesh(level, size);
-    const height = (place) => (depthAt(this.#view, this.#view.depth, place) ?? 0) * look.exaggeration + LIFT_MM;
+    const height = (place) => (depthAt(this.#view, this.#view.depth, place) ?? 0) * exaggeration + LIFT_MM;
     this.#line.geometry.dispose();
     this.#line.geometry = lines(places.map(([x, y]) => [x, -y, height([x, y])]));
     const half = Math.tan((this.#camera.fov * Math.PI) / 360);
@@ -142,21 +131,14 @@ export class Surface {
     this.renderer.render(this.#scene, this.#camera);
   }
 
-  /** Give the shaders values of their uniforms. */
-  #tell(values) {
-    for (const [name, value] of Object.entries(values)) this.#uniforms[name].value = value;
-  }
-
   /** Make what depends on the size of the view. */
   #fit({ width, height, header }) {
     const size = [width, height, ...sizeMm(header)].join();
     if (this.#size === size) return;
     this.#size = size;
-    const smooth = { minFilter: THREE.LinearFilter, magFilter: THREE.LinearFilter };
-    this.#tell({
-      depth: texture(new Float32Array(width * height), width, height, THREE.RedFormat, THREE.FloatType),
-      normals: Object.assign(texture(new Uint8Array(width * height * 4), width, height), smooth),
-    });
+    for (const texture of [this.#uniforms.normals.value, ...this.#paints]) texture.dispose(); // of another size
+    const depth = new Float32Array(width * height);
+    this.#uniforms.depth.value = new THREE.DataTexture(depth, width, height, THREE.RedFormat, THREE.FloatType);
     this.#frame?.removeFromParent();
     this.#frame = frameLines(...sizeMm(header));
     this.#scene.add(this.#frame);
@@ -185,11 +167,9 @@ function rendererName() {
   return name;
 }
 
-/** A texture of which each point has the value of its pixel. */
-function texture(...what) {
-  const made = new THREE.DataTexture(...what);
-  made.minFilter = made.magFilter = THREE.NearestFilter;
-  return made;
+/** A texture of what is painted on a plane. */
+function painted({ canvas }) {
+  return Object.assign(new THREE.CanvasTexture(canvas), { minFilter: THREE.LinearFilter });
 }
 
 /** A geometry of points [x, y, z] in mm. */
@@ -201,12 +181,10 @@ function lines(points) {
 /** The rim of the view at rest, and its axes: x red to the right, y green downwards, z blue towards the camera. */
 function frameLines(widthMm, heightMm) {
   const [x, y] = [widthMm / 2, heightMm / 2];
-  const corners = [[-x, y, 0], [x, y, 0], [x, -y, 0], [-x, -y, 0]];
-  const rim = corners.map((corner, i) => [corner, corners[(i + 1) % 4], [0.25, 0.32, 0.42]]);
-  const ends = [[[-x + 5, y, 0], [1, 0.36, 0.36]], [[-x, y - 5, 0], [0.32, 0.82, 0.45]], [[-x, y, 5], [0.36, 0.55, 1]]];
-  const all = [...rim, ...ends.map(([end, colour]) => [corners[0], end, colour])];
-  const geometry = lines(all.flatMap(([start, end]) => [start, end]));
-  const colours = all.flatMap(([, , colour]) => [...colour, ...colour]);
-  geometry.setAttribute("color", new THREE.Float32BufferAttribute(colours, 3));
-  return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ vertexColors: true }));
+  const corners = lines([[-x, y, 0], [x, y, 0], [x, -y, 0], [-x, -y, 0]]);
+  const rim = new THREE.LineLoop(corners, new THREE.LineBasicMaterial({ color: new THREE.Color(0.25, 0.32, 0.42) }));
+  const axes = new THREE.AxesHelper(AXIS_MM);
+  axes.position.set(-x, y, 0);
+  axes.scale.y = -1;
+  return new THREE.Group().add(rim, axes);
 }

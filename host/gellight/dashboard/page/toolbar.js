@@ -15,10 +15,10 @@ const MORE_KEYS = [
 export function listenToKeys(escape) {
   const keyed = new Map([...document.querySelectorAll("[data-key]")].map((node) => [node.dataset.key, node]));
   onKey(document, ({ key, target }) => {
-    if (target.closest("input, select, textarea")) return false;
+    if (target.closest("input:not([type=radio]), select")) return false;
     if (key === "Escape" && !document.querySelector(":popover-open") && !document.fullscreenElement) escape();
     const node = keyed.get(key.toLowerCase());
-    if (!node || (key === " " && target.closest("button, a, summary"))) return false;
+    if (!node || (key === " " && target.closest("button, input, a, summary"))) return false;
     return node.click();
   });
   fillHelp(keyed);

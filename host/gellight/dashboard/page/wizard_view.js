@@ -24,7 +24,7 @@ export function page(state, visitor, losses, picture, does) {
       <img src="favicon.svg" alt="" width="26" height="26">
       <h1>Calibration</h1>
       <span id="sensor" class="mono dim" data-testid="sensor">${state?.sensor}</span>
-      <a class="button" href="./" data-testid="back">Live view</a>
+      <a class="link" href="./" data-testid="back">Live view</a>
     </header>
     <p id="error" class="error" data-testid="error" role="alert">${visitor.error}</p>
     <main>
@@ -154,7 +154,7 @@ function actions({ routine, interrupted }, running, does) {
   const names = running ? routine.actions.filter((name) => name !== "correct") : done ? ["live", "begin"] : ["begin"];
   const begin = interrupted ? "Go on" : routine ? "Calibrate again" : "Start the calibration";
   return repeat(names, (name) => name, (name, place) => (name === "live"
-    ? html`<a class="button first" href="./" data-testid="action-live">Live view</a>`
+    ? html`<a class="link first" href="./" data-testid="action-live">Live view</a>`
     : html`<button class="${name} ${place === 0 && name !== "abort" ? "first" : ""}" data-testid="action-${name}"
         @click=${() => does.act(name)}>${name === "begin" ? begin : NAMES.action[name] ?? name}</button>`));
 }
@@ -189,11 +189,11 @@ function errorChart({ held_out: points, held_out_um: shape }) {
   return chart("held-out", "Error on presses not learnt", "degrees", now);
 }
 
-/** A chart that is drawn on its canvas, with its newest figure. */
+/** A chart, which is drawn once it has its size, with its newest figure. */
 function chart(id, title, unit, now) {
   return html`<section class="panel chart" id="${id}-panel">
     <h2>${title} <span class="dim">${unit}</span> <span class="now" data-testid="${id}-now">${now}</span></h2>
-    <canvas id=${id} data-testid=${id}></canvas>
+    <svg id=${id} data-testid=${id} role="img" aria-label=${title}></svg>
   </section>`;
 }
 
