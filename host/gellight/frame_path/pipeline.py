@@ -16,7 +16,7 @@ from gellight.frames.status import PathStatus
 from gellight.photometric.directions import FILE_NAME
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import GradientNetwork
-from gellight.reconstruction.lens.undistortion import Undistortion, has_lens, read_undistortion
+from gellight.reconstruction.lens.undistortion import Undistortion, read_undistortion
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.native.judge import refuse_disagreement
 from gellight.reconstruction.native.library import NativePathError, fitting_library
@@ -79,7 +79,7 @@ class Reconstructor:
             rest_grey=bundle.manifest.rest_grey,
             source=bundle.source,
         )
-        lens = read_undistortion(bundle) if undistorted and has_lens(bundle) else None
+        lens = read_undistortion(bundle) if undistorted else None
         shadows = CastShadows.of_bundle(bundle, self.network, wanted=cast_shadows)
         self.cast_shadows = shadows is not None and shadows.hide
         numpy_path = NumpyPath(bundle, self.network, lens, shadows, smoothing_px=smoothing_px, masked=masked)
