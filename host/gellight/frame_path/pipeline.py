@@ -10,7 +10,6 @@ import numpy as np
 
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frame_path.numpy_path import NumpyPath
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.status import PathStatus
 from gellight.photometric.directions import FILE_NAME
@@ -21,6 +20,7 @@ from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.native.judge import refuse_disagreement
 from gellight.reconstruction.native.library import NativePathError, fitting_library
 from gellight.reconstruction.native.native_path import NativePath
+from gellight.reconstruction.numpy_path import NumpyPath
 from gellight.reconstruction.perspective import Perspective
 from gellight.reconstruction.skirt import with_true_skirts
 from gellight.reconstruction.smoothing import NARROWEST_PX
@@ -72,13 +72,7 @@ class Reconstructor:
         self.bundle = bundle
         self._measures = BundleMeasures(bundle)
         self._perspective = Perspective.of_bundle(bundle)
-        self.network = GradientNetwork(
-            bundle.network,
-            bundle.image_shape,
-            noise_grey=bundle.manifest.noise_grey,
-            rest_grey=bundle.manifest.rest_grey,
-            source=bundle.source,
-        )
+        self.network = GradientNetwork.of_bundle(bundle)
         lens = read_undistortion(bundle) if undistorted else None
         shadows = CastShadows.of_bundle(bundle, self.network, wanted=cast_shadows)
         self.cast_shadows = shadows is not None and shadows.hide

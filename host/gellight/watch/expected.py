@@ -18,8 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
-from gellight.frame_path.pipeline import Reconstructor
 from gellight.frames.frames import CameraFrame
+from gellight.reconstruction.cast_shadows import CastShadows
+from gellight.reconstruction.gelnet import GradientNetwork
+from gellight.reconstruction.lens.undistortion import read_undistortion
+from gellight.reconstruction.numpy_path import NumpyPath
+from gellight.reconstruction.smoothing import NARROWEST_PX
 from gellight.watch.cells import Cells, cell_means, spread
 
 Array = NDArray[np.float64]
@@ -59,7 +63,9 @@ class ErrorEstimate:
 
     def __init__(self, bundle: Bundle) -> None:
         """Load the network and take its derivative; a fraction of a second. Raises BundleError."""
-        self._path = Reconstructor(bundle, native=False)
+        self._bundle, self._network = bundle, GradientNetwork.of_bundle(bundle)
+        parts = self._network, read_undistortion(bundle), CastShadows.of_bundle(bundle, self._network)
+        self._path = NumpyPath(bundle, *parts, smoothing_px=NARROWEST_PX, masked=True)
         self._places = np.zeros(bundle.image_shape, np.bool_)
         self._places[_EVERY_PX // 2 :: _EVERY_PX, _EVERY_PX // 2 :: _EVERY_PX] = True
         steps = _STEP_GREY * np.eye(3, dtype=np.float32)
@@ -69,7 +75,7 @@ class ErrorEstimate:
     def _slopes(self, grey: NDArray[np.float32]) -> Array:
         """(n, 2) answer to the same difference everywhere, at the places."""
         difference = np.tile(grey, (*self._places.shape, 1))
-        return self._path.network.gradient_map(difference, self._places)[self._places].astype(np.float64)
+        return self._network.gradient_map(difference, self._places)[self._places].astype(np.float64)
 
     def of(self, change: Cells, reference: Cells, zeroed: Cells) -> ExpectedError:
         """Return what a (h, w, 3) change of the light from `reference` costs, of which `zeroed` is in the zero."""
@@ -80,7 +86,7 @@ class ErrorEstimate:
         )
 
     def _zero(self, change: Cells) -> tuple[float, float, float]:
-        bundle = self._path.bundle
+        bundle = self._bundle
         changed = np.clip(np.rint(bundle.reference + spread(change, bundle.image_shape)), 0, 255).astype(np.uint8)
         felt = self._path.reconstruct(CameraFrame(image=changed, time_s=0.0, sequence=0))
         slopes = cell_means(felt.gradient_map)  # the change has one value a cell, and rounding it is no error
