@@ -69,7 +69,7 @@ def lines(bundle: Bundle, scene: str, image: NDArray[np.uint8], rounds: int) -> 
         runs["force, beside"] = lambda: measures.force(result.depth_mm)
     found = least_ms(runs, rounds)
     stages = [path.reconstruct(frame).stage_seconds for _ in range(rounds)]
-    touched = float(path.touched(result.difference).mean())
+    touched = float(path.network.touched(result.difference).mean())
     single = path.network_rows.pixels / image[..., 0].size
     yield (
         f"{scene}, {image.shape[1]} x {image.shape[0]} px, {touched:.1%} touched, {single:.1%} pixel by pixel, "

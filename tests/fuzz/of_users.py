@@ -24,7 +24,7 @@ from gellight.lab.simulator.simulated_url import SimulatedUrl
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball
 from gellight.reconstruction.force_file import FILE_NAME as FORCE_FILE
-from gellight.reconstruction.force_file import read_force
+from gellight.reconstruction.force_file import ForceRecord
 from gellight.recording.ros_messages import RosImage, decode_compressed, decode_string, encode_compressed, encode_string
 from gellight.ring.firmware import image as firmware
 from gellight.sensor.v4l2.options import parse_url
@@ -113,7 +113,7 @@ def _with(bundle: Bundle, name: str, content: bytes) -> Bundle:
 
 
 def _force(bundle: Bundle, content: bytes) -> None:
-    record = read_force(_with(bundle, FORCE_FILE, content))
+    record = ForceRecord.in_bundle(_with(bundle, FORCE_FILE, content))
     assert record is not None
     assert record.layer is not None
 

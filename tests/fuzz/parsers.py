@@ -24,7 +24,7 @@ from gellight.frames.dots import Dots
 from gellight.frames.frames import CameraFrame, CaptureStamp
 from gellight.frames.image_files import read_image
 from gellight.frames.jpeg import CorruptPictureError
-from gellight.frames.picture import PictureSteps, steps_of
+from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View
 from gellight.photometric import lights_file
 from gellight.reconstruction.lens import undistortion
@@ -112,12 +112,12 @@ def _of_the_bundle(bundle: Bundle) -> Iterator[Parser]:
     yield Parser("network", _network, (bundle.network,), refusals)
     reference = inside(REFERENCE, lambda changed: changed.reference)
     yield Parser("reference", reference, (bundle.files[REFERENCE],), refusals)
-    yield Parser("lens", inside(undistortion.FILE_NAME, undistortion.read_record), (_lens(),), refusals)
+    yield Parser("lens", inside(undistortion.FILE_NAME, undistortion.LensRecord.in_bundle), (_lens(),), refusals)
     yield Parser("lights", inside(lights_file.FILE_NAME, lights_file.read_lights), (_lights(),), refusals)
     view = View.of_corners(((2, 3), (29, 2), (30, 21), (1, 22)), SHAPE, SHAPE)
     steps = PictureSteps.of(SHAPE, view, Dots(diameter_px=5, darker_grey=20, count=9))
     assert steps
-    yield Parser("picture", inside(picture.FILE_NAME, steps_of), tuple(steps.files().values()), refusals)
+    yield Parser("picture", inside(picture.FILE_NAME, PictureSteps.in_bundle), tuple(steps.files().values()), refusals)
 
 
 def _of_files(folder: Path, bundle: Bundle) -> Iterator[Parser]:

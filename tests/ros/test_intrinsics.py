@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -18,7 +19,7 @@ LENS = Lens(
 
 @pytest.mark.parametrize("distance_mm", [25.0, 40.0])
 def test_opencv_projects_with_it_as_the_lens_does(monkeypatch: pytest.MonkeyPatch, distance_mm: float) -> None:
-    monkeypatch.setattr(intrinsics, "read_record", lambda bundle: None)
+    monkeypatch.setattr(intrinsics.LensRecord, "in_bundle", Mock())
     monkeypatch.setattr(intrinsics, "lens_of", lambda record: LENS)
     bundle: Any = SimpleNamespace(files={"lens.json": b""})
     camera = intrinsics.intrinsics(bundle, distance_mm)

@@ -6,6 +6,9 @@ Among them: that a package is missing which not every user has.
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+INSTALL_UDEV = "`sudo $(command -v gellight) install-udev` once"
+"""what lets a user use the sensor; sudo does not search the PATH of a virtual environment"""
+
 
 class GellightError(Exception):
     """Base of all errors that a user or a program can cause or cure; the command line exits with status 2."""

@@ -21,7 +21,7 @@ def holders_text(path: str | Path, *, proc: Path = Path("/proc")) -> str:
         return ", ".join(f"{command} (process {number})" for number, command in found)
     if _open_count(proc / str(os.getpid()) / "fd", os.path.realpath(path)) > 1:
         return "this programme itself, which has it open twice"
-    return "a programme that this user may not see (`sudo gellight doctor` names it)"
+    return "a programme that this user may not see (`sudo $(command -v gellight) doctor` names it)"
 
 
 def _open_count(folder: Path, target: str) -> int:

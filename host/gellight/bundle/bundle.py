@@ -34,7 +34,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, first_line
-from gellight.base.field_docs import with_field_docs
 from gellight.base.writing import write_folder
 from gellight.bundle.contents import (
     UNZIPPING,
@@ -72,7 +71,6 @@ OTHER_UNITS = "learnt_on_other_units"
 _PRESSES = "presses.npz"
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True)
 class Bundle:
     """A bundle that was checked: every checksum, every size."""

@@ -1,13 +1,15 @@
 """`gellight demo`: the whole sensor, simulated, with its dashboard."""
 
 import os
+import shlex
+import shutil
 import sys
 import webbrowser
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gellight.cli.ending import activation
 from gellight.cli.options import AsJson, RunOptions, simulated_settings, with_options
 from gellight.cli.showing import show
 
@@ -30,8 +32,9 @@ def command(
             open_browser(url)
         summary = follow(daemon, options.frames, patience_s=FRAME_TIMEOUT_S)
         show(summary, as_json, in_words(summary, options.frames))
-    if told := activation():
-        print(told, file=sys.stderr)
+    activate = Path(sys.prefix, "bin", "activate")
+    if activate.is_file() and not shutil.which("gellight"):
+        print(f"`. {shlex.quote(os.path.relpath(activate))}` lets this shell find `gellight`", file=sys.stderr)
 
 
 def open_browser(url: str) -> None:

@@ -1,13 +1,12 @@
 """`gellight doctor`: what stands between a sensor and good frames, each finding with its remedy."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gellight.cli.ending import Ending, with_program_path
+from gellight.cli.ending import Ending
 from gellight.cli.options import AsJson
 from gellight.cli.showing import show
 from gellight.sensor.findings import Finding, Level
@@ -25,9 +24,9 @@ def command(
     """
     findings = []
     for finding in _findings(sensor):
-        findings.append(replace(finding, remedy=with_program_path(finding.remedy)))
+        findings.append(finding)
         if not as_json:
-            print(line(findings[-1]), flush=True)
+            print(line(finding), flush=True)
     if as_json:
         show({"findings": findings}, as_json)
     if any(finding.level is Level.PROBLEM for finding in findings):

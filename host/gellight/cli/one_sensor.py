@@ -18,7 +18,6 @@ from gellight.base.errors import CameraError
 from gellight.base.process import ServiceManager, give_back_large_arrays
 from gellight.base.settings import Settings
 from gellight.bundle.bundle import SYNTHETIC, Bundle, load_bundle
-from gellight.cli.ending import with_program_path
 from gellight.cli.options import RunOptions
 from gellight.cli.showing import show
 from gellight.daemon.assembly import open_session
@@ -96,7 +95,7 @@ def warn_of_foreign_bundle(bundle: Bundle, settings: Settings) -> None:
             "`gellight calibrate --auto --sensor sim://` before you trust the depth"
         )
     if told:
-        logs.say(with_program_path(f"gellight: {told}"), level=logging.WARNING)
+        logs.say(f"gellight: {told}", level=logging.WARNING)
 
 
 @contextmanager

@@ -10,8 +10,6 @@ from dataclasses import fields, is_dataclass
 
 from pydantic import BaseModel
 
-from gellight.cli.ending import with_program_path
-
 LOG_S = 10.0
 """between two lines of a log on how far the work is"""
 
@@ -25,8 +23,6 @@ def show(result: object, as_json: bool, text: str | None = None) -> None:
         text = json.dumps(result, default=_plain, indent=2 if sys.stdout.isatty() else None)
     elif text is None:
         text = table(_plain(result))
-    else:
-        text = with_program_path(text)
     print(text, flush=True)
 
 

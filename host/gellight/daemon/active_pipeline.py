@@ -13,7 +13,7 @@ from gellight.frames.camera import Camera
 from gellight.frames.frames import CameraFrame, Provenance, TactileFrame
 from gellight.frames.status import ForceStatus, TouchStatus
 from gellight.photometric.lights_file import read_lights
-from gellight.reconstruction.force_file import read_force
+from gellight.reconstruction.force_file import ForceRecord
 from gellight.series.reconstructor import PhotometricReconstructor
 from gellight.series.single_light_path import SingleLightPath
 from gellight.series.window import WindowReconstructor
@@ -84,7 +84,7 @@ class ActivePipeline:
     @property
     def force(self) -> dict[str, float] | None:
         """What is known of the force of the bundle; None where it has no constant for it."""
-        record = read_force(self.bundle)
+        record = ForceRecord.in_bundle(self.bundle)
         if record is None:
             return None
         return {name: getattr(record, name) for name in ("youngs_modulus_mpa", "error_share", "heaviest_n")}

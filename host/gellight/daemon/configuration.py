@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gellight.base.errors import BundleError, ConfigError, InputError
 from gellight.base.settings import LightingSettings, ReconstructionSettings, Settings
 from gellight.bundle.bundle import Bundle
-from gellight.frames.picture import PictureSteps, steps_of
+from gellight.frames.picture import PictureSteps
 from gellight.photometric.light_model import LightGroups, LightModel
 from gellight.photometric.lights_file import read_lights
 from gellight.reconstruction.lens.undistortion import FILE_NAME as LENS
@@ -88,7 +88,7 @@ def mode_config(bundle: Bundle, settings: Settings) -> ModeConfig:
     together, InputError for a file of a light sequence that cannot be read.
     """
     path, light = _path_and_light(bundle, settings.reconstruction, settings.lighting)
-    return ModeConfig(bundle=bundle, settings=settings, pictures=steps_of(bundle), light=light, path=path)
+    return ModeConfig(bundle=bundle, settings=settings, pictures=PictureSteps.in_bundle(bundle), light=light, path=path)
 
 
 def in_mode(settings: Settings, mode: str) -> Settings:

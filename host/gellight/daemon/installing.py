@@ -19,7 +19,7 @@ from gellight.daemon.bundle_choice import check_sensor
 from gellight.daemon.session import SensorSession
 from gellight.daemon.switched_camera import SensorState
 from gellight.frames.camera import Camera
-from gellight.frames.picture import steps_of
+from gellight.frames.picture import PictureSteps
 from gellight.ring.board_link import RefusedError
 from gellight.ring.enumerations import Status
 from gellight.ring.light_ring import LightRing
@@ -132,7 +132,7 @@ def refuse_other_unit(bundle: Bundle, camera: Camera) -> None:
         return
     for _ in range(SETTLING_FRAMES):
         camera.read()
-    image, steps = camera.read().image, steps_of(bundle)
+    image, steps = camera.read().image, PictureSteps.in_bundle(bundle)
     if image.shape[:2] == (steps.taken_shape if steps else bundle.image_shape):
         UnitCheck(bundle).refuse(steps.apply(image, camera.url) if steps else image)
 

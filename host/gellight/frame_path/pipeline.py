@@ -7,28 +7,26 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle
-from gellight.frame_path.numpy_path import NumpyPath
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.status import PathStatus
 from gellight.photometric.directions import FILE_NAME
 from gellight.reconstruction.cast_shadows import CastShadows
 from gellight.reconstruction.gelnet import GradientNetwork
-from gellight.reconstruction.lens.undistortion import Undistortion, has_lens, read_undistortion
+from gellight.reconstruction.lens.undistortion import Undistortion, read_undistortion
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.native.judge import refuse_disagreement
 from gellight.reconstruction.native.library import NativePathError, fitting_library
 from gellight.reconstruction.native.native_path import NativePath
+from gellight.reconstruction.numpy_path import NumpyPath
 from gellight.reconstruction.perspective import Perspective
 from gellight.reconstruction.skirt import with_true_skirts
 from gellight.reconstruction.smoothing import NARROWEST_PX
 from gellight.reconstruction.stages import NetworkRows, TactilePath
 
 logger = logging.getLogger(__name__)
-Floats = NDArray[np.float32]
 
 
 class FramePath(Protocol):
@@ -74,17 +72,11 @@ class Reconstructor:
         self.bundle = bundle
         self._measures = BundleMeasures(bundle)
         self._perspective = Perspective.of_bundle(bundle)
-        self._network = GradientNetwork(
-            bundle.network,
-            bundle.image_shape,
-            noise_grey=bundle.manifest.noise_grey,
-            rest_grey=bundle.manifest.rest_grey,
-            source=bundle.source,
-        )
-        lens = read_undistortion(bundle) if undistorted and has_lens(bundle) else None
-        shadows = CastShadows.of_bundle(bundle, self._network, wanted=cast_shadows)
+        self.network = GradientNetwork.of_bundle(bundle)
+        lens = read_undistortion(bundle) if undistorted else None
+        shadows = CastShadows.of_bundle(bundle, self.network, wanted=cast_shadows)
         self.cast_shadows = shadows is not None and shadows.hide
-        numpy_path = NumpyPath(bundle, self._network, lens, shadows, smoothing_px=smoothing_px, masked=masked)
+        numpy_path = NumpyPath(bundle, self.network, lens, shadows, smoothing_px=smoothing_px, masked=masked)
         self._path: TactilePath = numpy_path
         self._computed_by = "NumPy"
         if native and masked:
@@ -96,7 +88,7 @@ class Reconstructor:
         """Compute natively where a library fits this machine and answers as NumPy does; else say so in the log."""
         try:
             name, library = fitting_library()
-            path = NativePath(library, self.bundle, self._network, lens, shadows, smoothing_px=smoothing_px)
+            path = NativePath(library, self.bundle, self.network, lens, shadows, smoothing_px=smoothing_px)
             refuse_disagreement(path, judge, self.bundle)
         except NativePathError as reason:
             logger.warning("frames are computed by NumPy, which takes longer: %s", reason)
@@ -124,10 +116,6 @@ class Reconstructor:
     def network_rows(self) -> NetworkRows:
         """How often the network was asked for the latest frame."""
         return self._path.network_rows
-
-    def touched(self, difference: Floats) -> NDArray[np.bool_]:
-        """Mark the (H, W) pixels that go through the network; see `gelnet.GradientNetwork`."""
-        return self._network.touched(difference)
 
 
 def _refuse_series(bundle: Bundle) -> None:

@@ -19,7 +19,6 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.field_docs import with_field_docs
 from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force, FrameMeasures, MapOnRequest
 from gellight.frames.point_cloud import normals, points_of
@@ -28,7 +27,6 @@ from gellight.frames.shear import DotsSeen, Shear, ShearTruth, Slip
 from gellight.frames.status import ExposuresStatus
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GroundTruth:
     """The gel surface that a simulated camera looked at: what only a simulator can know."""
@@ -100,7 +98,6 @@ class CaptureStamp:
     """start of the exposure on the clock of `time.time`, which other machines have too"""
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraFrame:
     """One picture of the gel."""
@@ -134,7 +131,6 @@ class CameraFrame:
         return f"<{type(self).__name__} {_size(self.image)}, sequence {self.sequence}, {self.time_s:.3f} s{light}>"
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ExposureSeries(CameraFrame):
     """The exposures of all light groups; as a camera frame it is the first of them.
@@ -159,7 +155,6 @@ class ExposureSeries(CameraFrame):
         return [[frame.image for frame in frames] for frames in self.frames]
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Contact:
     """Where and how deep the gel is touched."""
@@ -184,7 +179,6 @@ class Contact:
         return f"{self.indentation_mm:.3f} mm deep, {self.area_mm2:.1f} mm2 at ({x_mm:.1f}, {y_mm:.1f}) mm"
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True)
 class Patch:
     """One of the places where the gel is touched: a connected part of the contact patch."""
@@ -249,7 +243,6 @@ class ExposureReport(ExposureFigures):
         }
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
     """With what a tactile frame was computed, when, and what is known against it."""
@@ -275,7 +268,6 @@ class Provenance:
     """above the gel, as it seems from within it; 0 where nobody knows: it is then taken to be far away"""
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TactileFrame:
     """What the sensor feels in one camera frame."""

@@ -9,7 +9,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.base.field_docs import with_field_docs
 from gellight.frames.shear import DotsSeen, Floats, Shear
 from gellight.frames.status import ForceStatus
 
@@ -35,7 +34,6 @@ class ForceFigures:
         return {"normal_n": self.normal_n, "error_n": self.error_n, "flags": self.flags}
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Force(ForceFigures):
     """The force that presses the gel, along its normal; found by depth, so shear is not in it."""
@@ -57,7 +55,6 @@ STEEP, DARK, CLIPPED, ELSEWHERE, STRANGE = 1, 2, 4, 8, 16
 every press that was learnt from; a colour that none of them had"""
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Confidence:
     """How far each pixel is to be believed."""
@@ -73,7 +70,6 @@ class Confidence:
         return self.quality_flags & (ELSEWHERE | STRANGE) > 0
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ErrorBounds:
     """What nine in ten pixels under a ball are off by at most, as far as presses that were not learnt from tell.

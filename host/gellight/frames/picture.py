@@ -6,14 +6,14 @@ Without such a file pictures are taken as they are. With it a view is taken (`vi
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import Bundle
-from gellight.bundle.bundle_file import PictureFile, read_bundle_file
+from gellight.bundle.bundle_file import PictureFile
 from gellight.frames.camera import Camera
 from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.dots import Dots, find_dots
@@ -24,12 +24,14 @@ if TYPE_CHECKING:
     from gellight.frames.dot_following import DotFollower
 
 FILE_NAME = "picture.json"
-_REMEDY = "make it with `gellight calibrate view` and `gellight calibrate fit`"
+REMEDY = "make it with `gellight calibrate view` and `gellight calibrate fit`"
 
 
 class PictureSteps(PictureFile):
     """The content of the file."""
 
+    file_name: ClassVar[str] = FILE_NAME
+    remedy: ClassVar[str] = REMEDY
     view: View | None = None
     dots: Dots | None = None
 
@@ -39,6 +41,12 @@ class PictureSteps(PictureFile):
         if view is None and dots is None:
             return None
         return cls(image_width_px=image_shape[1], image_height_px=image_shape[0], view=view, dots=dots)
+
+    def check_fits(self, bundle: Bundle) -> None:
+        """Raise BundleError where it, or its view, is of another picture size than its bundle."""
+        super().check_fits(bundle)
+        if self.view and self.view.image_shape != bundle.image_shape:
+            raise BundleError(f"{bundle.source}: {FILE_NAME} has a view of another size than its pictures; {REMEDY}")
 
     @classmethod
     def with_view(cls, view: View) -> "PictureSteps":
@@ -50,10 +58,6 @@ class PictureSteps(PictureFile):
         view = [f"a view of {self.view.width_px} x {self.view.height_px} px is taken"] if self.view else []
         dots = [f"{self.dots.count} marker dots are filled"] if self.dots else []
         return " and ".join([*view, *dots])
-
-    def files(self) -> Mapping[str, bytes]:
-        """Return them as a file of a bundle."""
-        return {FILE_NAME: (self.model_dump_json(indent=1) + "\n").encode()}
 
     @property
     def taken_shape(self) -> tuple[int, int]:
@@ -80,16 +84,6 @@ class PictureSteps(PictureFile):
         from gellight.frames.dot_following import DotFollower  # SciPy takes longer than all else of a start
 
         return DotFollower(np.array(dots.places_px), dots.diameter_px, dots.darkness)
-
-
-def steps_of(bundle: Bundle) -> PictureSteps | None:
-    """Return what a bundle says of its pictures, None where they are taken as they are; BundleError for a bad file."""
-    if FILE_NAME not in bundle.files:
-        return None
-    steps = read_bundle_file(bundle, FILE_NAME, PictureSteps, _REMEDY)
-    if steps.view and steps.view.image_shape != bundle.image_shape:
-        raise BundleError(f"{bundle.source}: {FILE_NAME} has a view of another size than its pictures; {_REMEDY}")
-    return steps
 
 
 def steps_in(files: Mapping[str, bytes]) -> PictureSteps | None:
@@ -126,7 +120,7 @@ def are_prepared(camera: Camera, bundle: Bundle) -> bool:
 
 def prepared(camera: Camera, bundle: Bundle) -> Camera:
     """Return the camera with its pictures prepared as the bundle says; BundleError where that cannot be."""
-    steps = steps_of(bundle)
+    steps = PictureSteps.in_bundle(bundle)
     return camera if are_prepared(camera, bundle) or not steps else PreparedCamera(camera, steps)
 
 

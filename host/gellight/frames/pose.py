@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from gellight.base.allowed import StrictModel
-from gellight.base.field_docs import with_field_docs
 
 Numbers = tuple[float, ...]
 Row = Annotated[Numbers, Field(min_length=6, max_length=6)]
@@ -32,7 +31,6 @@ class PoseFigures(StrictModel):
     """follows from the covariance"""
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ObjectPose:
     """The rigid motion of an object, from the frame in which it was first touched to this one.

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat
 
 from gellight.base.allowed import StrictModel
-from gellight.base.field_docs import with_field_docs
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -34,7 +33,6 @@ class Unseen(IntEnum):
     """the gel is not lit"""
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DotsSeen:
     """The marker dots of one picture, each in the row of its name."""
@@ -67,7 +65,6 @@ PERSPECTIVE = "perspective"
 """flag: the bundle does not say how high the camera is, so what perspective moves is still in the displacement"""
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shear:
     """How the gel is moved and pulled along its surface, by its marker dots."""
@@ -116,7 +113,6 @@ class SlipState(StrEnum):
     UNKNOWN = "unknown"
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True)
 class Slip:
     """Whether what touches the gel slips, over the last 0.06 s, or 0.24 s where it slips slowly."""
@@ -130,7 +126,6 @@ class Slip:
     """it is unknown"""
 
 
-@with_field_docs
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShearTruth:
     """How a simulated gel is moved along its surface: what only a simulator can know."""

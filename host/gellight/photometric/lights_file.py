@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field, FiniteFloat, model_validator
@@ -10,7 +10,7 @@ from pydantic import Field, FiniteFloat, model_validator
 from gellight.base.allowed import Byte
 from gellight.base.errors import BundleError, ConfigError
 from gellight.bundle.bundle import Bundle, extend_bundle
-from gellight.bundle.bundle_file import PictureFile, read_bundle_file
+from gellight.bundle.bundle_file import PictureFile
 from gellight.photometric.light_model import LightGroups, LightModel
 from gellight.photometric.ring_geometry import RingGeometry
 
@@ -21,6 +21,8 @@ REMEDY = "take it with `gellight calibrate lights --sensor URL --calibration BUN
 class LightRecord(PictureFile):
     """The content of the file; names and units as in `LightModel`."""
 
+    file_name: ClassVar[str] = FILE_NAME
+    remedy: ClassVar[str] = REMEDY
     ring: RingGeometry
     colours: list[tuple[Byte, Byte, Byte]]
     crosstalk: tuple[tuple[FiniteFloat, FiniteFloat, FiniteFloat], ...]
@@ -50,12 +52,13 @@ def has_lights(bundle: Bundle) -> bool:
 
 def read_lights(bundle: Bundle) -> LightModel:
     """Return the light model of a bundle; BundleError where it has none, or one that does not fit it."""
-    if not has_lights(bundle):
-        raise BundleError(f"{bundle.source} has no {FILE_NAME}, the light of its LEDs one by one: {REMEDY}")
     try:
-        return _model(read_bundle_file(bundle, FILE_NAME, LightRecord, REMEDY))
+        record = LightRecord.in_bundle(bundle)
     except ConfigError as error:  # of the ring
         raise BundleError(f"{bundle.source}: {FILE_NAME}: {error}; {REMEDY}") from error
+    if record is None:
+        raise BundleError(f"{bundle.source} has no {FILE_NAME}, the light of its LEDs one by one: {REMEDY}")
+    return _model(record)
 
 
 def write_lights(bundle: Bundle, model: LightModel, out: Path, *, overwrite: bool = False) -> Bundle:

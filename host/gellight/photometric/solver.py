@@ -124,7 +124,7 @@ def solve(signals: Floats, rows: Floats, valid: Bools) -> Floats:
     right = np.zeros((3, rows.shape[2]), rows.dtype)
     for row, signal in zip(weighted, signals, strict=True):
         right += row * signal
-    return _times(inverse(normal_matrix(weighted, rows)), right)
+    return predict(inverse(normal_matrix(weighted, rows)), right)
 
 
 def normal_matrix(weighted: Floats, rows: Floats) -> Floats:
@@ -158,7 +158,7 @@ def solve_robustly(signals: Floats, rows: Floats, valid: Bools, deviation: Float
 
 
 def predict(rows: Floats, scaled: Floats) -> Floats:
-    """Return the signals (K, N) that scaled normals (3, N) would give under rows (K, 3, N)."""
+    """Return the signals (K, N) that scaled normals (3, N) would give under rows (K, 3, N): the product of each."""
     return np.asarray(rows[:, 0] * scaled[0] + rows[:, 1] * scaled[1] + rows[:, 2] * scaled[2])
 
 
@@ -174,11 +174,6 @@ def inverse(matrix: Floats) -> Floats:
     regular = determinant > 10 * np.finfo(matrix.dtype).eps * a * d * f
     result *= np.divide(1, determinant, out=np.zeros_like(determinant), where=regular)
     return result
-
-
-def _times(matrix: Floats, vector: Floats) -> Floats:
-    """(3, 3, N) times (3, N)."""
-    return np.asarray(matrix[:, 0] * vector[0] + matrix[:, 1] * vector[1] + matrix[:, 2] * vector[2])
 
 
 def slopes(scaled: Floats) -> Floats:

@@ -6,14 +6,13 @@ learnt, shadow and saturation told less on real presses.
 """
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from gellight.bundle.bundle import Bundle
-from gellight.bundle.bundle_file import BundleFile, read_bundle_file
+from gellight.bundle.bundle_file import BundleFile
 from gellight.frames.measures import ErrorBounds
 
 FILE_NAME = "errors.json"
@@ -33,6 +32,8 @@ Weights = Annotated[tuple[Annotated[float, Field(allow_inf_nan=False)], ...], Fi
 class ErrorRecord(BundleFile):
     """The content of the file."""
 
+    file_name: ClassVar[str] = FILE_NAME
+    remedy: ClassVar[str] = REMEDY
     presses: Annotated[int, Field(ge=1)]
     """that it was found on"""
     steepest: Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -109,13 +110,3 @@ def quadratic_form(found: Array, weights: Weights) -> Array:
     of_a, of_b, of_c = first
     form = one + a * (of_a + aa * a + ab * b + ac * c) + b * (of_b + bb * b + bc * c) + c * (of_c + cc * c)
     return np.asarray(form)
-
-
-def read_errors(bundle: Bundle) -> ErrorRecord | None:
-    """Return the checked content of the file, None where the bundle has none; BundleError where it is damaged."""
-    return read_bundle_file(bundle, FILE_NAME, ErrorRecord, REMEDY) if FILE_NAME in bundle.files else None
-
-
-def errors_file(record: ErrorRecord) -> dict[str, bytes]:
-    """Return the file by its name, for a bundle."""
-    return {FILE_NAME: (record.model_dump_json(indent=1) + "\n").encode()}

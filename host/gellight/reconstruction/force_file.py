@@ -1,14 +1,13 @@
 """`force.json`: what turns depth into newtons, a file of a calibration bundle."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AwareDatetime, Field
 
 from gellight.base.allowed import Positive
-from gellight.bundle.bundle import Bundle
-from gellight.bundle.bundle_file import BundleFile, read_bundle_file
+from gellight.bundle.bundle_file import BundleFile
 from gellight.frames.measures import BEYOND_VIEW, HEAVIER, Force
 from gellight.frames.pixel_grid import spread_blocks
 from gellight.reconstruction.force import Layer, indenting
@@ -26,6 +25,8 @@ InOlderFiles = Annotated[int | None, Field(exclude=True, repr=False)]
 class ForceRecord(BundleFile):
     """The content of the file; it is of the gel, whatever the size of its pictures."""
 
+    file_name: ClassVar[str] = FILE_NAME
+    remedy: ClassVar[str] = REMEDY
     gel_thickness_mm: Positive
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
     youngs_modulus_mpa: Positive
@@ -77,13 +78,3 @@ class ForceRecord(BundleFile):
             flags=tuple(name for name, holds in reasons if holds),
             pressure_of=pressure_mpa,
         )
-
-
-def force_file(record: ForceRecord) -> dict[str, bytes]:
-    """Return the file by its name, for a bundle."""
-    return {FILE_NAME: (record.model_dump_json(indent=1) + "\n").encode()}
-
-
-def read_force(bundle: Bundle) -> ForceRecord | None:
-    """Return the checked content of the file, None where the bundle has none; BundleError where it is damaged."""
-    return read_bundle_file(bundle, FILE_NAME, ForceRecord, REMEDY) if FILE_NAME in bundle.files else None

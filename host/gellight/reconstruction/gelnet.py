@@ -12,10 +12,12 @@ answer is its slope. Three things make a frame cheap and quiet:
 """
 
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gellight.bundle.bundle import Bundle
 from gellight.frames.pixel_grid import between_blocks, block_means, grown, spread_blocks
 from gellight.reconstruction.image_noise import SIGNIFICANT, RestChange
 from gellight.reconstruction.network_session import NetworkSession
@@ -74,6 +76,12 @@ class GradientNetwork:
         self.zero = self.infer(np.zeros((len(self.position), 3), np.float32), self.position)
         self.coarse_position = block_middles(image_shape, COARSE_PX)
         self.coarse_zero = self.infer(np.zeros((len(self.coarse_position), 3), np.float32), self.coarse_position)
+
+    @classmethod
+    def of_bundle(cls, bundle: Bundle) -> Self:
+        """Return that of a bundle, for its pictures; BundleError as above."""
+        noise_grey, rest_grey = bundle.manifest.noise_grey, bundle.manifest.rest_grey
+        return cls(bundle.network, bundle.image_shape, noise_grey=noise_grey, rest_grey=rest_grey, source=bundle.source)
 
     def touched(self, difference: Floats) -> NDArray[np.bool_]:
         """Mark the (H, W) pixels whose (H, W, 3) difference image is significant, as the class documents it."""

@@ -10,10 +10,10 @@ from gellight.bundle.bundle import Bundle
 from gellight.frames.measures import Confidence, ErrorBounds, Force
 from gellight.frames.shear import DotsSeen, Floats, Shear
 from gellight.reconstruction.confidence import Learnt, confidence_of
-from gellight.reconstruction.error_bounds import read_errors
-from gellight.reconstruction.force_file import read_force
+from gellight.reconstruction.error_bounds import ErrorRecord
+from gellight.reconstruction.force_file import ForceRecord
 from gellight.reconstruction.lens.model import middle_px
-from gellight.reconstruction.lens.undistortion import Undistortion, has_lens, lens_of, read_record, read_undistortion
+from gellight.reconstruction.lens.undistortion import LensRecord, Undistortion, lens_of, read_undistortion
 from gellight.reconstruction.shear.felt import Gel, felt_shear, motion
 
 PRESSES = "presses.npz"
@@ -28,8 +28,8 @@ class BundleMeasures:
         from_network: the slopes are those of the network.
         """
         self._bundle, self.from_network = bundle, from_network
-        self._forces = read_force(bundle)
-        self._errors = read_errors(bundle) if from_network else None
+        self._forces = ForceRecord.in_bundle(bundle)
+        self._errors = ErrorRecord.in_bundle(bundle) if from_network else None
 
     def force(self, depth_mm: NDArray[np.float32]) -> Force | None:
         """Return the force that makes a (H, W) depth map; None where the bundle has no `force.json`."""
@@ -49,8 +49,8 @@ class BundleMeasures:
     @cached_property
     def _gel(self) -> Gel:
         """How the gel is seen."""
-        bundle, record = self._bundle, self._forces
-        lens = lens_of(read_record(bundle)) if has_lens(bundle) else None
+        bundle, record, of_lens = self._bundle, self._forces, LensRecord.in_bundle(self._bundle)
+        lens = lens_of(of_lens) if of_lens else None
         middle, size = middle_px(bundle.image_shape), np.array(bundle.pixel_size_mm)
         return Gel(
             pixel_size_mm=bundle.pixel_size_mm,
@@ -76,7 +76,7 @@ class BundleMeasures:
 
     @cached_property
     def _lens(self) -> Undistortion | None:
-        return read_undistortion(self._bundle) if has_lens(self._bundle) else None
+        return read_undistortion(self._bundle)
 
     @cached_property
     def _reference(self) -> NDArray[np.float32]:

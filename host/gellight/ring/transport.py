@@ -10,7 +10,7 @@ import errno
 import re
 from typing import TYPE_CHECKING, Protocol
 
-from gellight.base.errors import BoardError, first_line
+from gellight.base.errors import INSTALL_UDEV, BoardError, first_line
 from gellight.base.holders import holders_text
 from gellight.ring.wire import LED_COUNT
 
@@ -124,7 +124,7 @@ def _why_closed(port: str, error: Exception) -> str:
     if number == errno.ENOENT:
         return f"there is no {port}: plug the light ring in, or let `gellight find` list what is there"
     if number in (errno.EACCES, errno.EPERM):
-        return f"you may not use {port}: run `sudo gellight install-udev` once, then unplug the sensor and plug it in"
+        return f"you may not use {port}: run {INSTALL_UDEV}, then unplug the sensor and plug it in"
     if number in (errno.EBUSY, errno.EAGAIN) or "lock" in str(error):
         return f"{port} is in use by {holders_text(port)}: end that programme"
     return f"cannot open {port} ({error}): unplug the light ring and plug it in again"

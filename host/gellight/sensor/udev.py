@@ -5,7 +5,7 @@ import subprocess
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from gellight.base.errors import InputError, first_line
+from gellight.base.errors import INSTALL_UDEV, InputError, first_line
 from gellight.base.writing import make_folder, write_file
 
 RULE = Path(__file__).parent / "60-gellight.rules"
@@ -38,9 +38,7 @@ def install(*, folder: Path = FOLDER, run: Callable[[Sequence[str]], None] = _ru
         make_folder(folder)
         write_file(target, RULE.read_bytes())
     except OSError as error:
-        raise InputError(
-            f"cannot write {target} ({os.strerror(error.errno or 0)}): run `sudo gellight install-udev`"
-        ) from error
+        raise InputError(f"cannot write {target} ({os.strerror(error.errno or 0)}): run {INSTALL_UDEV}") from error
     for command in COMMANDS:
         try:
             run(command)

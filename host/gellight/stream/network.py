@@ -80,14 +80,14 @@ def free_lan_port() -> int:
     )
 
 
-def found_by_multicast(wait_s: float = SCOUT_S) -> list[str]:
+def found_by_multicast() -> list[str]:
     """Return an endpoint of each program of zenoh that answers on the local network; not all need be daemons."""
     settings = zenoh.Config()
     settings.insert_json5("scouting/multicast/enabled", "true")
     found: dict[str, str] = {}
     scout = zenoh.scout(what="peer", config=settings)
     try:
-        until_s = time.monotonic() + wait_s
+        until_s = time.monotonic() + SCOUT_S
         while (left_s := until_s - time.monotonic()) > 0:
             hello = scout.try_recv()
             if hello is None:

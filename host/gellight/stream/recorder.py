@@ -17,7 +17,7 @@ from gellight.base.mailbox import Mailbox
 from gellight.daemon.session import SensorSession
 from gellight.frames.frames import CameraFrame, TactileFrame
 from gellight.frames.measures import MapOnRequest
-from gellight.reconstruction.force_file import read_force
+from gellight.reconstruction.force_file import ForceRecord
 from gellight.recording.frame_record import NO_SERIES
 from gellight.recording.kinds import DepthKind
 from gellight.recording.recording_file import RecordingWriter
@@ -74,7 +74,7 @@ class Recorder:
         self._daemon, self.path, self._most = daemon, path, frames
         if daemon.joins_exposures:
             raise InputError(NO_SERIES)
-        if MapOnRequest.PRESSURE in maps and read_force(daemon.bundle) is None:
+        if MapOnRequest.PRESSURE in maps and ForceRecord.in_bundle(daemon.bundle) is None:
             raise InputError(
                 "the bundle has no constant for the force, so there is no pressure to record: find it with "
                 "`gellight calibrate force`, or record without"

@@ -1,9 +1,9 @@
 """What a change of the light costs, in degrees and millimetres, before anybody presses anything.
 
-Two parts, both asked of the bundle's own network:
+Two parts, both asked of the bundle itself:
 
-Zero. The change of the untouched picture is taken for slopes. The network's answer to it, and the integral of that, are
-what the sensor reports where nothing touches. Setting the zero anew removes it.
+Zero. The changed picture of the untouched gel goes through the frame path: what it feels there is what the sensor
+reports where nothing touches. Setting the zero anew removes it.
 
 Gain. A colour that is dimmed to a share q shows a slope q times as strongly as the network has learned. To first order
 the network answers g = J d to a difference d of the three colours, J (2, 3) its derivative at the untouched gel; the
@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
-from gellight.frames.pixel_grid import spread_blocks
+from gellight.frames.frames import CameraFrame
 from gellight.reconstruction.cast_shadows import CastShadows
-from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
-from gellight.reconstruction.integration import far_from_touch
-from gellight.reconstruction.light_drift import difference_of
-from gellight.reconstruction.perspective import Perspective, depth_seen
-from gellight.watch.cells import Cells, spread
+from gellight.reconstruction.gelnet import GradientNetwork
+from gellight.reconstruction.lens.undistortion import read_undistortion
+from gellight.reconstruction.numpy_path import NumpyPath
+from gellight.reconstruction.smoothing import NARROWEST_PX
+from gellight.watch.cells import Cells, cell_means, spread
 
 Array = NDArray[np.float64]
 
@@ -59,30 +59,23 @@ class ExpectedError:
 
 
 class ErrorEstimate:
-    """The network of a bundle, asked what a change costs."""
+    """The frame path and the network of a bundle, asked what a change costs."""
 
     def __init__(self, bundle: Bundle) -> None:
         """Load the network and take its derivative; a fraction of a second. Raises BundleError."""
-        self._bundle = bundle
-        self._network = GradientNetwork(
-            bundle.network,
-            bundle.image_shape,
-            noise_grey=bundle.manifest.noise_grey,
-            rest_grey=bundle.manifest.rest_grey,
-            source=bundle.source,
-        )
-        self._shadows = CastShadows.of_bundle(bundle, self._network)
-        self._perspective = Perspective.of_bundle(bundle)
+        self._bundle, self._network = bundle, GradientNetwork.of_bundle(bundle)
+        parts = self._network, read_undistortion(bundle), CastShadows.of_bundle(bundle, self._network)
+        self._path = NumpyPath(bundle, *parts, smoothing_px=NARROWEST_PX, masked=True)
         self._places = np.zeros(bundle.image_shape, np.bool_)
         self._places[_EVERY_PX // 2 :: _EVERY_PX, _EVERY_PX // 2 :: _EVERY_PX] = True
-        self._derivative = np.stack([self._slopes_per_grey(channel) for channel in range(3)], axis=2)
+        steps = _STEP_GREY * np.eye(3, dtype=np.float32)
+        self._derivative = np.stack([self._slopes(step) - self._slopes(-step) for step in steps], axis=2)
+        self._derivative /= 2 * _STEP_GREY
 
-    def _slopes_per_grey(self, channel: int) -> Array:
-        """(n, 2) change of the slope with one channel, at the places."""
-        step = np.zeros((*self._places.shape, 3), np.float32)
-        step[..., channel] = _STEP_GREY
-        up, down = (self._network.gradient_map(sign * step, self._places)[self._places] for sign in (1, -1))
-        return np.asarray((up - down) / (2 * _STEP_GREY), np.float64)
+    def _slopes(self, grey: NDArray[np.float32]) -> Array:
+        """(n, 2) answer to the same difference everywhere, at the places."""
+        difference = np.tile(grey, (*self._places.shape, 1))
+        return self._network.gradient_map(difference, self._places)[self._places].astype(np.float64)
 
     def of(self, change: Cells, reference: Cells, zeroed: Cells) -> ExpectedError:
         """Return what a (h, w, 3) change of the light from `reference` costs, of which `zeroed` is in the zero."""
@@ -93,30 +86,20 @@ class ErrorEstimate:
         )
 
     def _zero(self, change: Cells) -> tuple[float, float, float]:
-        reference, follow = self._bundle.reference, self._bundle.manifest.follow_light
-        changed = reference + spread(change, self._bundle.image_shape)
-        difference = difference_of(changed, reference, follow_light=follow)
-        slopes, touched = self._network.gradient_map(difference), self._network.touched_cells(difference)
-        if self._shadows and (by_depth := self._shadows.change(difference, slopes, touched)) is not None:
-            slopes += by_depth
-        depth_mm = depth_seen(
-            slopes,
-            self._bundle.pixel_size_mm,
-            self._perspective,
-            at_rest=far_from_touch(spread_blocks(touched, CELL_PX, self._bundle.image_shape)),
-            bulge=self._bundle.manifest.bulge,
-        )
+        bundle = self._bundle
+        changed = np.clip(np.rint(bundle.reference + spread(change, bundle.image_shape)), 0, 255).astype(np.uint8)
+        felt = self._path.reconstruct(CameraFrame(image=changed, time_s=0.0, sequence=0))
+        slopes = cell_means(felt.gradient_map)  # the change has one value a cell, and rounding it is no error
         angle = np.degrees(np.arctan(np.hypot(slopes[..., 0], slopes[..., 1])))
-        error_mm = np.abs(depth_mm)
+        error_mm = np.abs(felt.depth_mm)
         return float(angle.mean()), float(error_mm.mean()), float(error_mm.max())
 
     def _gain(self, change: Cells, reference: Cells) -> tuple[float, float]:
-        share = 1 + change / np.maximum(reference, 1.0)
-        at_places = spread(share.astype(np.float32), self._bundle.image_shape)[self._places]
+        share = (1 + change / np.maximum(reference, 1.0)).astype(np.float32)
+        at_places = spread(share, self._places.shape)[self._places]
         around = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
         true = SLOPE * np.stack([np.cos(around), np.sin(around)])
-        seen = np.linalg.pinv(self._derivative) @ true * at_places[:, :, None]
-        felt = self._derivative @ seen
+        felt = self._derivative @ (np.linalg.pinv(self._derivative) @ true * at_places[:, :, None])
         cosine = (1 + (felt * true).sum(axis=1)) / np.sqrt((1 + (felt**2).sum(axis=1)) * (1 + SLOPE**2))
         scale = (felt * true).sum(axis=(1, 2)) / (true**2).sum()
         angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))

@@ -17,7 +17,7 @@ from gellight.frames.frames import TactileFrame
 from gellight.frames.measures import CLIPPED, DARK, ELSEWHERE, STEEP, STRANGE
 from gellight.frames.status import FindingStatus
 from gellight.reconstruction.contact import SMALLEST_PATCH_PX
-from gellight.reconstruction.force_file import read_force
+from gellight.reconstruction.force_file import ForceRecord
 from gellight.reconstruction.integration import normals, surface_gradient
 from gellight.watch.cells import CELL_PX
 from gellight.watch.expected import ExpectedError
@@ -247,7 +247,7 @@ def learnt_elsewhere(bundle: Bundle) -> list[WatchFinding]:
 
 def gel_thickness_mm(bundle: Bundle, told_mm: float | None = None) -> float | None:
     """Return how thick the gel of a sensor is, by its bundle, else as `told_mm` says; None where nobody knows."""
-    record = read_force(bundle)
+    record = ForceRecord.in_bundle(bundle)
     return bundle.manifest.gel_thickness_mm or (record.gel_thickness_mm if record else None) or told_mm
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gellight.bundle.bundle import Bundle
 from gellight.reconstruction.lens.model import half_diagonal_px, middle_px
-from gellight.reconstruction.lens.undistortion import has_lens, lens_of, read_record
+from gellight.reconstruction.lens.undistortion import LensRecord, lens_of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,12 +25,12 @@ def intrinsics(bundle: Bundle, distance_mm: float) -> Intrinsics:
 
     Raises BundleError for a lens file that is damaged.
     """
-    matrix = np.eye(3)
-    if not has_lens(bundle):
+    matrix, record = np.eye(3), LensRecord.in_bundle(bundle)
+    if record is None:
         matrix[:2, :2] = np.diag(distance_mm / np.array(bundle.pixel_size_mm))
         matrix[:2, 2] = middle_px(bundle.image_shape)
         return Intrinsics(matrix=matrix, distortion=(0.0, 0.0))
-    lens = lens_of(read_record(bundle))
+    lens = lens_of(record)
     matrix[:2, :2] = lens.scale * distance_mm
     matrix[:2, 2] = lens.centre_px
     focal_lengths = np.sqrt(np.linalg.det(lens.scale)) * distance_mm / half_diagonal_px(lens.image_shape)

@@ -18,7 +18,7 @@ from gellight.lab.simulator.printed_dots import known_force
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.simulator.simulated_camera import open_simulated
 from gellight.opening import open_camera
-from gellight.reconstruction.force_file import FILE_NAME, ForceRecord, read_force
+from gellight.reconstruction.force_file import FILE_NAME, ForceRecord
 from gellight_design.simulating import gel_models
 from gellight_design.simulating.gel_models import KeptPresses, check_memory, free_memory
 from sim_reference.deformation import NotConverged, grid
@@ -137,7 +137,7 @@ def test_the_force_is_of_the_gel_whatever_the_size_of_its_pictures(view: View | 
     geometry = {"image_width_px": SHAPE[1], "image_height_px": SHAPE[0], "pixel_size_mm": 0.2352, "gel_thickness_mm": 4}
     with open_simulated("sim://?board=0", geometry) as camera:
         seen = PreparedCamera(camera, PictureSteps.with_view(view)) if view else camera
-        record = read_force(with_files(ordinary(), "other", force__json=seen.bundle_files[FILE_NAME]))
+        record = ForceRecord.in_bundle(with_files(ordinary(), "other", force__json=seen.bundle_files[FILE_NAME]))
     assert (record.gel_thickness_mm, record.error_share, record.side_error_share) == (4, 0.05, 0.05)
     assert (record.error_floor_n, record.lightest_n, record.heaviest_n, record.readings) == (0.005, 0.151, 11.757, 13)
     assert seen.bundle_files.keys() == ({FILE_NAME, "picture.json"} if view else {FILE_NAME})

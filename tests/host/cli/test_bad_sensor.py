@@ -40,7 +40,7 @@ def test_a_ring_that_this_user_may_not_use_is_told(monkeypatch: pytest.MonkeyPat
     import serial
 
     monkeypatch.setattr(serial, "Serial", Mock(side_effect=serial.SerialException(errno.EACCES, "could not open port")))
-    with pytest.raises(BoardError, match="sudo gellight install-udev"):
+    with pytest.raises(BoardError, match="install-udev"):
         open_transport("/dev/ttyACM0")
 
 

@@ -14,7 +14,7 @@ from gellight.base.errors import InputError
 from gellight.bundle.bundle import load_bundle
 from gellight.cli.reconstruct import command
 from gellight.frames.image_files import read_image
-from gellight.frames.picture import steps_of
+from gellight.frames.picture import PictureSteps
 from gellight.lab.simulator.scene import Press, Scene
 from gellight.lab.training.label_file import read_presses
 from gellight.lab.training.presses import Ball
@@ -207,7 +207,7 @@ def test_a_dotted_gel_from_the_side_is_calibrated_and_felt(
     succeeded(
         calibrate("fit", "--presses", view / "presses.csv", *reference, *COARSE_BALL, *how, "--out", tmp_path / "b")
     )
-    steps = steps_of(load_bundle(tmp_path / "b"))
+    steps = PictureSteps.in_bundle(load_bundle(tmp_path / "b"))
     assert steps.view is not None
     assert steps.dots is not None
     for number in (0, 5, 11):

@@ -10,7 +10,7 @@ import pytest
 
 from gellight.bundle.bundle import load_bundle
 from gellight.frames.frames import CameraFrame, CaptureStamp
-from gellight.reconstruction.force_file import read_force
+from gellight.reconstruction.force_file import ForceRecord
 from gellight.recording.recording_file import RecordingWriter
 from tests.helpers.command_line import invoke, refused, succeeded
 from tests.helpers.linear_sensor import linear_bundle
@@ -51,7 +51,7 @@ def test_weights_give_the_modulus_and_the_bundle_keeps_all_the_rest(folder: Path
     assert said["readings"] == len(DEPTHS) - 1
     old, new = load_bundle(folder / "bundle"), load_bundle(folder / "new")
     assert {**old.files, "force.json": new.files["force.json"]} == new.files
-    record = read_force(new)
+    record = ForceRecord.in_bundle(new)
     assert record.heaviest_n == pytest.approx(weighed(0.6).force_n)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import load_bundle
-from gellight.reconstruction.lens.undistortion import read_record
+from gellight.reconstruction.lens.undistortion import LensRecord
 from tests.helpers.command_line import invoke, refused, succeeded
 from tests.helpers.distorted import PIXEL_MM, SHAPE, TrueLens, dimple_picture, pin_picture, untouched
 from tests.helpers.linear_sensor import linear_bundle
@@ -44,7 +44,7 @@ def test_the_new_bundle_has_the_lens_and_all_the_rest(folder: Path, tmp_path: Pa
     assert said["rms_before_mm"] == pytest.approx(said["rms_before_px"] * PIXEL_MM, rel=0.01)
     old, new = load_bundle(folder / "bundle"), load_bundle(tmp_path / "new")
     assert {**old.files, "lens.json": new.files["lens.json"]} == new.files
-    record = read_record(new)
+    record = LensRecord.in_bundle(new)
     assert (record.images, record.pitch_mm, record.learnt_from_circles) == (("grid.png",), 2.0, False)
     assert record.k1 == pytest.approx(-0.05, abs=0.002)
     assert cv2.imread(str(tmp_path / "seen.png")).shape == (2 * SHAPE[0], 2 * SHAPE[1], 3)

@@ -1,17 +1,15 @@
-"""Exit statuses, and advice that can be typed where it is read."""
+"""Exit statuses, and what a verb prints last."""
 
-import os
 import signal
 import sys
 import threading
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
 from gellight.base.errors import InputError
 from gellight.cli import ending
-from gellight.cli.ending import MEANINGS, Ending, activation, end, program, until_interrupted, with_program_path
+from gellight.cli.ending import MEANINGS, Ending, end, until_interrupted
 from tests.helpers.children import run
 from tests.helpers.places import CHECKOUT
 
@@ -116,42 +114,3 @@ def test_the_document_and_the_help_list_every_status() -> None:
     assert set(MEANINGS) == set(Ending)
     for status, meaning in MEANINGS.items():
         assert f"| {status} | {meaning} |\n" in text
-
-
-@pytest.fixture
-def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A program in an environment with a space in its path, which the shell does not find."""
-    place = tmp_path / "my env/bin/gellight"
-    place.parent.mkdir(parents=True)
-    place.write_text("#!/bin/sh\n")
-    place.chmod(0o755)
-    monkeypatch.setattr(sys, "argv", [str(place), "find"])
-    monkeypatch.setenv("PATH", "/nowhere")
-    return place
-
-
-def test_advice_names_the_path_where_shell_or_sudo_find_no_program(
-    installed: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert program() == installed
-    told = with_program_path(
-        "may not use it: run `sudo gellight install-udev`; `gellight find` lists all, gellight is here"
-    )
-    assert told == (
-        f"may not use it: run `sudo '{installed}' install-udev`; `'{installed}' find` lists all, gellight is here"
-    )
-    monkeypatch.setenv("PATH", f"/nowhere{os.pathsep}{installed.parent}")
-    assert with_program_path("`sudo gellight install-udev`, then `gellight find`") == (
-        f"`sudo '{installed}' install-udev`, then `gellight find`"
-    )
-
-
-def test_the_demo_says_how_the_shell_finds_the_program(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert activation() == "", "no environment that could be activated"
-    activate = installed.with_name("activate")
-    activate.write_text("")
-    assert activation().startswith(f"`. '{activate}'` puts gellight on the PATH")
-    monkeypatch.chdir(installed.parents[2])
-    assert activation().startswith("`. 'my env/bin/activate'` puts gellight on the PATH")
-    monkeypatch.setenv("PATH", str(installed.parent))
-    assert activation() == ""

@@ -9,7 +9,7 @@ import pytest
 from gellight.base.errors import BundleError, InputError
 from gellight.bundle.bundle import extend_bundle, load_bundle
 from gellight.frames.dots import find_dots
-from gellight.frames.picture import FILE_NAME, PictureSteps, steps_of
+from gellight.frames.picture import FILE_NAME, PictureSteps
 from gellight.frames.pixel_grid import block_means, gel_points_mm, over_gel, plane_means, spread_blocks
 from gellight.frames.point_cloud import ply, points_of
 from gellight.frames.view import View, read_view
@@ -126,8 +126,8 @@ def test_a_camera_opened_with_a_bundle_shows_the_view_and_no_dots(tmp_path: Path
     steps = PictureSteps.with_view(view)
     linear_bundle(tmp_path / "plain", shape)
     bundle = extend_bundle(load_bundle(tmp_path / "plain"), tmp_path / "bundle", steps.files())
-    assert steps_of(bundle) == steps
-    assert steps_of(load_bundle(tmp_path / "plain")) is None
+    assert PictureSteps.in_bundle(bundle) == steps
+    assert PictureSteps.in_bundle(load_bundle(tmp_path / "plain")) is None
     taken = from_the_side(waves())
     cv2.imwrite(str(tmp_path / "taken.png"), taken[..., ::-1])
     with open_camera(tmp_path / "taken.png", bundle=bundle) as camera:

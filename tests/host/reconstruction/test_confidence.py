@@ -14,7 +14,7 @@ from gellight.lab.simulator.scene import Press, Scene
 from gellight.reconstruction import measures
 from gellight.reconstruction.confidence import Learnt, confidence_of, steepest_of
 from gellight.reconstruction.integration import angle_deg, normals
-from gellight.reconstruction.lens.undistortion import lens_of, read_record, read_undistortion
+from gellight.reconstruction.lens.undistortion import LensRecord, lens_of, read_undistortion
 from gellight.reconstruction.measures import BundleMeasures
 from sim_reference.camera import CameraResponse, digitise
 from sim_reference.geometry import AS_BUILT
@@ -149,7 +149,7 @@ def test_the_pixels_of_the_picture_are_carried_through_the_lens(monkeypatch: pyt
     straight, moved = (BundleMeasures(one).confidence(image, flat).quality_flags > 0 for one in (bundle, bent))
     places = [np.argwhere(doubted).mean(axis=0)[::-1] for doubted in (straight, moved)]
     assert places[0] == pytest.approx([104.5, 104.5])
-    on_gel_mm = lens_of(read_record(bent)).to_gel(np.array([[104.5, 104.5]]))[0]
+    on_gel_mm = lens_of(LensRecord.in_bundle(bent)).to_gel(np.array([[104.5, 104.5]]))[0]
     expected = on_gel_mm / bundle.pixel_size_mm + [(width - 1) / 2, (height - 1) / 2]
     assert places[1] == pytest.approx(expected, abs=0.6)
     assert np.linalg.norm(expected - places[0]) > 3

@@ -11,10 +11,8 @@ from gellight.frames.frames import GroundTruth
 from gellight.reconstruction.error_bounds import (
     TERMS,
     ErrorRecord,
-    errors_file,
     quadratic,
     quadratic_form,
-    read_errors,
     signs,
 )
 from gellight.reconstruction.errors import surface_errors
@@ -95,12 +93,12 @@ def test_the_form_has_every_product_once() -> None:
 
 
 def test_a_bundle_keeps_its_errors_and_a_damaged_file_is_named(synthetic: Bundle) -> None:
-    kept = replace(synthetic, files={**synthetic.files, **errors_file(record())})
-    assert read_errors(kept) == record()
-    assert read_errors(synthetic) is None
+    kept = replace(synthetic, files={**synthetic.files, **record().files()})
+    assert ErrorRecord.in_bundle(kept) == record()
+    assert ErrorRecord.in_bundle(synthetic) is None
     damaged = replace(synthetic, files={**synthetic.files, "errors.json": b'{"presses": 0}'})
     with pytest.raises(BundleError, match=r"errors\.json.*calibrate again"):
-        read_errors(damaged)
+        ErrorRecord.in_bundle(damaged)
 
 
 # ---- against a true surface ----

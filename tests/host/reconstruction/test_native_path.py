@@ -123,7 +123,7 @@ def test_a_view_that_is_touched_all_over(name: str, tmp_path: Path) -> None:
     slopes = np.stack([0.4 * np.cos(x / 9), 0.4 * np.sin(y / 11)], axis=2)
     native, pixels = both(linear_bundle(tmp_path / "b", shape))
     frame = photograph(slopes, noise_grey=1.0)
-    assert pixels.touched(pixels.reconstruct(frame).difference).all()
+    assert pixels.network.touched(pixels.reconstruct(frame).difference).all()
     agree(native.reconstruct(frame), pixels.reconstruct(frame))
 
 

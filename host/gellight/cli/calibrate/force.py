@@ -12,7 +12,7 @@ from gellight.cli.calibrate.told_ball import told_layer
 from gellight.cli.options import AsJson, NewBundle, with_options
 from gellight.cli.showing import show
 from gellight.lab.calibration.force.fit import measure_force
-from gellight.reconstruction.force_file import ForceRecord, force_file
+from gellight.reconstruction.force_file import ForceRecord
 
 
 @with_options
@@ -43,7 +43,7 @@ def command(
             "poisson_ratio where it is no silicone"
         )
     record = measure_force(bundle, forces, recording, layer, load_settings().geometry.camera_height_mm)
-    written = extend_bundle(bundle, new.out, force_file(record), overwrite=new.overwrite)
+    written = extend_bundle(bundle, new.out, record.files(), overwrite=new.overwrite)
     found = {"calibration": str(new.out), "identity": written.identity, **record.model_dump(mode="json")}
     show(found, as_json, _text(record, new.out))
 

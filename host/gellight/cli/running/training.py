@@ -13,7 +13,7 @@ from gellight.cli.calibrate.training_options import Recorded, SizedTraining
 from gellight.cli.ending import Ending
 from gellight.cli.options import NewBundle
 from gellight.cli.showing import progress, show
-from gellight.frames.picture import steps_of
+from gellight.frames.picture import PictureSteps
 from gellight.frames.view import View, read_view
 from gellight.lab.training import validation
 from gellight.lab.training.judged_fit import fit_judged
@@ -101,7 +101,7 @@ def evaluate(presses: Path, calibration: str, ball_radius_mm: float | None, as_j
     """Measure the error of a bundle on labelled presses, and show it."""
     bundle = load_bundle(calibration)
     ball = _ball_of(bundle, ball_radius_mm)
-    steps = steps_of(bundle)
+    steps = PictureSteps.in_bundle(bundle)
     smaller = View(**bundle.metrics[SMALLER]) if SMALLER in bundle.metrics else None
     dots = steps.dots if steps else None
     labelled = read_presses(presses, ball=ball, image_shape=bundle.image_shape, dots=dots, view=smaller)

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from gellight.base.errors import BoardError, GellightError, InputError
+from gellight.base.errors import INSTALL_UDEV, BoardError, GellightError, InputError
 from gellight.base.holders import holders
 from gellight.lab.doctor.sensor_checks import check_sensor
 from gellight.ring.transport import is_board
@@ -113,7 +113,7 @@ def check_rule(folder: Path) -> Finding:
     """Look whether the udev rule is installed."""
     if udev.installed(folder=folder):
         return ok("udev rule", f"{folder / udev.RULE.name} is installed")
-    return warning("udev rule", f"{folder / udev.RULE.name} is missing or old", "run `sudo gellight install-udev`")
+    return warning("udev rule", f"{folder / udev.RULE.name} is missing or old", f"run {INSTALL_UDEV}")
 
 
 def check_disk(folder: Path) -> Finding:
@@ -160,8 +160,8 @@ def check_permission(node: Node) -> Finding:
     if not os.access(node.path, os.R_OK | os.W_OK):
         return problem(
             "permission", f"you may not use {node.path}",
-            "run `sudo gellight install-udev`, then unplug the sensor and plug it in; over ssh also `sudo usermod -aG "
-            "video $USER`, then log in again",
+            f"run {INSTALL_UDEV}, then unplug the sensor and plug it in; over ssh also `sudo usermod -aG video $USER`, "
+            "then log in again",
         )  # fmt: skip
     if others := holders(node.path):
         names = ", ".join(f"{command} (process {number})" for number, command in others)

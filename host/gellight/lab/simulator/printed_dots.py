@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from gellight.reconstruction.force_file import ForceRecord, force_file
+from gellight.reconstruction.force_file import ForceRecord
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry
 from sim_reference.view import seen_height_mm
@@ -99,4 +99,4 @@ def known_force(geometry: SensorGeometry) -> dict[str, bytes]:
         source="the simulated gel",
         created=datetime.now(UTC).replace(microsecond=0),
     )
-    return force_file(record)
+    return record.files()

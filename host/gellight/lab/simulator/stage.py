@@ -31,9 +31,9 @@ PROGRAMME = (
 )
 
 
-def moving_peg(steps: int = 20) -> tuple[Press, ...]:
+def moving_peg() -> tuple[Press, ...]:
     """Return a peg that slides, turns and tilts, there and back."""
-    s = np.linspace(0, 1, steps)
+    s = np.linspace(0, 1, 20)
     ways = 1.5 * np.sin(2 * np.pi * s), 1.5 * s, np.radians(2 * np.sin(2 * np.pi * s)), np.radians(12 * s)
     there = [
         Press("PEG", 0.8, x, y, turn_rad=(tilt, 0.0, turn)) for x, y, tilt, turn in np.stack(ways, axis=1).tolist()

@@ -8,7 +8,7 @@ from gellight.base.errors import BundleError, CameraError, InputError
 from gellight.bundle.bundle import Bundle
 from gellight.lab.simulator.measured_light import MeasuredLight
 from gellight.lab.simulator.shutter import SimulatedControls
-from gellight.reconstruction.force_file import read_force
+from gellight.reconstruction.force_file import ForceRecord
 from sim_reference.camera import CameraResponse
 from sim_reference.fem.gel import FemGel
 from sim_reference.geometry import SensorGeometry
@@ -33,7 +33,7 @@ class Unit:
     @cached_property
     def youngs_modulus_mpa(self) -> float:
         """Of the gel, from `force.json`; else that of the simulated gel."""
-        force = read_force(self.bundle)
+        force = ForceRecord.in_bundle(self.bundle)
         return FemGel.youngs_modulus_mpa if force is None else force.youngs_modulus_mpa
 
     def geometry(self, given: Mapping[str, float | int | str] | None = None) -> SensorGeometry:
@@ -54,7 +54,7 @@ class Unit:
             gel |= {"camera_height_mm": seen_mm, "perspective": True, "mounting_height_mm": 0.0}
         if self.bundle.manifest.gel_thickness_mm:
             gel["gel_thickness_mm"] = self.bundle.manifest.gel_thickness_mm
-        if (force := read_force(self.bundle)) is not None:
+        if (force := ForceRecord.in_bundle(self.bundle)) is not None:
             gel |= {"gel_thickness_mm": force.gel_thickness_mm, "poisson_ratio": force.poisson_ratio}
         gel |= {name: float(value) for name, value in (given or {}).items() if name in GEL}
         try:

@@ -81,8 +81,8 @@ class LightChange:
         return {"gains": np.round(self.gains, 4).tolist(), "leds": leds, "left_grey": round(self.left_grey, 3)}
 
 
-def untouched_now(camera: Camera, bundle: Bundle, *, frames: int = FRAMES) -> Reference:
-    """Average up to `frames` pictures of the untouched gel, prepared as the bundle says.
+def untouched_now(camera: Camera, bundle: Bundle) -> Reference:
+    """Average up to `FRAMES` pictures of the untouched gel, prepared as the bundle says.
 
     A simulated sensor lifts what it presses. Raises InputError where something moves, BundleError where the pictures do
     not fit the bundle or show another unit, CameraError.
@@ -92,7 +92,7 @@ def untouched_now(camera: Camera, bundle: Bundle, *, frames: int = FRAMES) -> Re
         camera.stage.take_over()
     images: list[NDArray[np.uint8]] = []
     try:
-        while len(images) < frames:
+        while len(images) < FRAMES:
             images.append(camera.read().image)
     except EndOfStream:
         pass

@@ -31,7 +31,6 @@ from gellight.reconstruction.error_bounds import (
     DEG_FLOOR,
     MM_FLOOR,
     ErrorRecord,
-    errors_file,
     quadratic,
     signs,
 )
@@ -80,7 +79,7 @@ def fit_judged(
     return fit(
         presses, reference, ball, out, sensor=sensor, how=how, view=view,
         level_plane=best.level_plane, skirt_share=skirts.share, overwrite=overwrite, progress=report, check=check,
-        extra_files={**(extra_files or {}), **(errors_file(fit_errors(best.samples)) if best.samples else {})},
+        extra_files={**(extra_files or {}), **(fit_errors(best.samples).files() if best.samples else {})},
         extra_metrics={**(extra_metrics or {}), **({"held_out": figures} if folds else {})},
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ leans by (X(u) - X(c)) / R = J (u - c) / R, with J = dX/du. So the truth is J n 
 that learnt true slopes (as that of the simulated sensor) needs no such step.
 """
 
-from typing import Annotated, Any, TypeVar, cast
+from typing import Annotated, Any, ClassVar, TypeVar, cast
 
 import cv2
 import numpy as np
@@ -19,7 +19,7 @@ from pydantic import AwareDatetime, Field, FiniteFloat
 
 from gellight.base.allowed import Positive
 from gellight.bundle.bundle import Bundle
-from gellight.bundle.bundle_file import PictureFile, read_bundle_file
+from gellight.bundle.bundle_file import PictureFile
 from gellight.frames.pixel_grid import bounding_box, gel_points_mm
 from gellight.reconstruction.lens.model import Lens
 
@@ -92,6 +92,8 @@ REMEDY = "measure it again with `gellight calibrate lens IMAGE --pitch-mm P --ca
 class LensRecord(PictureFile):
     """The content of the file; the first five as in `Lens`."""
 
+    file_name: ClassVar[str] = FILE_NAME
+    remedy: ClassVar[str] = REMEDY
     centre_px: tuple[FiniteFloat, FiniteFloat]
     k1: Annotated[float, Field(gt=-1, lt=1)]
     k2: Annotated[float, Field(gt=-1, lt=1)]
@@ -112,14 +114,11 @@ def has_lens(bundle: Bundle) -> bool:
     return FILE_NAME in bundle.files
 
 
-def read_record(bundle: Bundle) -> LensRecord:
-    """Return the checked content of the file; BundleError where it is damaged or of another picture size."""
-    return read_bundle_file(bundle, FILE_NAME, LensRecord, REMEDY)
-
-
-def read_undistortion(bundle: Bundle) -> Undistortion:
-    """Return the resampling of a bundle that has a lens; BundleError as `read_record`."""
-    record = read_record(bundle)
+def read_undistortion(bundle: Bundle) -> Undistortion | None:
+    """Return the resampling of a bundle, None without a lens; BundleError as `LensRecord.in_bundle`."""
+    record = LensRecord.in_bundle(bundle)
+    if record is None:
+        return None
     return Undistortion(lens_of(record), bundle.pixel_size_mm, from_circles=record.learnt_from_circles)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from ctypes import Structure
 
-from gellight.base.errors import CameraError
+from gellight.base.errors import INSTALL_UDEV, CameraError
 from gellight.base.holders import holders_text
 
 GONE = {errno.ENODEV, errno.ENXIO, errno.ESHUTDOWN}
@@ -60,8 +60,8 @@ def explanation(path: str, doing: str, error: OSError) -> CameraError:
         return CameraError(f"the camera at {path} is closed: open it again")
     if error.errno in (errno.EACCES, errno.EPERM):
         return DeniedError(
-            f"you may not use {path} ({os.strerror(error.errno)}): run `sudo gellight install-udev` once, then unplug "
-            "the sensor and plug it in"
+            f"you may not use {path} ({os.strerror(error.errno)}): run {INSTALL_UDEV}, then unplug the sensor "
+            "and plug it in"
         )
     if error.errno == errno.EBUSY:
         return BusyError(f"{path} is in use by {holders_text(path)}: end that programme")

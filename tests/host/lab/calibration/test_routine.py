@@ -24,8 +24,8 @@ from gellight.lab.simulator.virtual_hand import VirtualHand, hand_of
 from gellight.opening import open_camera
 from gellight.photometric.lights_file import read_lights
 from gellight.photometric.ring_geometry import RingGeometry
-from gellight.reconstruction.force_file import read_force
-from gellight.reconstruction.lens.undistortion import read_record
+from gellight.reconstruction.force_file import ForceRecord
+from gellight.reconstruction.lens.undistortion import LensRecord
 from tests.benchmarks.objects import mean_errors, object_errors
 from tests.helpers.calibration_routine import GEOMETRY, LIT, camera, finished, options, wait_for
 from tests.helpers.small_bundles import with_lens
@@ -102,7 +102,7 @@ def test_the_bundle_knows_its_light_its_camera_and_its_report(
 ) -> None:
     folder, snapshot = calibrated
     bundle = load_bundle(folder / "bundle")
-    assert read_force(bundle) is not None, "the simulated gel knows its own"
+    assert ForceRecord.in_bundle(bundle) is not None, "the simulated gel knows its own"
     assert snapshot["installed"] == [str(folder / "bundle")]
     assert len(bundle.manifest.led) == 12
     assert set(bundle.manifest.camera) == {"exposure_us", "gain", "white_balance_k"}
@@ -134,7 +134,7 @@ def test_a_pin_grid_that_its_bundle_feels_tells_the_lens_to_a_tenth_of_a_pixel(
     assert fit.pins > 200
     assert fit.rms_after_px < 0.1
     assert fit.lens.bend_px < 1.0
-    assert read_record(add_lens(bundle, fit, pictures, tmp_path / "new")).learnt_from_circles
+    assert LensRecord.in_bundle(add_lens(bundle, fit, pictures, tmp_path / "new")).learnt_from_circles
 
 
 def test_its_objects_are_measured_under_the_light_it_was_made_with(calibrated: tuple[Path, dict[str, Any]]) -> None:

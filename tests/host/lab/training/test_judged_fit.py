@@ -19,7 +19,7 @@ from gellight.lab.training.polynomial import powers_up_to, terms_of
 from gellight.lab.training.presses import Ball, Press, contact_circle, sphere_gradient
 from gellight.lab.training.skirts import Skirts
 from gellight.lab.training.training import Learning, Reference, TrainingOptions
-from gellight.reconstruction.error_bounds import DEG_FLOOR, MM_FLOOR, ErrorRecord, quadratic, read_errors
+from gellight.reconstruction.error_bounds import DEG_FLOOR, MM_FLOOR, ErrorRecord, quadratic
 from tests.helpers.linear_sensor import GREY_PER_SLOPE
 
 RANDOM = np.random.default_rng(3)
@@ -70,7 +70,7 @@ def kept(count: int, folder: Path) -> Bundle:
 
 def test_each_press_is_judged_once_and_the_bundle_says_how(tmp_path: Path) -> None:
     bundle = kept(4, tmp_path)
-    judged, record = bundle.metrics["held_out"], read_errors(bundle)
+    judged, record = bundle.metrics["held_out"], ErrorRecord.in_bundle(bundle)
     assert (judged["folds"], judged["presses"]) == (3, 4)
     assert 0 < judged["normal_error_deg"]["mean"] < 90
     assert record.presses == 4
@@ -80,7 +80,7 @@ def test_each_press_is_judged_once_and_the_bundle_says_how(tmp_path: Path) -> No
 def test_of_one_press_nobody_knows_the_error(tmp_path: Path) -> None:
     bundle = kept(1, tmp_path)
     assert "held_out" not in bundle.metrics
-    assert read_errors(bundle) is None
+    assert ErrorRecord.in_bundle(bundle) is None
 
 
 def samples(*shape_mm: float) -> list[Samples]:

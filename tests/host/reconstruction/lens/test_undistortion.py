@@ -16,7 +16,6 @@ from gellight.reconstruction.lens.model import Lens
 from gellight.reconstruction.lens.undistortion import (
     FILE_NAME,
     Undistortion,
-    read_record,
 )
 from tests.helpers.distorted import TrueLens
 from tests.helpers.linear_sensor import linear_bundle, photograph
@@ -42,7 +41,7 @@ def bent_by(bundle: Bundle, lens: TrueLens, *, from_circles: bool = False) -> Bu
 
 
 def lens_of(bundle: Bundle) -> Lens:
-    return module.lens_of(read_record(bundle))
+    return module.lens_of(module.LensRecord.in_bundle(bundle))
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from gellight.frames.shear import FEW_DOTS, FRICTION, PERSPECTIVE, DotsSeen, She
 from gellight.lab.simulator.printed_dots import PrintedDots, known_force
 from gellight.lab.simulator.scene import Press, Printed, Scene
 from gellight.reconstruction.force import Layer
-from gellight.reconstruction.force_file import FILE_NAME, ForceRecord, force_file
+from gellight.reconstruction.force_file import FILE_NAME, ForceRecord
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.shear.traction import find_pull, kernels
 from gellight.reconstruction.stages import Stages, tactile_frame
@@ -171,7 +171,7 @@ def test_a_bundle_without_a_constant_knows_the_displacement_alone(scene: Scene, 
 
 def test_the_constant_scales_the_force(scene: Scene, bundle: Bundle) -> None:
     record = ForceRecord.model_validate_json(bundle.files[FILE_NAME])
-    other = replace(bundle, files={**bundle.files, **force_file(record.model_copy(update={"side_scale": 2.0}))})
+    other = replace(bundle, files={**bundle.files, **record.model_copy(update={"side_scale": 2.0}).files()})
     one, two = (shear_of(scene, each, DRAGS[0]) for each in (bundle, other))
     np.testing.assert_allclose(two.force_n, np.multiply(one.force_n, 2))
 

@@ -123,7 +123,7 @@ def test_no_camera_a_foreign_camera_and_no_permission_are_told_apart() -> None:
     with pytest.raises(UnpluggedError, match=r"no camera at /dev/video8.*gellight find"):
         Device("/dev/video8", kernel=kernel)
     camera.denied = True
-    with pytest.raises(DeniedError, match="sudo gellight install-udev"):
+    with pytest.raises(DeniedError, match="install-udev"):
         Device(PATH, kernel=kernel)
     camera.denied, camera.capabilities = False, 0x00800000
     with pytest.raises(CameraError, match="delivers no pictures"):

@@ -41,9 +41,9 @@ class Felt:
 
 def felt_in_images(readings: ForceReadings, bundle: Bundle, layers: Sequence[Layer]) -> Felt:
     """Return what is felt in the picture of each reading; InputError for a press that the view cuts off."""
-    feel = _Feeling(bundle, layers)
+    path = SequencePath(Reconstructor(bundle))
     with prepared(ImageCamera(readings.images), bundle) as camera:
-        integrals = [feel.integral_mm2(camera.read()) for _ in readings.images]
+        integrals = [_integrals_mm2(path, camera.read(), layers) for _ in readings.images]
     for image, integral in zip(readings.images, integrals, strict=True):
         if np.isnan(integral).any():
             raise InputError(f"{image}: the load goes on beyond the border of the view: press nearer to its middle")
@@ -74,34 +74,26 @@ def felt_in_recording(readings: ForceReadings, recording: Recording, bundle: Bun
     )
 
 
-class _Feeling:
-    """The frame path of one bundle, asked for the integral of the pressure."""
-
-    def __init__(self, bundle: Bundle, layers: Sequence[Layer]) -> None:
-        self._reconstructor, self._layers = SequencePath(Reconstructor(bundle)), layers
-        self._manifest = bundle.manifest
-
-    def integral_mm2(self, frame: CameraFrame) -> list[float]:
-        """One for each layer; NaN where it is not known, as where the load goes on beyond the view."""
-        depth_mm = self._reconstructor.reconstruct(frame).depth_mm
-        if np.isnan(depth_mm).any():  # under another light of a sequence nothing is felt
-            return [np.nan] * len(self._layers)
-        size, height = self._manifest.pixel_size_mm, self._manifest.camera_height_mm
-        found = [indenting(depth_mm, size, layer, height) for layer in self._layers]
-        return [np.nan if one.at_border else one.integral_mm2 for one in found]
+def _integrals_mm2(path: SequencePath, frame: CameraFrame, layers: Sequence[Layer]) -> list[float]:
+    """Of the pressure, one for each layer; NaN where it is not known, as where the load goes on beyond the view."""
+    depth_mm, manifest = path.reconstruct(frame).depth_mm, path.bundle.manifest
+    if np.isnan(depth_mm).any():  # under another light of a sequence nothing is felt
+        return [np.nan] * len(layers)
+    found = [indenting(depth_mm, manifest.pixel_size_mm, layer, manifest.camera_height_mm) for layer in layers]
+    return [np.nan if one.at_border else one.integral_mm2 for one in found]
 
 
 def _of_frames(
     recording: Recording, bundle: Bundle, layers: Sequence[Layer], readings: ForceReadings
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(n,) Unix time and (n, layers) integrals of the frames that were taken while the load cell read."""
-    feelings: dict[str, _Feeling] = {}
+    paths: dict[str, SequencePath] = {}
     times, integrals = [], []
     for unix_s, zero, frame in _frames(recording, readings):
-        if zero not in feelings:
-            feelings[zero] = _Feeling(_with_zero(bundle, recording.bundles[zero]), layers)
+        if zero not in paths:
+            paths[zero] = SequencePath(Reconstructor(_with_zero(bundle, recording.bundles[zero])))
         times.append(unix_s)
-        integrals.append(feelings[zero].integral_mm2(frame))
+        integrals.append(_integrals_mm2(paths[zero], frame, layers))
     kept = np.isfinite(integrals).all(axis=1) if integrals else np.zeros(0, np.bool_)
     if not kept.any():
         raise InputError(

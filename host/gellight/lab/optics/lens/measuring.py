@@ -18,7 +18,7 @@ from gellight.lab.optics.lens.pins import dimples, marked, spots
 from gellight.lab.report.pictures import Picture, write_png
 from gellight.lab.report.record import Record
 from gellight.lab.training.training import read_reference
-from gellight.reconstruction.lens.undistortion import FILE_NAME, LensRecord, Undistortion
+from gellight.reconstruction.lens.undistortion import LensRecord, Undistortion
 
 
 class LensFigures(Record):
@@ -94,8 +94,7 @@ def add_lens(bundle: Bundle, fit: LensFit, images: Sequence[Path], out: Path, *,
         rms_after_px=fit.rms_after_px,
         created=datetime.now(UTC).replace(microsecond=0),
     )
-    content = (record.model_dump_json(indent=1) + "\n").encode()
-    return extend_bundle(bundle, out, {FILE_NAME: content}, overwrite=overwrite)
+    return extend_bundle(bundle, out, record.files(), overwrite=overwrite)
 
 
 def figures(fit: LensFit, bundle: Bundle) -> LensFigures:

@@ -13,7 +13,7 @@ from gellight.lab.calibration.force.indented import felt_in_images
 from gellight.lab.calibration.force.record import ForceReadings
 from gellight.lab.report.pictures import write_png
 from gellight.opening import open_camera
-from gellight.reconstruction.force_file import read_force
+from gellight.reconstruction.force_file import ForceRecord
 
 FELT = np.array([0.0, 1.0, 2.0, 4.0, 8.0])
 
@@ -100,7 +100,7 @@ def test_a_force_is_felt_as_it_was_calibrated_from_the_height_of_the_camera(tmp_
     """Laid over the gel for one of the two alone, a deep touch beside the axis was felt 2 % off."""
     bundle = load_bundle("synthetic")
     assert bundle.manifest.camera_height_mm > 50
-    record = read_force(bundle)
+    record = ForceRecord.in_bundle(bundle)
     assert record is not None
     with open_camera("sim://?board=0&object=BALL&depth=1.5&x=6") as camera:
         frame = camera.read()
