@@ -20,7 +20,7 @@ from gellight.sensor import udev
 from tests.helpers import children
 from tests.helpers.command_line import invoke, refused, succeeded
 
-SENSOR = "sim://?object=BALL&depth=0.5&board=0"
+SENSOR = "sim://?object=BALL&depth=0.5&board=0&fps=10"
 
 
 def listening(tmp_path: Path) -> socket.socket:

@@ -102,8 +102,10 @@ def picture(places: Lattice, bright: float = 150.0, seed: int = 0) -> np.ndarray
     rows, columns = np.indices((HEIGHT, WIDTH))
     grey = np.repeat((bright * (0.7 + 0.3 * columns / WIDTH))[..., None], 3, axis=2) * [1.0, 0.8, 0.6]
     for x, y in places:
-        inside = np.clip(DIAMETER / 2 - np.hypot(columns - x, rows - y) + 0.5, 0, 1)
-        grey *= (1 - 0.65 * inside)[..., None]
+        (top, bottom), (left, right) = ([max(round(at + by), 0) for by in (-DIAMETER, DIAMETER)] for at in (y, x))
+        around = np.s_[top : bottom + 1, left : right + 1]
+        inside = np.clip(DIAMETER / 2 - np.hypot(columns[around] - x, rows[around] - y) + 0.5, 0, 1)
+        grey[around] *= (1 - 0.65 * inside)[..., None]
     noisy = grey + np.random.default_rng(seed).normal(0, 1, grey.shape)
     return np.asarray(np.clip(np.rint(noisy), 0, 255), np.uint8)
 

@@ -1,6 +1,8 @@
 """Pictures of pin grids to a lens: right to a tenth of a pixel everywhere, or refused with the reason."""
 
+from collections.abc import Callable
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -152,15 +154,18 @@ def in_disorder() -> np.ndarray:
 @pytest.mark.parametrize(
     ("picture", "refusal"),
     [
-        (pin_picture(BARREL, depth=0.0, noise=3.0), "no grid of pins"),
-        (pin_picture(BARREL, noise=2.0, jitter_mm=0.15), r"from where any lens would show them|no row and column"),
-        (in_disorder(), r"no grid of pins|no row and column"),
+        (partial(pin_picture, BARREL, depth=0.0, noise=3.0), "no grid of pins"),
+        (
+            partial(pin_picture, BARREL, noise=2.0, jitter_mm=0.15),
+            r"from where any lens would show them|no row and column",
+        ),
+        (in_disorder, r"no grid of pins|no row and column"),
     ],
     ids=["no grid", "an irregular one", "disorder"],
 )
-def test_what_is_no_grid_of_pins_is_refused(picture: np.ndarray, refusal: str) -> None:
+def test_what_is_no_grid_of_pins_is_refused(picture: Callable[[], np.ndarray], refusal: str) -> None:
     with pytest.raises(InputError, match=refusal):
-        measured(picture)
+        measured(picture())
 
 
 def lattice(count: int, strays: int = 0, spacing: float = 30.0) -> Lattice:
