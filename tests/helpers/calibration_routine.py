@@ -14,6 +14,8 @@ from gellight.opening import open_camera
 GEOMETRY = {"image_width_px": 320, "image_height_px": 240, "pixel_size_mm": 0.1176}
 URL = "sim://?fps=500&board=0&led_spread=0.05"
 LIT = "sim://?fps=500&led_spread=0.05"
+SOON = TrainingOptions(recipe="fast", epochs=4)
+"""for the 300,000 rows that lights show: as often as the recipe sees what presses alone show"""
 PATIENCE_S = 280.0
 """for a machine that does other things, too; nothing is judged by it"""
 

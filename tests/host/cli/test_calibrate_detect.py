@@ -203,7 +203,7 @@ def test_a_dotted_gel_from_the_side_is_calibrated_and_felt(
     for record, (x, y) in zip(json.loads(found.stdout), places, strict=True):
         assert record["center_x_px"] == pytest.approx(x / COARSE_MM + 79.5, abs=1.0)
         assert record["center_y_px"] == pytest.approx(y / COARSE_MM + 59.5, abs=1.0)
-    how = ["--recipe", "fast", "--view", view / "view.json"]
+    how = ["--recipe", "fast", "--width", "16", "--epochs", "50", "--view", view / "view.json"]
     succeeded(
         calibrate("fit", "--presses", view / "presses.csv", *reference, *COARSE_BALL, *how, "--out", tmp_path / "b")
     )

@@ -1,8 +1,6 @@
 """One calibration from end to end, kept on disk for all that begins with one."""
 
-import fcntl
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,8 @@ from gellight.frames.camera_wrapper import CameraWrapper
 from gellight.frames.frames import CameraFrame
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.simulator.virtual_hand import VirtualHand
-from tests.helpers.calibration_routine import LIT, camera, finished, options
+from tests.helpers.calibration_routine import LIT, SOON, camera, finished, options
+from tests.helpers.made_once import made_once
 
 
 class Remembering(CameraWrapper):
@@ -36,7 +35,11 @@ def calibrate(folder: Path) -> None:
     with Remembering(camera(LIT)) as sensor:
         hand = VirtualHand(sensor.stage)
         routine = Routine(
-            sensor, options(folder), folder / "state", hand=hand, install=lambda bundle: installed.append(bundle.source)
+            sensor,
+            options(folder, training=SOON),
+            folder / "state",
+            hand=hand,
+            install=lambda bundle: installed.append(bundle.source),
         )
         snapshot = finished(routine)
     assert snapshot["step"] == "finished", snapshot["problem"]
@@ -47,11 +50,5 @@ def calibrate(folder: Path) -> None:
 @pytest.fixture(scope="session")
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """The folder of a calibration and what the routine showed at its end; several processes of tests share it."""
-    base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "calibrated"
-    folder.mkdir(exist_ok=True)
-    with (folder / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not (folder / "snapshot.json").exists():
-            calibrate(folder)
+    folder = made_once(tmp_path_factory, "calibrated", calibrate)
     return folder, json.loads((folder / "snapshot.json").read_text())

@@ -27,7 +27,7 @@ from gellight.lab.training.child import RefusedTableError
 from gellight.lab.training.training import LIKE
 from gellight.opening import open_camera
 from tests.helpers.begun_calibration import begun_in
-from tests.helpers.calibration_routine import LIT, URL, camera, finished, options, wait_for
+from tests.helpers.calibration_routine import LIT, SOON, URL, camera, finished, options, wait_for
 
 OTHER = f"{LIT}&seed=7"
 ANY = Limits(depth_mm=10.0, normal_deg=90.0)
@@ -79,7 +79,7 @@ def test_two_presses_are_enough_with_those_of_a_like_unit_also_where_it_was_inte
     begun.join(200)
     kept = kept_like(tmp_path / "state")
     assert kept.identity == first.identity
-    snapshot = finished(routine_of(tmp_path, OTHER, presses=2, like=kept))
+    snapshot = finished(routine_of(tmp_path, OTHER, presses=2, like=kept, training=SOON))
     assert snapshot["step"] == "finished", snapshot["problem"]
     made = load_bundle(tmp_path / "bundle")
     assert made.metrics[LIKE] == "one"
