@@ -143,10 +143,9 @@ def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_lights_of_an_earlier_bundle_take_the_light_of_depth_off(
     bundle: Path, earlier: Path, pressed: Path, tmp_path: Path
 ) -> None:
-    how = ["--recipe", "fast", "--width", "16"]
+    how = ["--recipe", "fast", "--width", "16", "--epochs", "4"]  # of the 300,000 rows that lights show
     result = succeeded(run("fit", *sources(pressed), "--lights", earlier, "--out", tmp_path / "out", *how))
     assert "learnt in the light that the gel has at rest" in result.output
-    assert "learnt in the light" not in run("fit", *sources(pressed), "--out", tmp_path / "b", "--epochs", "1").output
     made = load_bundle(tmp_path / "out")
     assert made.manifest.light_by_depth
     assert read_lights(made).pattern_residual == read_lights(load_bundle(earlier)).pattern_residual

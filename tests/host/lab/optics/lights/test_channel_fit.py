@@ -98,7 +98,7 @@ def test_half_a_plate_is_no_calibration_of_the_other_half(tmp_path: Path) -> Non
     ]
     left = [BallSeries(levels=levels, presses=(press,)) for press in presses if press.center_x_px < 150]
     balls = LitBalls(ball=BALL, series=left, untouched=untouched, noise_grey=0.5, sensor="six lights")
-    bundle = fit_channels(balls, tmp_path / "b")
+    bundle = fit_channels(balls, tmp_path / "b", options=TrainingOptions(epochs=40))
     paths = [OEM / f"balls_light{number}.png" for number in range(1, 7)]
     for mode in ("network", "photometric"):
         frame = frame_of_lights(bundle, mode, paths, 1020)
@@ -169,8 +169,7 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
         ball = Ball(radius_mm=4.0, pixel_size_mm=SMALL["pixel_size_mm"], camera_height_mm=height_mm)
         taken = take_series(camera, colour_triples(RING), ball, 8, sensor="simulated", ask=pytest.fail, tell=print)
         assert camera.stage.status()["object"] == "", "the hand lifts at the end"
-    options = TrainingOptions(recipe="fast")
-    return fit_channels(taken, tmp_path_factory.mktemp("live") / "bundle", options=options)
+    return fit_channels(taken, tmp_path_factory.mktemp("live") / "bundle", options=TrainingOptions(recipe="fast"))
 
 
 def settings(bundle: Bundle, **reconstruction: object) -> Settings:
