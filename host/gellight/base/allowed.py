@@ -12,8 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gellight.base.errors import GellightError, InputError
 
 Model = TypeVar("Model", bound=BaseModel)
-Byte = Annotated[int, Field(ge=0, le=255)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Byte = Annotated[int, Field(ge=0, le=255)]  # one colour of an LED or a pixel
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]  # neither 0 nor infinite: scales, sizes, errors
+MOST_SIDE_PX = 8192  # chosen: of pictures, beyond any sensor's camera; docs/wire-format.md promises it
 NAME = "[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
 ALLOWED = "at most 64 letters, digits, '-', '_' and '.', the first a letter or a digit"
 

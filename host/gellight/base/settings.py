@@ -17,7 +17,7 @@ from typing import Any, Literal
 import platformdirs
 from pydantic import Field, ValidationError
 
-from gellight.base.allowed import ALLOWED, NAME, StrictModel, allowed, nearest
+from gellight.base.allowed import ALLOWED, MOST_SIDE_PX, NAME, StrictModel, allowed, nearest
 from gellight.base.errors import ConfigError
 from gellight.base.logs import LogForm
 
@@ -65,8 +65,8 @@ class GeometrySettings(StrictModel):
     camera_height_mm: float | None = Field(
         default=None, gt=0, description="from the gel to the camera; where given, labels and depth count with it"
     )
-    image_width_px: int | None = Field(default=None, ge=16, le=8192, description="columns of the camera image")
-    image_height_px: int | None = Field(default=None, ge=16, le=8192, description="rows of the camera image")
+    image_width_px: int | None = Field(default=None, ge=16, le=MOST_SIDE_PX, description="columns of the camera image")
+    image_height_px: int | None = Field(default=None, ge=16, le=MOST_SIDE_PX, description="rows of the camera image")
     pixel_size_mm: float | None = Field(default=None, gt=0, description="size of a camera pixel on the gel")
     led_colours: str | None = Field(
         default=None, pattern="^[RGB]{3,}$", description="one letter of RGB for each LED, anticlockwise from the right"

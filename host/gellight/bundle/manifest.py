@@ -17,14 +17,14 @@ from pydantic import (
     model_validator,
 )
 
-from gellight.base.allowed import Byte, Positive, explained
+from gellight.base.allowed import MOST_SIDE_PX, Byte, Positive, explained
 from gellight.base.errors import BundleError
 from gellight.base.leds import MOST_LEDS
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 1  # counted up when an older GelLight could no longer read a bundle
 MANIFEST, REFERENCE, METRICS = "manifest.toml", "reference.png", "metrics.json"
 AGAIN = "calibrate the sensor again or restore the bundle from a copy"
-MOST_BYTES = 1024 * 1024
+MOST_BYTES = 1024 * 1024  # chosen: 600 times the manifest of the shipped bundle, and no burden on the memory
 IDENTITY_BYTES = 8
 """of a bundle, as the board of its sensor remembers it"""
 BULGE = 1.71
@@ -42,7 +42,7 @@ def plain_name(name: str) -> str:
 
 
 FileName = Annotated[str, AfterValidator(plain_name)]
-Side = Annotated[int, Field(ge=2, le=8192)]
+Side = Annotated[int, Field(ge=2, le=MOST_SIDE_PX)]  # of a picture; one pixel has no slope
 Control = bool | int | float | str
 CAPTURE_OPTIONS = frozenset(
     {"width", "height", "format", "fps", "power_line_hz", "delay_us", "readout_us", "stamp_error_us", "buffers", "ring"}

@@ -13,7 +13,7 @@ import typer
 from gellight.cli.options import AsJson, RunOptions, simulated_settings, with_options
 from gellight.cli.showing import show
 
-FRAME_TIMEOUT_S = 20.0
+FRAME_TIMEOUT_S = 20.0  # chosen: patience with the first picture of a busy computer
 
 
 @with_options

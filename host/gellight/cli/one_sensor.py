@@ -31,8 +31,8 @@ from gellight.stream.network import zenoh_settings
 from gellight.stream.publisher import Publisher, name_of_sensor
 from gellight.stream.running import running
 
-STATUS_S = 1.0
-WAIT_S = 0.5
+STATUS_S = 1.0  # chosen: how often a line in the terminal is renewed
+WAIT_S = 0.5  # chosen: how late an end is noticed while no frame comes
 
 
 def run_sensor(settings: Settings, options: RunOptions, *, dashboard: bool, as_json: bool) -> None:

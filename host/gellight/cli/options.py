@@ -86,7 +86,7 @@ def between(low: float, high: float, unit: str) -> Callable[[typer.CallbackParam
     return check
 
 
-Seconds = Annotated[
+Seconds = Annotated[  # as the help says
     float, typer.Option(help="End after this number of seconds; 0: at Ctrl-C.", callback=between(0, LONGEST_S, "s"))
 ]
 

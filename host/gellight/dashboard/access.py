@@ -13,7 +13,7 @@ from aiohttp import web
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 COOKIE = "gellight-token"
-COOKIE_S = 30 * 24 * 3600
+COOKIE_S = 30 * 24 * 3600  # chosen: 30 days; after that the printed address is needed again
 
 
 def is_loopback(host: str) -> bool:

@@ -34,13 +34,13 @@ logger = logging.getLogger(__name__)
 PAGE = Path(__file__).parent / "page"
 FRAME_TIMEOUT_S = 0.25
 """how long one wait for a frame may take; also bounds the time to stop"""
-RETRY_S = 0.5
+RETRY_S = 0.5  # chosen: between two looks for a sensor that gives no frame
 CLOSE_S = 1.0
 """how long a page may take to say goodbye; one that reads nothing never does"""
-STATUS_PERIOD_S = 0.25
+STATUS_PERIOD_S = 0.25  # chosen: how late the page shows a new state
 MAX_CREDITS = 8
 """a greedy page is not flooded"""
-MOST_CREDIT_BYTES = 4096
+MOST_CREDIT_BYTES = 4096  # chosen: a credit has some 20 bytes; a longer message is a mistake or an attack
 MOST_CLIENTS = 32
 """pages that are open at once: each costs messages, and more than these are a mistake or an attack"""
 MOST_AT_ONCE = 16

@@ -33,7 +33,7 @@ REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; s
 """a report holds its style and pictures, and no script; a bundle may come from anywhere"""
 NO_CALIBRATION = "this dashboard has no calibration: start it with `gellight run` or `gellight demo`"
 NO_SCAN = "this dashboard cannot scan: start it with `gellight run` or `gellight demo`"
-FRAME_S = 2.0
+FRAME_S = 2.0  # chosen: a download without a frame is refused after that
 
 
 class ScanController(Scanning, Protocol):

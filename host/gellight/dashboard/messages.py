@@ -47,7 +47,7 @@ from gellight.frames.pose import ObjectPose
 from gellight.reconstruction.errors import depth_errors
 
 MAGIC = b"GELF"
-VERSION = 2
+VERSION = 2  # counted up when this layout changes
 MOST_CONTACTS = 12
 """the deepest; more are not told apart on a page"""
 PREFIX = struct.Struct("<4sII")

@@ -28,7 +28,7 @@ _requests.addFilter(lambda record: not (record.exc_info and isinstance(record.ex
 """aiohttp's log, without the traceback of a request that it refuses, as one too long: who sent it is told"""
 
 HOST = "127.0.0.1"
-DEFAULT_PORT = 8420
+DEFAULT_PORT = 8420  # chosen; the documents name it
 
 
 class DashboardServer:

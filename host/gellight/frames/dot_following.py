@@ -21,7 +21,7 @@ from gellight.frames.shear import DotsSeen, Unseen
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
-NEIGHBOURS = 8
+NEIGHBOURS = 8  # of a dot in a square lattice, with the diagonals
 _NEAR = 1.6
 """pitches from a dot to its neighbours"""
 _FITS = 0.42

@@ -26,10 +26,10 @@ _HALVED_PX = 8.0
 """from this diameter on half of the resolution is enough, of four times that on a quarter"""
 _SEARCHED_PX = 640
 """width at which dots are looked for, whatever the camera's mode"""
-_DISCS_PX = (7, 11, 17, 25, 37)
+_DISCS_PX = (7, 11, 17, 25, 37)  # chosen: each half as wide again; a disc finds dots of up to 0.65 of it
 _WHOLE_PX = 17
 """wider discs look at a picture of half the size, for their time grows with their area"""
-_LEAST_GREY = 10.0
+_LEAST_GREY = 10.0  # chosen: a fainter spot is no dot
 _MEAN = np.full((1, 3), 1 / 3, np.float32)
 """of the channels"""
 _DOT_SHARE = 0.4

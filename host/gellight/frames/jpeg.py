@@ -25,16 +25,16 @@ from numpy.typing import NDArray
 Image = NDArray[np.uint8]
 
 _START, _END = b"\xff\xd8", b"\xff\xd9"
-_HUFFMAN_FRAMES, _TABLES, _RESTART, _SCAN = (0xC0, 0xC1), 0xC4, 0xDD, 0xDA
+_HUFFMAN_FRAMES, _TABLES, _RESTART, _SCAN = (0xC0, 0xC1), 0xC4, 0xDD, 0xDA  # T.81, table B.1: SOF0, SOF1, DHT, DRI, SOS
 _USUAL_TABLE = bytes.fromhex("10 0002010303020403050504040000017d 01")
 """beginning of the usual brightness table (ITU-T T.81, table K.5); in it, the code 00 is a coefficient of one bit"""
 _FLAGS = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
 _SMALL = cv2.IMREAD_REDUCED_COLOR_8 | cv2.IMREAD_IGNORE_ORIENTATION
-_SMALL_SCALE = 8
-_BLOCK_PX = 8
+_SMALL_SCALE = 8  # of IMREAD_REDUCED_COLOR_8
+_BLOCK_PX = 8  # ITU-T T.81: the transform takes 8 x 8 samples
 _BLOCK_ZEROS = 24
 """bytes of zeros that make a block in the usual tables: 2 bits, and 3 for each of 63 coefficients"""
-_UNFILLED = 128
+_UNFILLED = 128  # ITU-T T.81, A.3.1: coefficients of 0 decode to the middle of 8 bits
 _CONTRAST = 16
 """an MCU at mid-grey was left without data where its neighbour differs from mid-grey by more than this, grey levels"""
 _FILLING_BYTES = 4096

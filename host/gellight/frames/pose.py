@@ -11,7 +11,7 @@ from pydantic import Field
 from gellight.base.allowed import StrictModel
 
 Numbers = tuple[float, ...]
-Row = Annotated[Numbers, Field(min_length=6, max_length=6)]
+Row = Annotated[Numbers, Field(min_length=6, max_length=6)]  # of a covariance: three of the motion, three of the turn
 DOUBTFUL_MM, DOUBTFUL_RAD = 1.0, radians(5.0)
 """a pose with a larger standard deviation is doubtful"""
 

@@ -24,7 +24,7 @@ Floats = NDArray[np.float32]
 FILE_NAME = "directions.npz"
 """in a bundle"""
 _REMEDY = "make it with `gellight calibrate channels`"
-_BLOCK = 65536
+_BLOCK = 65536  # chosen: pixels solved at once, so that memory does not grow with the picture
 _SHADOW = 0.15
 """of what the untouched gel shows: a darker pixel is taken for shadowed"""
 

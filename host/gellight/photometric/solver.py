@@ -28,9 +28,9 @@ Floats = NDArray[np.floating]
 Bools = NDArray[np.bool_]
 STEEPEST = 10.0
 """slopes are bounded to this (84 degrees): what is steeper lies in its own shadow from most of the ring"""
-LEAST_LIGHTS = 3
-SHADOW_SHARE = 0.1
-SHADOW_DEVIATIONS = 4.0
+LEAST_LIGHTS = 3  # a scaled normal has three numbers
+SHADOW_SHARE = 0.1  # chosen: less may be the model's error
+SHADOW_DEVIATIONS = 4.0  # chosen: normal noise is taken for shadow once in 30,000
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gellight.frames.pixel_grid import block_means, plane_means
 from gellight.photometric.light_model import Bools, Floats
 
-BLOCK_PX = 8
+BLOCK_PX = 8  # chosen: the noise of such means is an eighth
 LIMIT_DEVIATIONS = 7.0
 """of the noise of a block's mean: of 14400 blocks one passes it by chance in 10^8 series"""
 MODEL_ERROR = 0.02

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.frames.measures import CLIPPED, DARK, ELSEWHERE, STEEP, STRANGE, Confidence
+from gellight.photometric.light_model import CLIPPED_GREY
 
 Bools = NDArray[np.bool_]
 
@@ -26,10 +27,9 @@ DARK_SHARE = 0.1
 """of the light at rest: less than that in one channel is shadow"""
 DARKEST_GREY = 16.0
 """a channel that is darker than that at rest says nothing of shadow"""
-CLIPPED_GREY = 254
 DOUBTED_VALUE = 0.5
 """of pixels that are clipped, elsewhere or strange, for each of these"""
-LEAST_VALUE = 0.05
+LEAST_VALUE = 0.05  # chosen: who weighs by it never divides by 0; recordings promise it
 TRAINED_QUANTILE = 0.999
 """of the slopes that a network has learnt, is the steepest: single pixels beyond are mislabelled"""
 NEAR = 0.1

@@ -23,7 +23,7 @@ AWAY = -9.0
 """radii from the rim of no contact"""
 DEG_FLOOR, MM_FLOOR = 0.5, 0.003
 """added to an error before its logarithm is taken: less does not matter"""
-TERMS = 10
+TERMS = 10  # of a quadratic form of three numbers: 1 + 3 + 6
 Floats = NDArray[np.float32]
 Array = NDArray[np.float64]
 Weights = Annotated[tuple[Annotated[float, Field(allow_inf_nan=False)], ...], Field(min_length=TERMS, max_length=TERMS)]

@@ -19,12 +19,12 @@ REACH_PX = 20
 """by which a camera or its gel may have moved"""
 SMALLEST_PX = 160
 """smaller pictures along one side leave too little chance to compare with"""
-_DARKEST_GREY = 4.0
+_DARKEST_GREY = 4.0  # chosen: in the logarithm, rounding of darker pixels would be a pattern
 _MOST_SPREADS = 3.0
 """edges and scratches count no more than that many times the usual contrast"""
 _SPREAD_TIMES = 1.5
 """of a normal distribution, per median of its absolute values"""
-_GAP_PX = 8
+_GAP_PX = 8  # chosen: keeps a broad peak out of what counts as chance
 
 
 class FinePattern:

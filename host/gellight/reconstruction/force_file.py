@@ -18,7 +18,7 @@ HEAVIER_BY = 1.25
 """a force larger than this multiple of the heaviest of the calibration is flagged"""
 SIDE_ERROR_SHARE = 0.2
 """of a gel whose constant was found with forces along the normal alone"""
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]  # an error may be 0
 InOlderFiles = Annotated[int | None, Field(exclude=True, repr=False)]
 
 

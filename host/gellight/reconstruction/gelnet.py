@@ -24,8 +24,8 @@ from gellight.reconstruction.network_session import NetworkSession
 
 Floats = NDArray[np.float32]
 
-BLOCK_ROWS = 4096
-CELL_PX = 4
+BLOCK_ROWS = 4096  # measured: with 1024 to 8192 the network takes the same time, with 512 and 65536 a fifth more
+CELL_PX = 4  # chosen: touch is judged by such means, whose noise is a quarter
 COARSE_PX = 8
 """pixels a side over which the difference is averaged where it is not significant"""
 SQUARES_CELLS = (1, 2, 3)

@@ -32,8 +32,8 @@ _EDGE_FIRST = (9 / 24, 19 / 24, -5 / 24, 1 / 24)
 """The edge at a border, one-sided from the border inwards (Adams-Moulton). Exact to degree 3."""
 _DIFFERENCE = (3 / 4, -3 / 20, 1 / 60)
 """Central difference: weights of the samples 1, 2 and 3 steps ahead, less those behind. Exact to degree 6."""
-_ZERO_SAMPLES = 40_000
-_LEAST_AT_REST = 0.05
+_ZERO_SAMPLES = 40_000  # chosen: their median is good to 1/160 of the scatter
+_LEAST_AT_REST = 0.05  # chosen: of the view; below, the gel's volume is the better judge
 _HIGHER_QUARTER = 0.74
 """height of the gel at its border over what a quarter of the border is higher than. That quarter stays clear of an
 object, which is deep where the border cuts it; the median lies on its wall where it covers half of the border."""
@@ -214,7 +214,7 @@ def angle_deg(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.fl
     return angle
 
 
-_CELL_PX = 8
+_CELL_PX = 8  # chosen: small beside the millimetres over which the gel comes to rest
 
 
 def far_from_touch(touched: NDArray[np.bool_], side: int = _CELL_PX) -> NDArray[np.bool_]:

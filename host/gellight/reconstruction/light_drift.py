@@ -15,18 +15,18 @@ from gellight.frames.pixel_grid import block_means
 
 Floats = NDArray[np.float32]
 Array = NDArray[np.float64]
-CELL_PX = 8
+CELL_PX = 8  # chosen: the noise of such means is an eighth
 MOST_CELLS = 2500
 """more tell nothing more"""
 BELIEVED = 0.5
 """what a gain may leave, as a share of what light that was added leaves: on real sensors it often was"""
 MOST_CHANGE = 0.3
 """of the light of a channel, anywhere in the view: so much is shown to be taken out"""
-_WHITE_GREY = 250.0
-_ROUNDS = 8
+_WHITE_GREY = 250.0  # chosen: means above it may have pixels that clip
+_ROUNDS = 8  # chosen: of weighting by what the one before left
 _BEYOND = 2.0
 """times what the median cell leaves, the three channels together: a cell that leaves more is touched"""
-_LEAST_GREY = 0.03
+_LEAST_GREY = 0.03  # chosen: keeps the scale from 0 where pictures have no noise
 _USUAL = 0.2
 """of the light: a change that is allowed where the picture says nothing"""
 

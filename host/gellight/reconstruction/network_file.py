@@ -28,7 +28,7 @@ _DEEPEST = 4
 """graphs inside of graphs; GelNet's has one in the other"""
 _LISTS = (10, 11, 22, 23)
 """attributes of tensors, graphs and sparse tensors"""
-_FLOAT, _NUMBER, _MESSAGE = 1, 0, 2
+_FLOAT, _NUMBER, _MESSAGE = 1, 0, 2  # onnx.proto: TensorProto.FLOAT; protobuf's wire types VARINT and LEN
 _SIZES = {1: 8, 5: 4}
 """bytes of the other kinds of field"""
 

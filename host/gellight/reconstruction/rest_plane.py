@@ -18,8 +18,8 @@ _BAND = 4
 """the outermost one in so many of the view, along each side"""
 _LEAST_FREE = 0.4
 """of the pixels along a side, that have to be untouched"""
-_SIDES = 3
-_ROUNDS = 4
+_SIDES = 3  # chosen: of four; the touch may lie at one
+_ROUNDS = 4  # chosen: of weighting by what the one before left
 _OUTLIER = 1.5
 """in medians: residuals beyond it count by their size"""
 _SETTLES_S = 0.5

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from gellight.base.allowed import Byte, StrictModel
+from gellight.base.allowed import MOST_SIDE_PX, Byte, StrictModel
 from gellight.base.errors import InputError
 from gellight.base.png import is_whole
 from gellight.frames.frames import CameraFrame, CaptureStamp, ExposureSeries, LightLabel
@@ -18,7 +18,6 @@ from gellight.frames.shear import DotFigures, DotsSeen
 from gellight.recording.ros_messages import RosImage, decode_compressed, encode_compressed
 from gellight.sensor.v4l2.formats import Mode, decode
 
-MOST_PX = 8192
 NO_SERIES = (
     "depth is made of several pictures under different lights, which a recording does not hold: record in mode "
     "network, with a bundle of one light"
@@ -31,7 +30,7 @@ ENCODINGS = {"RGB3": "rgb8", "GREY": "mono8", "YUYV": "yuv422_yuy2"}
 """of ROS, by the format of the camera"""
 _PNG_SIZE = slice(16, 24)
 """where a PNG says its width and height"""
-Size = Annotated[int, Field(gt=0, le=MOST_PX)]
+Size = Annotated[int, Field(gt=0, le=MOST_SIDE_PX)]  # of a picture
 
 
 class FrameInfo(StrictModel):
@@ -46,7 +45,7 @@ class FrameInfo(StrictModel):
     """format of the bytes, as V4L2 names it, MJPG, YUYV, RGB3 or GREY; or PNG where the camera gave no bytes"""
     width: Size
     height: Size
-    line_bytes: int = Field(ge=0, le=4 * MOST_PX)
+    line_bytes: int = Field(ge=0, le=4 * MOST_SIDE_PX)
     light: tuple[tuple[Byte, Byte, Byte], ...] | None
     label: LightLabel | None
     zero: str

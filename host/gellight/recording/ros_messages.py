@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Self
 
 _ENCAPSULATION = b"\x00\x01\x00\x00"
-_SEPARATOR = "=" * 80
+_SEPARATOR = "=" * 80  # MCAP's schema encoding ros2msg: 80 equals signs
 
 IMAGE, COMPRESSED_IMAGE, STRING = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "std_msgs/msg/String"
 

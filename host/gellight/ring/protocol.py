@@ -37,19 +37,19 @@ from gellight.ring.wire import (
     u64,
 )
 
-VERSION = (3, 0)
-GROUP_COUNT = 16
-STEP_COUNT = 32
-REPLY = 0x80
-EVENT = 0x40
-TICK_HZ = 1_000_000
+VERSION = (3, 0)  # major: who has another one is refused; minor: messages were added
+GROUP_COUNT = 16  # chosen: a group for each of 12 LEDs, and some more
+STEP_COUNT = 32  # chosen: twice the groups
+REPLY = 0x80  # the highest bit of a type
+EVENT = 0x40  # the next bit
+TICK_HZ = 1_000_000  # the board counts microseconds
 DWELL_MIN_US = 2_000
 """12 LEDs take 660 us on the wire and to latch, 24 of 32 bits 1260, and the longest command holds the board up for less
 than the rest"""
-DWELL_MAX_US = 60_000_000
+DWELL_MAX_US = 60_000_000  # chosen: a minute
 CURRENT_CAP_MA = 450
 """the most that a USB port may be asked for, unless the board has its own supply"""
-CURRENT_CAP_EXTERNAL_MA = 2_000
+CURRENT_CAP_EXTERNAL_MA = 2_000  # chosen: 24 LEDs of 60 mA take 1440
 CHANNEL_USB_UA = 20_000
 """of one colour of a WS2812B, the most of the usual LEDs: on USB less may not be assumed"""
 CHANNEL_EXTERNAL_UA = 12_000
@@ -60,15 +60,15 @@ HOUSING_MA = 600
 """mean of the last minutes above which the LEDs are dimmed: 3 W, which warm a printed housing by some 25 degrees"""
 TRIM_MAX = 42_949_673
 """one per cent"""
-RESET_MAGIC = 0x52534554
-BOOTLOADER_MAGIC = 0x424F4F54
-SUPPLY_MAGIC = 0x53555050
-NO_STEP = 0xFF
-NO_PIN = 0xFF
+RESET_MAGIC = 0x52534554  # "RSET" in ASCII, and below "BOOT" and "SUPP": a broken packet asks for none of them
+BOOTLOADER_MAGIC = 0x424F4F54  # "BOOT"
+SUPPLY_MAGIC = 0x53555050  # "SUPP"
+NO_STEP = 0xFF  # the largest of 8 bits: no number of a step
+NO_PIN = 0xFF  # as NO_STEP; chips have fewer pins
 ACTIVE_LOW = 0x80
 """added to the number of a pin that is driven low to switch on"""
-FULL_SCALE = 0xFFFF
-NO_TEMPERATURE = 0x7FFF
+FULL_SCALE = 0xFFFF  # of 16 bits: colours as they were sent
+NO_TEMPERATURE = 0x7FFF  # the largest of 16 bits: 3276.7 degrees
 HOTTEST_C = 60
 """of a board that was not configured otherwise"""
 COOLER_C = 5

@@ -11,7 +11,7 @@ from gellight.base.leds import MOST_LEDS
 
 LED_COUNT = 12
 """of the paper's ring, and of a board that was not configured otherwise"""
-COLOUR_BYTES = 3 * MOST_LEDS
+COLOUR_BYTES = 3 * MOST_LEDS  # a byte a colour
 PACKET_BYTES = 128
 """of a decoded packet, its CRC included"""
 
@@ -33,8 +33,8 @@ u64 = Annotated[int, Scalar("Q", "uint64_t")]
 i16 = Annotated[int, Scalar("h", "int16_t")]
 i32 = Annotated[int, Scalar("i", "int32_t")]
 Colours = Annotated[bytes, Scalar(f"{COLOUR_BYTES}s", "uint8_t", COLOUR_BYTES, trailing=True)]
-Bytes8 = Annotated[bytes, Scalar("8s", "uint8_t", 8)]
-Bytes16 = Annotated[bytes, Scalar("16s", "uint8_t", 16)]
+Bytes8 = Annotated[bytes, Scalar("8s", "uint8_t", 8)]  # an identity
+Bytes16 = Annotated[bytes, Scalar("16s", "uint8_t", 16)]  # a name
 
 
 Layout = tuple[tuple[str, Scalar, str], ...]

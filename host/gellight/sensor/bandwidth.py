@@ -20,15 +20,15 @@ from gellight.sensor.v4l2.errors import LINUX
 from gellight.sensor.v4l2.formats import Mode, choose
 from gellight.sensor.v4l2.options import CaptureOptions, parse_url
 
-RESERVABLE = 0.8
+RESERVABLE = 0.8  # USB 2.0: of a microframe at high speed; of a frame at full speed it would be 90 %
 COMPRESSED_BITS = 4.0
 """bits a pixel of MJPG: a sharp picture of the gel has 1 to 3"""
 BITS = {"YUYV": 16.0, "RGB3": 24.0, "GREY": 8.0}
 """bits a pixel"""
 INTERFACE, ENDPOINT = 4, 5
 """types of descriptors"""
-VIDEO_STREAMING = (14, 2)
-ISOCHRONOUS = 1
+VIDEO_STREAMING = (14, 2)  # USB video class: class and subclass of an interface
+ISOCHRONOUS = 1  # USB 2.0, table 9-13: the two lowest bits of an endpoint's attributes
 MICROFRAMES = {480.0: 8000, 12.0: 1000}
 """a second, by the speed of the device in Mbit/s; faster devices have those of 480"""
 

@@ -32,7 +32,7 @@ logger = logging.getLogger(__name__)
 
 LOOK_S = 0.5
 """for which one `read` looks for a sensor that is away"""
-RETRY_S = 0.1
+RETRY_S = 0.1  # chosen: between two looks for a sensor that is away
 
 
 @dataclass(frozen=True)

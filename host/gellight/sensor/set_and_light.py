@@ -25,7 +25,7 @@ from gellight.ring.light_ring import LightRing, shows_still
 logger = logging.getLogger(__name__)
 MOST_DISCARDED = 60
 """a camera whose stamps are right delivers a frame of the new light within two frames and its queue"""
-MOST_ATTEMPTS = 3
+MOST_ATTEMPTS = 3  # chosen: light that goes out again and again is taken away by another program
 SETTLING_FRAMES = 4
 """frames that a camera may still show with the exposure or gain of before"""
 

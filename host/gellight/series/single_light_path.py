@@ -12,6 +12,7 @@ from gellight.frames.frames import CameraFrame, ExposureSeries, TactileFrame
 from gellight.frames.image_files import read_grey
 from gellight.frames.status import PathStatus
 from gellight.photometric.directions import FILE_NAME, LightDirections, levels_of, lights_of
+from gellight.reconstruction.gelnet import BLOCK_ROWS
 from gellight.reconstruction.measures import BundleMeasures
 from gellight.reconstruction.network_session import NetworkSession
 from gellight.reconstruction.perspective import Perspective, depth_seen, surface_seen
@@ -20,7 +21,6 @@ from gellight.reconstruction.stages import Stages, tactile_frame
 from gellight.series.summary import as_picture, as_rgb, exposure_report
 
 Floats = NDArray[np.float32]
-_BLOCK = 65536
 
 
 def change_percent(levels: Floats, untouched: Floats) -> Floats:
@@ -49,7 +49,7 @@ class ChannelNetwork:
         return slopes.reshape(*levels.shape[1:], 2)
 
     def _answers(self, change: Floats) -> Floats:
-        parts = [slice(start, start + _BLOCK) for start in range(0, len(change), _BLOCK)]
+        parts = [slice(start, start + BLOCK_ROWS) for start in range(0, len(change), BLOCK_ROWS)]
         rows = (np.concatenate([change[part], self._places[part]], axis=1) for part in parts)
         return np.concatenate([self._session.slopes(block) for block in rows])
 

@@ -39,7 +39,7 @@ def exposure_report(
     )
 
 
-_RGB_OF = 3
+_RGB_OF = 3  # the colours that a picture has
 
 
 def as_rgb(levels: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -25,7 +25,7 @@ from gellight.reconstruction.smoothing import NARROWEST_PX
 from gellight.reconstruction.stages import Stages
 from gellight.series.reconstructor import PhotometricReconstructor
 
-BLOCK_PX = 2
+BLOCK_PX = 2  # chosen: a quarter of the pixels, a quarter of the time
 MOST_PIXELS = 100_000
 """a picture of more is solved as means: this many take about one frame period of a camera of 30 Hz"""
 

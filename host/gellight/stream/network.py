@@ -24,7 +24,7 @@ LAN_PORT, LAN_PORTS = 7447, 16
 """where daemons listen for other computers: the first free one of this number of ports"""
 SCOUT_S = 1.5
 """time that daemons of other computers have to answer; zenoh asks at once and again after a second"""
-CONNECT_MS = 3000
+CONNECT_MS = 3000  # chosen: who does not answer within it does not listen
 READ_ONLY = {
     "id": "only the daemon speaks", "flows": ["ingress"], "permission": "deny",
     "key_exprs": ["**"],  # all of them: whoever declares `**` is asked for gellight/NAME/call too

@@ -22,18 +22,18 @@ from gellight.recording.frame_record import NO_SERIES
 from gellight.recording.kinds import DepthKind
 from gellight.recording.recording_file import RecordingWriter
 from gellight.stream.publisher import name_of_sensor
+from gellight.stream.source import PATIENCE_S
 
 logger = logging.getLogger(__name__)
 BACKLOG = 64
 """frames that wait for the disk"""
 RESERVE_BYTES = 100 << 20
 """left free on the disk: the recording ends before, whole"""
-LOOK_S = 1.0
-PATIENCE_S = 10.0
-RATE_FRAMES = 8
+LOOK_S = 1.0  # chosen: between two looks at the room on the disk
+RATE_FRAMES = 8  # chosen: tell the period; a quarter of a second at 30 frames/s
 LATE_S = 1.0
 """a frame that waited longer is written unpacked: this computer is too slow to pack all"""
-POLL_S = 0.05
+POLL_S = 0.05  # chosen: how late an end is noticed
 SHORT_S = 600.0
 """room for less than this is warned of"""
 

@@ -22,8 +22,8 @@ from gellight.base.errors import StreamError
 from gellight.base.locking import is_locked, lock
 from gellight.base.runtime_folder import folder
 
-MOST_BYTES = 4096
-MOST_TRIES = 200
+MOST_BYTES = 4096  # chosen: a daemon's file is a line of JSON
+MOST_TRIES = 200  # chosen: daemons of one name on a computer
 
 
 class RunningDaemon(StrictModel):

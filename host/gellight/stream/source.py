@@ -22,7 +22,7 @@ from gellight.frames.frames import TactileFrame
 from gellight.frames.status import SensorStatus
 
 logger = logging.getLogger(__name__)
-PATIENCE_S = 10.0
+PATIENCE_S = 10.0  # chosen: with the next frame; a camera that starts needs some seconds
 CALLBACK_S = 10.0
 """that the function of a listener may take when the source is closed"""
 BACKLOG = 32

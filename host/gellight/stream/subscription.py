@@ -34,7 +34,7 @@ TRANSPORTS = {"zenoh": "tcp", "zenoh+tls": "tls"}
 """of zenoh, by the scheme of a URL"""
 LISTENER_S = 2.0
 """that the function of a listener may take at the end"""
-LOOK_AGAIN_S = 0.2
+LOOK_AGAIN_S = 0.2  # chosen: between two looks for a daemon that is to start
 MISTYPED_S = 3.0
 """in which a daemon that was started a moment before says that it starts"""
 LOOK_S = 2.0

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AliasChoices, Field, TypeAdapter
 
-from gellight.base.allowed import Byte, StrictModel, explained
+from gellight.base.allowed import MOST_SIDE_PX, Byte, StrictModel, explained
 from gellight.base.errors import StreamError
 from gellight.bundle.bundle import Bundle
 from gellight.frames.frames import (
@@ -35,15 +35,15 @@ from gellight.reconstruction.light_drift import difference_of
 from gellight.reconstruction.measures import BundleMeasures
 
 MAGIC = b"GELT"
-VERSION = 1
+VERSION = 1  # counted up when this layout changes
 PREFIX = struct.Struct("<4sHHIIqddIIdddddd")
 """magic, version, planes, place and length of the details, sequence, time_s, unix_s, width, height, pixel size x and y,
 indentation, area, centroid x and y (NaN where nothing touches)"""
 PLANE = struct.Struct("<16sIIQ")
 """name, type, channels, place"""
 TYPES: dict[int, np.dtype[Any]] = {1: np.dtype(np.uint8), 2: np.dtype("<f4")}
-ALIGNMENT = 16
-MOST_PIXELS, MOST_DETAILS, MOST_PLANES = 8192, 1 << 20, 16
+ALIGNMENT = 16  # chosen: of planes: enough for every type and for vectors of 128 bits
+MOST_DETAILS, MOST_PLANES = 1 << 20, 16  # chosen: bytes of JSON, 5000 dots too; more planes than there are kinds
 CHANNELS = {
     "image": (1, 3),
     "gradient": (2, 2),
@@ -203,7 +203,7 @@ def decode(message: bytes, bundle_of: Callable[[str], Bundle]) -> ReceivedFrame:
     check_version(message)
     (_, _, planes, details_at, details_length, sequence, time_s, unix_s, width, height, pixel_x, pixel_y,
      indentation_mm, area_mm2, x_mm, y_mm) = PREFIX.unpack_from(message)  # fmt: skip
-    if not (0 < width <= MOST_PIXELS and 0 < height <= MOST_PIXELS and planes <= MOST_PLANES):
+    if not (0 < width <= MOST_SIDE_PX and 0 < height <= MOST_SIDE_PX and planes <= MOST_PLANES):
         raise _damaged(f"{planes} planes of {width} x {height} px")
     maps = _read_planes(message, planes, (height, width))
     details = _read_details(message, details_at, details_length)

@@ -8,7 +8,7 @@ from gellight.frames.pixel_grid import between_blocks, block_means, gel_points_m
 Cells = NDArray[np.float32]
 """(h, w, 3) RGB, grey levels, one value a cell"""
 
-CELL_PX = 8
+CELL_PX = 8  # chosen: the noise of such means is an eighth
 
 
 def cell_means(image: NDArray[np.uint8] | NDArray[np.float32]) -> Cells:

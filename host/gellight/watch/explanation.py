@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 BELIEVED = 0.5
 """what a cause may leave, as a share of what is left without it"""
-MOST_LEDS = 3
+MOST_LEDS = 3  # chosen: where more LEDs have changed, the light is told to be uneven
 REST_LEFT = 1.5
 """times what the gel at rest differs by in any case (`rest_grey` of the bundle) needs no explanation"""
 SEEN = 0.3

@@ -29,8 +29,8 @@ DEAD, DIMMED = 0.15, 0.9
 """light of an LED as a share of what it was"""
 DRIFT, STRONG_DRIFT = 0.03, 0.10
 """change of a channel as a share of what it was"""
-MOVED_PX = 0.3
-UNEVEN_GREY = 1.0
+MOVED_PX = 0.3  # chosen: three times the tenth of a pixel to which a move is told (tests/host/watch)
+UNEVEN_GREY = 1.0  # chosen: rms that no known cause explains
 ADVISED_DEG, ADVISED_MM = 1.0, 0.05
 """expected errors beyond which a new zero or a new calibration is advised"""
 MOST_GUESSED = 0.6

@@ -40,7 +40,7 @@ JUDGE_S = 1.0
 """between two judgements of what was looked at"""
 REST_LOOKS, FEWEST_LOOKS = 12, 6
 """looks at the gel at rest that a judgement is made of"""
-REST_MEMORY_S = 30.0
+REST_MEMORY_S = 30.0  # chosen: older looks may be of another light
 NEVER_S = 120.0
 """without a single look at the gel at rest since the start is a finding"""
 FREE_CELLS = 2
@@ -50,7 +50,7 @@ JUMP_GREY = 0.5
 UNSEEN_GREY_S, MOST_UNSEEN_S = 0.25, 10.0
 """as fast may the light drift while nobody looks, because the processor is busy or a new zero is made; the longest such
 time that counts"""
-NOISE_LOOKS = 20
+NOISE_LOOKS = 20  # chosen: the quietest of so many is the noise: touches that change are louder
 MOST_NOISE = 2.0
 """times the noise of the bundle; what is louder than that counts as touched"""
 UNIT_LOOKS = (3, 9)

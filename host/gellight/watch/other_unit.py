@@ -26,8 +26,8 @@ LOST_SHARE, LOST_MATCH = 0.5, 10.0
 """of its own match, and in all: a worse match is another unit's"""
 OTHER_COLOUR_DEG, OTHER_LIGHT = 8.0, 0.4
 """medians over the view; both must be exceeded. A wavy plate 0.8 mm deep over the whole view makes 7 degrees, 33 %"""
-DARKEST_GAIN = 0.2
-_DARKEST_GREY = 2.0
+DARKEST_GAIN = 0.2  # chosen: with less light, or five times as much, nothing can be compared
+_DARKEST_GREY = 2.0  # chosen: the logarithm of darker cells would be that of their rounding
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,15 +15,15 @@ from gellight.frames.pixel_grid import connected, grown
 from gellight.watch.cells import Cells
 from gellight.watch.untouched_model import Mask
 
-PATIENCE_S = 8.0
-RELEASES = 3
+PATIENCE_S = 8.0  # chosen: what lasts less long is a touch
+RELEASES = 3  # chosen: touches elsewhere that ended meanwhile
 LEAST_CELLS = 3
 """fewer cells are no spot"""
 LARGEST_SHARE = 0.06
 """of the view; what is larger is a touch"""
 ELSEWHERE_CELLS = 4
 """a touch that ends nearer to a spot than that does not count as elsewhere"""
-EDGE_CELLS = 2
+EDGE_CELLS = 2  # chosen: around a spot, where its weak edge comes and goes with the noise
 LEAST_RELEASED = 4
 """this many cells have to come to rest at once for a touch to have ended"""
 DARK, BRIGHT, TORN = 0.92, 1.08, 0.65

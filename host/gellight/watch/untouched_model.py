@@ -28,7 +28,7 @@ OUTLIER_NOISES = 6.0
 """a cell beyond this multiple of its noise, and beyond what the gel at rest differs by, is an outlier"""
 OUTLIER_SHARE = 0.12
 """and beyond this share of the largest change fitted: the light model is good to 8 % of a dead LED"""
-_ROUNDS = 3
+_ROUNDS = 3  # chosen: of leaving out what the one before finds to be no light
 _EVERY = 2
 """the fit takes every second cell of every second row"""
 _RIDGE = 1e-6

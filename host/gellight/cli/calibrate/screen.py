@@ -16,7 +16,7 @@ from gellight.lab.calibration.display import Shown
 from gellight.lab.calibration.routine import Routine
 from gellight.lab.report.pictures import write_png
 
-POLL_S = 0.1
+POLL_S = 0.1  # chosen: how late the screen is while no key is pressed
 KEYS = "n: next or enough   d: drop the last press   c X Y R: correct its circle, px   a: accept   q: stop"
 _ACTIONS = {"n": "next", "d": "drop", "c": "correct", "a": "accept", "q": "abort"}
 

@@ -11,15 +11,13 @@ from gellight.base import logs
 from gellight.base.errors import InputError
 from gellight.base.settings import Settings
 from gellight.cli.ending import until_interrupted
-from gellight.cli.one_sensor import frames_of, opened
+from gellight.cli.one_sensor import STATUS_S, frames_of, opened
 from gellight.cli.showing import show
 from gellight.daemon.session import SensorSession
 from gellight.frames.camera import EndOfStream
 from gellight.frames.measures import MapOnRequest
 from gellight.recording.kinds import DepthKind
 from gellight.stream.recorder import Recorder, RecordingStatus
-
-STATUS_S = 1.0
 
 
 def record(

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from gellight.lab.calibration.records import Coverage
 from gellight.lab.training.presses import Ball, Press, contact_circle
 
-ROWS, COLUMNS = 6, 8
+ROWS, COLUMNS = 6, 8  # chosen: square cells in a picture of 4 : 3
 WANTED = 1
 """presses that have to reach each place"""
-DIRECTIONS = 8
-STEEPNESS_DEG = (0.0, 10.0, 20.0, 30.0, 40.0, 90.0)
+DIRECTIONS = 8  # chosen: 45 degrees each
+STEEPNESS_DEG = (0.0, 10.0, 20.0, 30.0, 40.0, 90.0)  # chosen: borders of the bands that are shown
 STEEP_DEG = 25.0
 """a calibration that knows no steeper slopes is of little use: press deeper"""
 _REACHED_SHARE = 0.3
@@ -59,7 +59,7 @@ def _slopes(press: Press, ball: Ball) -> NDArray[np.int64]:
     return np.asarray(np.histogram2d(turn, steep, bins=edges)[0], np.int64)
 
 
-_SIDES: tuple[tuple[str, tuple[slice, slice]], ...] = (
+_SIDES: tuple[tuple[str, tuple[slice, slice]], ...] = (  # chosen: an edge is two cells wide
     ("on the left edge", (slice(None), slice(0, 2))),
     ("on the right edge", (slice(None), slice(COLUMNS - 2, COLUMNS))),
     ("on the top edge", (slice(0, 2), slice(2, COLUMNS - 2))),

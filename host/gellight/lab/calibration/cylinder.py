@@ -23,12 +23,12 @@ from gellight.base.errors import InputError
 from gellight.lab.training.labelling.pattern import without
 
 Floats = NDArray[np.float64]
-SECTORS = 48
+SECTORS = 48  # chosen: 7.5 degrees each; half of them must show the edge
 REACH = 0.45
 """the profile is looked at within this share of the radius on either side of the edge"""
-_STEP_PX = 0.25
-_LEAST_RADIUS_PX = 12.0
-_LARGEST_SCATTER = 0.03
+_STEP_PX = 0.25  # chosen: a quarter of a pixel, as the picture is interpolated
+_LEAST_RADIUS_PX = 12.0  # chosen: an edge that is 0.12 px off is then 1 % of the scale
+_LARGEST_SCATTER = 0.03  # chosen: of the radius; what scatters more is no circle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,10 +18,10 @@ Floats = NDArray[np.float32]
 COLOURS = "RGB"
 _SAME_GREY = 1.0
 """frames under the same light differ by less, in the mean over blocks"""
-_LONGEST_WAIT_FRAMES = 90
+_LONGEST_WAIT_FRAMES = 90  # chosen: three seconds at 30 frames/s
 _DEAD_SHARE = 0.15
 """an LED that gives less than this share of the median LED of its colour is dead"""
-_WEAK_SHARE = 0.6
+_WEAK_SHARE = 0.6  # chosen: of the median LED of its colour
 _GROUP_ERROR = 0.08
 """a light group may differ from the sum of its LEDs by this share: more is a supply that sags"""
 

@@ -17,17 +17,17 @@ from gellight.reconstruction.integration import angle_deg, integrate, normals
 Floats = NDArray[np.float64]
 SIDE = 25
 """pixels along the diameter of a contact that are looked at"""
-_FLAT_SAMPLES = 150
-_FLAT_DISTANCE = 3.0
-_RIDGE = 0.5
+_FLAT_SAMPLES = 150  # chosen: pixels of the gel at rest beside each press
+_FLAT_DISTANCE = 3.0  # chosen: contact radii from the middle, where the gel is taken to be at rest
+_RIDGE = 0.5  # chosen: the sums of two presses can be solved; 1e-3 served from five on
 _POWERS = powers_up_to(3, 5)
 _MODELS = (np.arange(len(_POWERS)), np.flatnonzero([powers[3:] == (0, 0) for powers in _POWERS]))
 """the terms of each polynomial: of colours and place, of colours alone"""
 LEAST = 2
 """presses before anything can be said"""
-_OUTLIER_PRESSES = 10
-_OUTLIER = 3.0
-_OUTLIER_DEG = 4.0
+_OUTLIER_PRESSES = 10  # chosen: of fewer, the median may be wrong itself
+_OUTLIER = 3.0  # chosen: times the median error
+_OUTLIER_DEG = 4.0  # chosen: and so much above it, where all are good
 SETTLED = 3
 """presses in a row after which a target is reached for good"""
 

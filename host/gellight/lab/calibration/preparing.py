@@ -15,16 +15,17 @@ from gellight.lab.calibration import led_check
 from gellight.lab.calibration.records import Preparation, Uniformity
 from gellight.lab.calibration.run import CalibrationRun
 from gellight.lab.calibration.sensing import check_light, mean_image
+from gellight.photometric.light_model import CLIPPED_GREY
 
 LOWEST_GREY, WANTED_GREY, HIGHEST_GREY = 150.0, 200.0, 230.0
 """of the 99th percentile of the brightest colour of the untouched gel"""
 PULSES_US = 1000.0
 """exposures are whole multiples of this where they can be: whole cycles of pulsed LEDs leave no bands"""
-_ROUNDS = 6
+_ROUNDS = 6  # chosen: ends a search that does not settle
 _CONTROL_FRAMES = 4
 """sensors take a new exposure or gain over two or three frames after it was set"""
-_BALANCED = 0.01
-_DIMMEST_SHARE = 0.3
+_BALANCED = 0.01  # chosen: of the mean, how far colours may differ
+_DIMMEST_SHARE = 0.3  # chosen: no colour is dimmed farther in one round
 
 
 def prepare(run: CalibrationRun) -> None:
@@ -120,11 +121,11 @@ def _expose(run: CalibrationRun, controls: CameraControls) -> None:
             return
         low, high, _step = controls.range("exposure_us")
         # A clipped picture does not say by how much it is too bright.
-        factor = 0.5 if seen >= 254 else WANTED_GREY / max(seen, 4.0)
+        factor = 0.5 if seen >= CLIPPED_GREY else WANTED_GREY / max(seen, 4.0)
         wanted = controls.read("exposure_us") * factor
         rounded = max(PULSES_US, np.floor(wanted / PULSES_US) * PULSES_US)
         exposure = float(np.clip(rounded if wanted >= PULSES_US else wanted, low, high))
-        if exposure == controls.read("exposure_us") and seen < 254:
+        if exposure == controls.read("exposure_us") and seen < CLIPPED_GREY:
             _amplify(controls, factor)
             return
         controls.set("exposure_us", exposure)

@@ -23,7 +23,7 @@ class Preset:
     """for people"""
 
 
-PRESETS = (
+PRESETS = (  # what is published of these sensors
     Preset(
         name="gelsight-mini", title="GelSight Mini", view_mm=(18.6, 14.3), ball_radius_mm=2.35, lights="coloured, on"
     ),

@@ -237,7 +237,7 @@ def _training(found: Fit) -> str:
     )
 
 
-_WIDTH_PX = 320
+_WIDTH_PX = 320  # chosen: a report holds dozens of pictures
 
 
 def small_pictures(images: Sequence[tuple[NDArray[np.uint8], str]]) -> str:

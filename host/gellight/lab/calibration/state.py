@@ -96,7 +96,7 @@ class Steps(BaseModel):
     """fresh presses that were refused"""
 
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 1  # a state of another version is refused
 
 
 class State(BaseModel):

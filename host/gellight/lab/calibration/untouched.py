@@ -18,11 +18,11 @@ WINDOW = 12
 """frames in each of the two windows that are compared while the LEDs warm up"""
 STEADY_GREY = 0.25
 """the windows agree to this: the light is steady"""
-LONGEST_WAIT_FRAMES = 30 * 60 * 10
-_DEGREE = 7
-_FOREIGN_GREY = 4.0
-_FOREIGN_SHARE = 0.03
-_LARGEST_RETURN_GREY = 3.0
+LONGEST_WAIT_FRAMES = 30 * 60 * 10  # chosen: ten minutes at 30 frames/s
+_DEGREE = 7  # chosen: of the polynomials of the smooth light
+_FOREIGN_GREY = 4.0  # chosen: farther off the smooth light a block shows something else
+_FOREIGN_SHARE = 0.03  # chosen: of the blocks; the user may accept more, as printed marks
+_LARGEST_RETURN_GREY = 3.0  # chosen: with more drift the presses would lie under two lights
 
 
 def take_reference(run: CalibrationRun) -> None:

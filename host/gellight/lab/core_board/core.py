@@ -18,8 +18,8 @@ from gellight.ring.enumerations import Dark
 from gellight.ring.wire import COLOUR_BYTES
 
 CHECKSUMS = Path(__file__).parent / "libraries.sha256"
-FLASH_BYTES = 8192
-OUTPUT_BYTES = 65536
+FLASH_BYTES = 8192  # firmware/core/port.h: two sectors of 4096
+OUTPUT_BYTES = 65536  # chosen: 512 packets, more than wait at any time
 RESTARTED = 2
 """of `flags`"""
 _POINTER, _U32, _U64, _I32, _BOOL = (

@@ -18,7 +18,7 @@ from gellight.ring.wire import LED_COUNT
 
 COLDEST_C, HOTTEST_C = -40.0, 125.0
 """the NTC of the strip is made for these"""
-PAGE_BYTES, MAGIC = 256, 0x474C4346
+PAGE_BYTES, MAGIC = 256, 0x474C4346  # a page of flash; MAGIC of firmware/core/config.c
 FULL_LED_MA = 21
 """of an LED that shines in one colour, by the board's model"""
 

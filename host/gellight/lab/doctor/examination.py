@@ -47,9 +47,9 @@ def _identity(device: Path) -> tuple[int, int, str]:
     return vendor, product, attribute(device / "product")
 
 
-HIGH_SPEED_MBPS = 480.0
-LEAST_DISK_BYTES = 1_000_000_000
-EARLIEST_YEAR = 2025
+HIGH_SPEED_MBPS = 480.0  # USB 2.0: high speed
+LEAST_DISK_BYTES = 1_000_000_000  # chosen: two bundles with their presses
+EARLIEST_YEAR = 2025  # chosen: GelLight is younger, so an earlier date is wrong
 SLOW_CLOCKS = ("hpet", "acpi_pm", "jiffies")
 
 

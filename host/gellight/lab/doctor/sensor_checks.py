@@ -22,14 +22,14 @@ from gellight.sensor.v4l2.video_camera import V4l2Camera
 
 ISOCHRONOUS_BYTES_S = 3 * 1024 * 8000
 """the most that one USB 2 endpoint reserves: three packets of 1024 bytes in each of 8000 microframes"""
-FRAMES = 60
+FRAMES = 60  # chosen: two seconds at 30 frames/s
 SETTLE_FRAMES = 6
 """frames that a camera may take to come regularly after its start, or to show a new light"""
-RATE_TOLERANCE = 0.05
+RATE_TOLERANCE = 0.05  # chosen: a camera that lengthens its exposure is farther off
 SEEN_GREY = 2.0
 """mean grey levels by which the LEDs have to brighten the picture"""
-TEST_BRIGHTNESS = 40
-SLOW_ROUND_TRIP_S = 0.02
+TEST_BRIGHTNESS = 40  # chosen: of 255; twelve white LEDs of 20 mA a colour take 113 mA
+SLOW_ROUND_TRIP_S = 0.02  # chosen: over half a frame at 30 frames/s, within which the light may change
 MOST_LIT = 5
 """LEDs of one colour: fewer than a calibration lights, so that nothing dazzles the camera"""
 

@@ -35,13 +35,13 @@ from gellight.sensor.lighting.light_watch import LightWatch
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8] | NDArray[np.float32]
-BANDS, CELLS = 16, 32
-ROUNDS = 4
+BANDS, CELLS = 16, 32  # chosen: of rows, each seen at its own time, and cells along a band
+ROUNDS = 4  # chosen: of weighting by what the one before left
 NOISE_GREY, SHADING = 0.15, 0.05
 """error of a cell: grey levels of noise, and the share of its level by drift and reflexes"""
 FITTING = 0.6
 """a band says something where this share of its cells fit"""
-FEWEST_BANDS = 60
+FEWEST_BANDS = 60  # chosen: twenty for each of three unknowns
 BETWEEN = (0.08, 0.92)
 """shares outside are as good as 0 and 1"""
 BACKWARDS = -0.002

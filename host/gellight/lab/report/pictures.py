@@ -19,8 +19,8 @@ DEPTH_SCALE_UM = 1000.0
 DIFFERENCE_SCALE_GREY = 64.0
 """Default difference that is drawn as black or as full brightness, grey levels."""
 
-INK, PAPER, FAINT = (228, 230, 235), (20, 22, 28), (130, 134, 145)
-_PANEL_WIDTH, MARGIN, TITLE, GUTTER = 640, 20, 34, 96
+INK, PAPER, FAINT = (228, 230, 235), (20, 22, 28), (130, 134, 145)  # chosen: light on dark
+_PANEL_WIDTH, MARGIN, TITLE, GUTTER = 640, 20, 34, 96  # chosen: px of a sheet
 _FONT = cv2.FONT_HERSHEY_DUPLEX
 
 

@@ -24,8 +24,8 @@ COARSER = 2
 """points of the press are put together to one, as long a side"""
 MARGIN = 4.0
 """gel thicknesses around the contact: a layer that hardly changes its volume carries shear that far"""
-TOLERANCE = 1e-4
-KEPT = 64
+TOLERANCE = 1e-4  # chosen: share by which the last iteration still changes the pressure
+KEPT = 64  # chosen: drags; the next step of a way begins where the last one ended
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,8 +28,8 @@ _NUMBER = r"(\d+(?:\.\d+)?)"
 _SINE = re.compile(rf"SINE-{_NUMBER}-{_NUMBER}")
 
 
-CYLINDER_RADIUS_MM = 4.0
-PIN_RADIUS_MM, PIN_PITCH_MM, PIN_HEIGHT_MM = 0.35, 2.0, 1.0
+CYLINDER_RADIUS_MM = 4.0  # docs/calibration.md: 8 mm in diameter
+PIN_RADIUS_MM, PIN_PITCH_MM, PIN_HEIGHT_MM = 0.35, 2.0, 1.0  # chosen: round pins with 1.3 mm between them
 PIN_GRID_MM = (44.0, 34.0)
 """width and height of the plate of the pin grid: more than the view"""
 

@@ -21,7 +21,7 @@ RETURN_FRAMES = 300
 """after a visitor's last touch until the programme goes on"""
 MOST_TURN_RAD = 0.35
 """of a drag: the pressure is not turned with the object"""
-PROGRAMME = (
+PROGRAMME = (  # chosen: what the virtual hand of `gellight demo` presses in turn
     Press("BALL", 1.0, 0.0, 0.0),
     Press("BALL", 1.5, -9.0, 4.0),
     Press("TSTEP", 0.8, 0.0, 0.0),

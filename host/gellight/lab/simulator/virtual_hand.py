@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from gellight.base.errors import InputError
 from gellight.frames.camera import Camera, PressStage
 
+# Chosen: five, as many as the routine asks for, with the whole probe in view.
 CYLINDER_PLACES_MM = ((0.0, 0.0), (-4.0, 2.5), (4.5, -2.0), (3.0, 3.0), (-3.5, -3.0))
-CYLINDER_DEPTH_MM = 0.3
+CYLINDER_DEPTH_MM = 0.3  # chosen: some tenths, as docs/calibration.md asks
 BALL_DEPTHS_MM = (0.2, 2.0)
 """From a light touch to a deep press: where the gel is deep it is nearer to the LEDs and brighter, so that deep presses
 alone would teach that brightness means slope."""
@@ -17,12 +18,12 @@ DEPTH_POWER = 1.5
 """more light presses than deep ones: a deep one shows ten times the pixels"""
 MARGIN = 1.1
 """in contact radii: a circle that the border of the picture cuts would be refused"""
-CHECK_MARGIN = 1.2
+CHECK_MARGIN = 1.2  # chosen: verification presses keep clear of the border
 STRETCH = 0.08
 """this share of the places, on each side, falls beyond the border of the view and is moved onto it, since a network
 learns worst where no press reaches"""
-BALL_RADIUS_MM = 4.0
-CHECK_SEED = 1000
+BALL_RADIUS_MM = 4.0  # the paper's section 3.2.3: a ball of 8 mm diameter
+CHECK_SEED = 1000  # chosen: other places than those that were learnt from
 
 
 class VirtualHand:

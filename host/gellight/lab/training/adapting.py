@@ -43,10 +43,10 @@ from gellight.watch.light import RingLight
 from gellight.watch.other_unit import UnitCheck
 from gellight.watch.untouched_model import OUTLIER_NOISES, UntouchedModel
 
-FRAMES = 30
+FRAMES = 30  # chosen: one second at 30 frames/s; the noise of the mean is a fifth
 MOST_NOISE = 2.0
 """times the noise of the bundle: beyond it something moves"""
-DARKEST_LED = 1e-3
+DARKEST_LED = 1e-3  # chosen: a dead LED has a logarithm
 ADAPTED = "adapted"
 """in the metrics of such a bundle: from which bundle, and how the light has changed"""
 Array = NDArray[np.float64]

@@ -31,7 +31,7 @@ Progress = Callable[[int, int, float], None]
 """Called with (epoch, epochs, loss)."""
 Check = Callable[[], None]
 """Called several times a second; what it raises ends the child."""
-_CHECK_S = 0.2
+_CHECK_S = 0.2  # chosen: how late a stop is obeyed
 _REMEDY = "reinstall gellight"
 _REFUSED = 2
 """exit status with which a child refuses what it was given"""

@@ -37,12 +37,12 @@ from gellight.reconstruction.error_bounds import (
 from gellight.reconstruction.force import Layer
 from gellight.reconstruction.integration import angle_deg, normals
 
-FOLDS = 3
+FOLDS = 3  # chosen: three networks more to train
 MOST_PIXELS = 2000
 """of a press: pixels beside each other are alike"""
 _JUDGES, _CLEARLY = 4, 0.9
 """presses that decide on the plane at rest, and to which part it has to bring the error of the depth"""
-_RIDGE = 1e-5
+_RIDGE = 1e-5  # 1e-3 was tried beside it on real presses; this only keeps the sums solvable
 Array = NDArray[np.float64]
 
 

@@ -19,7 +19,7 @@ from gellight.reconstruction.gelnet import CELL_PX, SQUARES_CELLS
 from gellight.reconstruction.image_noise import RestChange
 from gellight.reconstruction.light_drift import difference_of, light_drift
 
-COLOURS = 3
+COLOURS = 3  # of a camera's picture
 LIKE_UNIT = "like_"
 """before the names of the arrays of a like unit's presses"""
 DARKEST_GREY = 20.0
@@ -32,7 +32,7 @@ _FAR_SHARE = 0.75
 """of the view is nearer to the press than what counts as at rest"""
 _NEAREST = 2.0
 """in contact radii: no place nearer to the press counts as at rest"""
-_LEAST_SQUARES = 5
+_LEAST_SQUARES = 5  # chosen: a press that leaves fewer means at rest is left out
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -45,16 +45,16 @@ _LEAST_LEFT = 3
 """presses: of two nobody knows which is wrong"""
 _DARKEST = 20.0
 """grey levels below which a ratio says nothing"""
-_GREY = 60.0
-_COLOUR_DEGREE = 3
-_POWERS = [
+_GREY = 60.0  # chosen: the change of a press is then about 1, as the place is
+_COLOUR_DEGREE = 3  # chosen: as of live_error.py of the calibration
+_POWERS = [  # of three colours, and of the place linearly at most
     powers
     for powers in powers_up_to(_COLOUR_DEGREE + 1, 5)
     if 1 <= sum(powers[:3]) <= _COLOUR_DEGREE and sum(powers[3:]) <= 1
 ]
 _PENALTY = np.array([1e-3 + 0.1 * sum(powers[3:]) for powers in _POWERS])
 """relative to the squares of all presses: a few do not tell how colours change over the view"""
-_LEAST_PIXELS = 8
+_LEAST_PIXELS = 8  # chosen: a smaller contact accuses nobody
 _SIDE, _WITHIN = 25, 0.9
 """pixels along the diameter of a contact that are looked at; of its radius"""
 

@@ -34,7 +34,7 @@ from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork, block_middl
 
 Floats = NDArray[np.float32]
 
-BLOCK_CELLS = 2048
+BLOCK_CELLS = 2048  # chosen: half of BLOCK_ROWS, as their Jacobians go along
 LIMIT_NOISE = 4.0
 """Noise alone, |d - m| up to this multiple of its standard deviation, sends no pixel there by the bend."""
 NEAREST_GREY = 4.0

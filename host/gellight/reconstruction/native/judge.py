@@ -20,7 +20,7 @@ the blending between cells, which costs up to 0.18 degrees and 5.3 µm on steep 
 DEEPEST_MM = 10.0
 """No gel is as thick. A network of few presses can answer a made-up frame by slopes along the line of sight; depth
 then runs to 90 mm, and rounding is worth 0.1 mm there and nothing elsewhere."""
-_STRONGEST_GREY = 40.0
+_STRONGEST_GREY = 40.0  # chosen: presses of real sensors change their contact by 22 to 40
 
 
 def refuse_disagreement(path: NativePath, judge: TactilePath, bundle: Bundle) -> None:

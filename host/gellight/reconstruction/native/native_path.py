@@ -21,7 +21,7 @@ from gellight.reconstruction.contact import (
     patches_of,
     without_untouched,
 )
-from gellight.reconstruction.gelnet import CELL_PX, GradientNetwork
+from gellight.reconstruction.gelnet import BLOCK_ROWS, CELL_PX, GradientNetwork
 from gellight.reconstruction.integration import (
     cosines,
     far_cells,
@@ -48,7 +48,6 @@ Bools = NDArray[np.bool_]
 
 SMALLEST_PX = 32
 """Images smaller than this along one side are left to NumPy."""
-_BLOCK_PIXELS = 4096
 
 
 class NativePath:
@@ -159,8 +158,8 @@ class NativePath:
         given = (difference, m.touched, touched, m.planes, m.doubts, m.coarse, self.limits.noise_grey)
         single = self._run("blend", *given, m.slopes, m.index, m.work, m.bytes)
         self.network_rows = NetworkRows(coarse=coarse, cells=near, pixels=single)
-        for start in range(0, single, _BLOCK_PIXELS):
-            count = min(_BLOCK_PIXELS, single - start)
+        for start in range(0, single, BLOCK_ROWS):
+            count = min(BLOCK_ROWS, single - start)
             at, rows = m.index[start:], m.rows[:count]
             self._c.call("pixel_rows", difference, at, rows, count, self._width)
             self._run("store_pixels", at, self._answers.slopes(rows), self._network.zero, m.slopes, count)

@@ -13,16 +13,16 @@ from gellight.reconstruction.network_session import NetworkSession
 logger = logging.getLogger(__name__)
 Floats = NDArray[np.float32]
 
-INPUTS, HIDDEN, OUTPUTS = 5, 32, 2
-LAYERS = 5
+INPUTS, HIDDEN, OUTPUTS = 5, 32, 2  # of GelNet, and of network.c
+LAYERS = 5  # of weights, in GelNet (models/gelnet/parameters.py)
 TILE = 8
 """outputs that are computed together, see network.c"""
 STEEPEST_RAD = 1.5
 """up to which the tangent is right there"""
 ALLOWED = 1e-4
 """difference of slopes from ONNX Runtime's, and of Jacobians times `GREY`, over 1 + slope^2"""
-GREY = 30.0
-JUDGED = 1000
+GREY = 30.0  # chosen: a press's change of colour, which makes slopes of Jacobians
+JUDGED = 1000  # chosen: made-up rows that are compared
 
 
 class SlopeNetwork(Protocol):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gellight.reconstruction.contact import FEWEST_BLOCKS, LEVELS, SMALLEST_PATCH_PX
-from gellight.reconstruction.gelnet import CELL_PX, COARSE_PX
+from gellight.reconstruction.gelnet import BLOCK_ROWS, CELL_PX, COARSE_PX
 from gellight.reconstruction.smoothing import FilterTaps
 
 Floats = NDArray[np.float32]
@@ -37,7 +37,7 @@ class WorkMemory:
         self.cell_rows = aligned(h * w, 5)
         self.coarse_rows, self.coarse = aligned(coarse_h * coarse_w, 5), aligned(coarse_h * coarse_w, 2)
         self.index = np.zeros(height * width, np.int32)
-        self.rows = aligned(max(h * w, 4096), 5)
+        self.rows = aligned(max(h * w, BLOCK_ROWS), 5)
         self.planes, self.coarse_planes = aligned(11, h, w), aligned(11, coarse_h, coarse_w)
         self.doubts = aligned(2, h, w)
         self.slopes, self.measured, self.surface = (aligned(2, height, width) for _ in range(3))

@@ -22,13 +22,14 @@ logger = logging.getLogger(__name__)
 
 MARK = "INFO_UF2.TXT"
 BOARD_ID = "Board-ID:"
-INTERFACE, OUT, IN = 1, 0x03, 0x84
+# The boot loader on USB, by the data sheets: RP2040 2.8.5, RP2350 5.6.
+INTERFACE, OUT, IN = 1, 0x03, 0x84  # its number, and the endpoints
 MAGIC = 0x431FD10B
 EXCLUSIVE, REBOOT, ERASE, WRITE, EXIT_XIP, REBOOT2, READ = 0x01, 0x02, 0x03, 0x05, 0x06, 0x0A, 0x84
-SECTOR, PAGE = 4096, 256
-TIMEOUT_MS = 5000
-WAIT_S = 10.0
-TOUCH_BAUD = 1200
+SECTOR, PAGE = 4096, 256  # what the flash erases and writes at once
+TIMEOUT_MS = 5000  # chosen: an answer that takes as long does not come
+WAIT_S = 10.0  # chosen: a board that is started anew needs some seconds until USB knows it
+TOUCH_BAUD = 1200  # BAUD_TOUCH of firmware/boards/rp2/usb.c, and of Arduino boards
 
 
 def mount_points(platform: str = sys.platform) -> list[Path]:

@@ -8,18 +8,18 @@ import zlib
 
 from gellight.base.errors import InputError
 
-FLASH_BASE = 0x10000000
-PAYLOAD = 256
-BLOCK = 512
+FLASH_BASE = 0x10000000  # XIP_BASE of RP2040 and RP2350, by their data sheets
+PAYLOAD = 256  # UF2 specification: bytes of the image in each block
+BLOCK = 512  # and of the block
 _BLOCK_HEAD = struct.Struct("<8I")
-_BLOCK_MAGIC = (0x0A324655, 0x9E5D5157)
-_BLOCK_END = 0x0AB16F30
-_FAMILY_PRESENT = 0x2000
-BOOT2_BYTES = 256
-VECTORS = 64
+_BLOCK_MAGIC = (0x0A324655, 0x9E5D5157)  # its first words, by the UF2 specification
+_BLOCK_END = 0x0AB16F30  # its last word
+_FAMILY_PRESENT = 0x2000  # its flag for the number of a chip
+BOOT2_BYTES = 256  # RP2040 data sheet 2.8: the second stage of its boot loader
+VECTORS = 64  # Cortex-M: 16 vectors of 4 bytes, before those of interrupts
 HEADER = struct.Struct("<4I")
 """behind the first 16 vectors: magic, bytes that follow, their CRC-32, family of the UF2 file"""
-HEADER_MAGIC = 0x474C494D
+HEADER_MAGIC = 0x474C494D  # "GLIM" in ASCII
 
 
 def header_at(image: bytes) -> int:

@@ -13,7 +13,7 @@ from typing import Any
 from gellight.base.errors import InputError
 from gellight.ring.firmware.image import from_uf2
 
-CHECKOUT = Path(__file__).parents[4]
+CHECKOUT = Path(__file__).parents[4]  # the folder that holds host/
 PACKAGED = Path(__file__).parent
 PREFIX, TOLD = "gellight-", "board.toml"
 DEFAULT = "rp2040"

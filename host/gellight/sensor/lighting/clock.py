@@ -20,14 +20,14 @@ MOST_DRIFT = 200e-6
 """of two crystals against each other, with the host's clock being slewed by NTP"""
 WANDER = 2e-6
 """drift changes with temperature by no more than this within the window"""
-WINDOW_S = 30.0
+WINDOW_S = 30.0  # chosen: long enough to tell drift, short enough for WANDER
 BUCKET_S = 0.5
 """of the pings in each such stretch of time the one with the shortest round trip is kept"""
 JUMP_US = 5000.0
 """a ping that misses the bounds by more means that the board has started anew, or stood still for long"""
 SURE_US = 5000.0
 """a ping whose bounds are wider would not show if the clock had jumped"""
-KEPT_SURE = 48
+KEPT_SURE = 48  # chosen: frames that are labelled later still have pings around them
 TICK_US = 1.0
 """the board's times are whole"""
 

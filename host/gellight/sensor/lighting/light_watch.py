@@ -19,7 +19,7 @@ from gellight.sensor.lighting.timeline import KnownLight, Plan
 
 ASKED = 3
 """how often the board is asked about one frame; then it stays unknown"""
-FIRST_PINGS = 5
+FIRST_PINGS = 5  # chosen: bounds of the board's clock before the first frame
 
 
 class Change(NamedTuple):

@@ -22,8 +22,8 @@ from gellight.ring import protocol
 from gellight.ring.wire import LED_COUNT
 from gellight.sensor.lighting.clock import Interval
 
-FEWEST_FRAMES = 12
-MOST_FRAMES = 600
+FEWEST_FRAMES = 12  # chosen: stamps of fewer frames tell no period
+MOST_FRAMES = 600  # chosen: 20 seconds at 30 frames/s
 TOLERANCE = 0.1
 """of the slack; smaller phase errors are left alone"""
 FINEST_S = 100e-6

@@ -15,7 +15,7 @@ from gellight.ring.light_groups import Groups, colour_triples, single_leds
 
 SEQUENCES = {"rgb": colour_triples, "single": single_leds}
 """rgb: a red, a green and a blue LED in each group; single: one LED"""
-MOST_BYTES = 100_000
+MOST_BYTES = 100_000  # chosen: 16 groups of 24 colours have some 4 kB
 Colour = Annotated[str, Field(pattern=re.compile("^[0-9a-fA-F]{6}$"))]
 
 

@@ -32,7 +32,7 @@ from gellight.sensor.lighting.timeline import REPEAT_US
 logger = logging.getLogger(__name__)
 CLOCK_ERROR_S = 0.001
 """what the host is assumed to be off about the board's clock when the hold is chosen"""
-EDGES_MISSED = 4
+EDGES_MISSED = 4  # chosen: strobes in a row that the board waits for in vain
 TRIM_LIGHTS = 4
 """lights until a trim has taken effect"""
 

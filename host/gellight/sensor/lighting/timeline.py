@@ -23,10 +23,10 @@ REPEAT_US = 2000.0
 anything"""
 SLACK_US = 100.0
 """a light that begins later than planned by more than this may be the repetition of a disturbed one"""
-KEPT_EVENTS = 16
+KEPT_EVENTS = 16  # chosen: lights that can still be asked for
 FEWEST_ON_GRID, MOST_ON_GRID = 4, 8
 """the plan goes by the earliest of this many lights, for a single light may itself have been late"""
-KEPT = 64
+KEPT = 64  # chosen: two seconds of a light a frame at 30 frames/s
 
 Plan = Callable[[protocol.LightEvent, protocol.LightEvent], float | None]
 """how long after the first light the second was to begin, board us; None where it was not planned"""

@@ -15,6 +15,7 @@ from gellight.sensor.v4l2 import structures as v
 from gellight.sensor.v4l2.errors import explaining, explanation
 from gellight.sensor.v4l2.formats import Ask
 
+# Numbers of linux/v4l2-controls.h
 _USER, _CAMERA = 0x00980900, 0x009A0900
 WHITE_BALANCE_AUTO, WHITE_BALANCE = _USER + 12, _USER + 26
 GAIN_AUTO, GAIN = _USER + 18, _USER + 19
@@ -22,7 +23,7 @@ POWER_LINE = _USER + 24
 EXPOSURE_AUTO, EXPOSURE, DYNAMIC_RATE = _CAMERA + 1, _CAMERA + 2, _CAMERA + 3
 FOCUS_AUTO = _CAMERA + 12
 
-EXPOSURE_MANUAL = 1
+EXPOSURE_MANUAL = 1  # V4L2_EXPOSURE_MANUAL
 REFUSALS = (errno.EINVAL, errno.ERANGE, errno.EACCES, errno.EIO, errno.EPIPE)
 """what a driver or a camera answers to a value that it does not take"""
 POWER_LINE_VALUES = {0: 0, 50: 1, 60: 2}

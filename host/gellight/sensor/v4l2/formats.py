@@ -18,10 +18,10 @@ Ask = Callable[[int, Structure], None]
 
 DECODABLE = ("MJPG", "YUYV", "RGB3", "GREY")
 """in order of preference: MJPG lets several sensors share one bus; grey, the last choice, has no colours"""
-USUAL_FPS = 30.0
+USUAL_FPS = 30.0  # chosen: where no rate is asked for, the nearest to it is taken
 RATE_TOLERANCE = 0.01
 """share by which a rate may differ from the one that is asked for"""
-_TOO_MANY = 4096
+_TOO_MANY = 4096  # chosen: ends the list of a driver that does not end it
 
 
 @dataclass(frozen=True, kw_only=True)

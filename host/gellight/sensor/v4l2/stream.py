@@ -26,11 +26,11 @@ from gellight.sensor.v4l2.errors import (
 )
 from gellight.sensor.v4l2.formats import Ask
 
-BUFFERS = 4
+BUFFERS = 4  # chosen: one is filled while the others wait to be read
 BAD_LIMIT = 60
 """number of unusable pictures in a row that is a fault"""
-OLDEST_STAMP_S = 2.0
-_LARGEST_STEP = 2**31
+OLDEST_STAMP_S = 2.0  # chosen: an older stamp is of another clock
+_LARGEST_STEP = 2**31  # half of what 32 bits count: a longer step goes back
 
 
 @dataclass(frozen=True, kw_only=True)

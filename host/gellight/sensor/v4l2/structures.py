@@ -8,20 +8,22 @@ import ctypes
 from ctypes import Structure, Union, c_char, c_int32, c_long, c_uint8, c_uint32, c_ulong
 
 CAPTURE = 1  # V4L2_BUF_TYPE_VIDEO_CAPTURE
-MMAP = 1
-FIELD_NONE = 1
+MMAP = 1  # V4L2_MEMORY_MMAP
+FIELD_NONE = 1  # V4L2_FIELD_NONE
 
+# Bits of what a device can
 CAP_VIDEO_CAPTURE = 0x1
 CAP_STREAMING = 0x04000000
 CAP_DEVICE_CAPS = 0x80000000
 
+# Bits of V4L2_BUF_FLAG_
 FLAG_ERROR = 0x40
 TIMESTAMP_MASK, TIMESTAMP_MONOTONIC = 0xE000, 0x2000
 SOURCE_MASK, SOURCE_SOE = 0x70000, 0x10000
 
 FRAME_DISCRETE = 1  # of FRMSIZE and FRMIVAL alike
 
-CTRL_DISABLED = 0x1
+CTRL_DISABLED = 0x1  # V4L2_CTRL_FLAG_DISABLED
 
 
 def _u32(*names: str) -> tuple[tuple[str, type[c_uint32]], ...]:
@@ -137,7 +139,7 @@ class Int(Structure):
     _fields_ = (("value", c_int32),)
 
 
-_READ, _WRITE = 2, 1
+_READ, _WRITE = 2, 1  # asm-generic/ioctl.h
 
 
 def _request(direction: int, number: int, kind: type[Structure]) -> int:

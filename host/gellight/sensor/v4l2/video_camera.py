@@ -18,7 +18,7 @@ from gellight.sensor.v4l2.options import CaptureOptions
 from gellight.sensor.v4l2.stamps import STAMP_ERROR_S, StampMeaning, hardware_stamps
 from gellight.sensor.v4l2.stream import BAD_LIMIT, Picture
 
-FIRST_FRAME_S = 5.0
+FIRST_FRAME_S = 5.0  # chosen: cameras take seconds to start
 BLANK_GREY = 8
 """a picture whose pixels differ by no more is dark or white all over"""
 STALL_S = 2.0

@@ -32,7 +32,7 @@ FEWEST = 3
 """readings in contact"""
 LEAST_RANK = 0.8
 """correlation of the ranks of forces and answers, where the forces differ by `SPREAD`: they must rise together"""
-SPREAD = 1.5
+SPREAD = 1.5  # chosen: largest over smallest force; below, ranks tell nothing
 BETTER_BY = 0.9
 """another thickness than the one that is given must leave less than this share of the error"""
 MOST_SHARE = 0.3

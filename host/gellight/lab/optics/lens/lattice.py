@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 
 _REACH = 0.3
 """of the spacing: how far from its expected place a neighbour is still taken for one"""
-_STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
-LEAST_POINTS = 9
+_STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))  # right, down, left, up
+LEAST_POINTS = 9  # chosen: a grid of 3 x 3, as docs/your-images.md promises
 _LARGEST_MISS = 0.15
 """of the spacing: a grid whose points lie farther from where the view puts them is no square grid, or was misread"""
 

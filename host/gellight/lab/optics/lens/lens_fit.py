@@ -18,13 +18,13 @@ Floats = NDArray[np.float32]
 
 LEAST_PINS = 24
 """in all pictures: they give 48 numbers for the 10 unknowns of a lens and one picture; the rest checks the fit"""
-MOST_STRAYS = 0.2
+MOST_STRAYS = 0.2  # chosen: of the spots; with more the grid may be a wrong one
 CELLS = 4
 """to a side: the view is divided into 4 x 4 cells, each of which must hold a pin"""
 PITCH_TOLERANCE = 0.1
 """largest relative difference between the spacing of the pins and what pitch and pixel size say"""
-LARGEST_RESIDUAL_PX = 0.5
-_SOFT_PX = 0.3
+LARGEST_RESIDUAL_PX = 0.5  # chosen: rms; beyond it the grid is bent, or tilted in the gel
+_SOFT_PX = 0.3  # chosen: pins that are farther off count by their distance, not its square
 _CENTRE_PRIOR = 1e-3
 """px of residual per px that the centre of distortion is off the middle: a lens without distortion has no centre that
 the pins could show"""

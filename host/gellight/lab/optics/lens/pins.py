@@ -11,7 +11,7 @@ _BLUR = 0.08
 """in spacings: a pin that presses into the gel is a ring of slopes, which this closes to a spot"""
 _WINDOW = 0.35
 """in spacings: radius of the window around a pin whose centroid is its centre"""
-_CENTROID_STEPS = 5
+_CENTROID_STEPS = 5  # chosen: each moves the window to the centroid of the one before
 _CLEAR = 6.0
 """times its noise that a picture has to vary to show pins"""
 

@@ -15,19 +15,19 @@ from scipy.optimize import brentq
 from gellight.base.errors import BundleError
 from gellight.frames.pixel_grid import plane_means
 from gellight.lab.optics.lights.ring_fit import STEP_PX, coarse_points, flat_light, own_light
-from gellight.photometric.light_model import CLIPPED, DEGREE, WHITE, LightGroups, LightModel, unmixing
+from gellight.photometric.light_model import CLIPPED_GREY, DEGREE, WHITE, LightGroups, LightModel, unmixing
 from gellight.photometric.ring_geometry import RingGeometry
 from gellight.photometric.static_scene import BLOCK_PX
 from gellight.ring.light_groups import colour_triples, single_leds
 
 Array = NDArray[np.float64]
-GAMMAS = (0.3, 4.0)
+GAMMAS = (0.3, 4.0)  # chosen: wider than cameras have; sRGB is near 2.2
 LINEAR_WITHIN = 0.01
 """a gamma this near to 1 is 1: the difference is that of the measurement"""
 LEAST_GREY = 8.0
 """a picture of one LED that is darker than this somewhere in its own channel cannot be told from noise"""
-LARGEST_RESIDUAL = 0.05
-BRIGHT_SHARE = 0.6
+LARGEST_RESIDUAL = 0.05  # chosen: the paper's sensor leaves 0.03 %
+BRIGHT_SHARE = 0.6  # chosen: of the brightest, for crosstalk to stand out of the noise
 GLINTS = 0.001
 """share of the grey levels that may be clipped: medians and smooth patterns do not see a few"""
 
@@ -194,7 +194,7 @@ def _unit(light: Array) -> Array:
 
 def _check_brightness(pictures: ReferencePictures, singles: Array, ring: RingGeometry) -> None:
     brightest = float(np.quantile(pictures.whole, 1 - GLINTS))
-    if brightest >= CLIPPED:
+    if brightest >= CLIPPED_GREY:
         raise BundleError(
             f"the picture under the whole ring reaches {brightest:.0f} of 255 grey levels: "
             "shorten the exposure and take the lights again"

@@ -25,6 +25,7 @@ LEAST_LIGHT = 1e-15
 STEP_PX = 16
 """patterns are smooth: they are compared on a coarse grid"""
 FREE = ("ring_radius_mm", "height_mm", "incident_angle_rad", "beam_angle_rad", "centre_x_mm", "centre_y_mm")
+# Chosen: wider than any ring that can be built, in the order of FREE, mm and rad.
 LOWER, UPPER = (1.0, 1.0, 0.0, 0.35, -10.0, -10.0), (200.0, 200.0, 1.4, 3.1, 10.0, 10.0)
 
 

@@ -29,15 +29,15 @@ from gellight.lab.training.presses import Ball
 from gellight.reconstruction.light_drift import light_drift
 
 Array = NDArray[np.float64]
-_LEAST_SHARE = 0.2
-_LEAST_RADIUS_PX = 6.0
+_LEAST_SHARE = 0.2  # chosen: of the ball's radius; smaller contacts are flatter than 12 degrees
+_LEAST_RADIUS_PX = 6.0  # chosen: some 110 pixels of contact are the least
 WHOLE, ARC = 0.95, 0.25
 """of the circle that has to be seen: all but a sliver; an arc of 90 degrees"""
 _BEYOND = 0.7
 """in ball radii: how far off the picture the centre of an arc may lie"""
 _LARGEST = 3.0
 """radius of the ball in longer sides of the picture"""
-_RIVAL = 0.3
+_RIVAL = 0.3  # chosen: of what the best place explains; one that is as good is another press
 _MOST_CLIPPED = 0.2
 """of the values in the contact: one channel of three may lose half of its slopes, and the contact is still known"""
 _MOST_ERROR_OF_ARC, _MOST_ERROR = 0.07, 0.4

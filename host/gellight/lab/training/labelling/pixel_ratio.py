@@ -28,10 +28,10 @@ from gellight.lab.training.labelling.pattern import (
 )
 from gellight.lab.training.presses import Ball, Press
 
-LEAST_PRESSES, _MOST_PRESSES = 4, 9
+LEAST_PRESSES, _MOST_PRESSES = 4, 9  # chosen: an error by leaving one out; the time grows with presses
 _SQUARE, _SURE = 0.03, 4.0
 """how far from 1 square pixels may look, and in standard errors: two samples of one real gel differ by 0.013"""
-_ROUNDS, _STEP, _H = 4, 0.1, 0.01
+_ROUNDS, _STEP, _H = 4, 0.1, 0.01  # chosen: of Newton's method, its longest step and where it ends, in log k
 
 
 @dataclass(frozen=True, kw_only=True)
