@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
-from gellight.base.allowed import explained
+from gellight.base.allowed import MOST_SIDE_PX, explained
 from gellight.base.errors import InputError
 
 Array = NDArray[np.float64]
-Pixels = Annotated[int, Field(ge=2, le=16384)]  # chosen: beyond any camera
+Pixels = Annotated[int, Field(ge=2, le=MOST_SIDE_PX)]
+"""as frames and recordings take them"""
 _MOST_FINER = 4  # chosen: 16 samples a pixel; with one, slanted views had false stripes of 40 grey levels and more
 MOST_PX = 1280
 """of a view that is chosen for its size alone: pixels of 20 mm of gel are then an eighth of what its coating blurs"""

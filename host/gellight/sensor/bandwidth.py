@@ -2,7 +2,7 @@
 
 An isochronous camera reserves time on its bus for as many bytes in each microframe as one of its alternate settings
 has, the smallest that is enough for its pictures. What all devices of a bus reserve may fill 80 % of it (USB 2.0,
-5.7.3). A camera of compressed pictures says only once it is set how much it asks for, so `COMPRESSED_BITS` a pixel are
+5.6.4). A camera of compressed pictures says only once it is set how much it asks for, so `COMPRESSED_BITS` a pixel are
 assumed.
 """
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from gellight.base.allowed import query_of, refusals, split_url
+from gellight.base.allowed import MOST_SIDE_PX, query_of, refusals, split_url
 from gellight.base.errors import InputError
 from gellight.sensor.v4l2.formats import Wanted
 
@@ -19,8 +19,8 @@ class CaptureOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    width: int | None = Field(default=None, ge=2, le=16384)
-    height: int | None = Field(default=None, ge=2, le=16384)
+    width: int | None = Field(default=None, ge=2, le=MOST_SIDE_PX)
+    height: int | None = Field(default=None, ge=2, le=MOST_SIDE_PX)
     format: Annotated[Literal["MJPG", "YUYV", "RGB3", "GREY"] | None, BeforeValidator(_upper)] = None
     fps: float | None = Field(default=None, gt=0, le=1000)
     exposure_us: float | None = Field(default=None, gt=0)
