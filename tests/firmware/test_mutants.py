@@ -15,7 +15,7 @@ from tests.firmware.helpers.examination import CHECKS, examine
 from tests.firmware.helpers.mutations import ENABLES, IMAGE, LOGIC, Mutation, planted
 from tests.firmware.helpers.virtual_board import compile_library
 
-DAILY = 3
+DAILY = 12
 """one in that many faults of the core is planted by day, all at night; those of the image need their compiler"""
 
 
