@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
 TAKES = "about a minute by finite elements 0.3 mm apart, longer with finer ones"
 app = typer.Typer(rich_markup_mode=MARKUP, no_args_is_help=True)
+Gel = Annotated[GelKind, simulation_option("--gel", help="Elastic layer, or finite elements.")]
+Resolution = Annotated[float, simulation_option("--resolution-mm", min=0.05, help="Of the finite elements.")]
+Noise = Annotated[float, simulation_option("--noise", min=0, max=50, help="Noise of the camera, grey levels.")]
+Seed = Annotated[int, simulation_option("--seed", min=0, help="Other noise, and other presses of a data set.")]
 
 
 @app.callback()
@@ -30,7 +34,7 @@ def press(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write surface, pressure and report here.")],
     depth: Annotated[float | None, typer.Option("--depth-mm", help="How deep, mm.")] = None,
     force: Annotated[float | None, typer.Option("--force-n", help="With which force, N, instead of a depth.")] = None,
-    gel: Annotated[GelKind, simulation_option("--gel", help="Elastic layer, or finite elements.")] = "fem",
+    gel: Gel = "fem",
     resolution: Annotated[
         float, simulation_option("--resolution-mm", min=0.001, help="Between vertices of the surface.")
     ] = 0.3,
@@ -67,12 +71,10 @@ def dataset(
     shallowest: Annotated[float, simulation_option("--shallowest-mm", help="Least depth of a press.")] = 0.2,
     deepest: Annotated[float, simulation_option("--deepest-mm", help="Largest depth of a press.")] = 1.0,
     light: Annotated[LightKind, typer.Option("--light", help="One picture a press, or one a LED.")] = "ring",
-    gel: Annotated[GelKind, simulation_option("--gel", help="Elastic layer, or finite elements.")] = "layer",
-    resolution: Annotated[float, simulation_option("--resolution-mm", min=0.05, help="Of the finite elements.")] = 0.3,
-    noise: Annotated[
-        float, simulation_option("--noise", min=0, max=50, help="Noise of the camera, grey levels.")
-    ] = 1.0,
-    seed: Annotated[int, simulation_option("--seed", min=0, help="Other presses, other noise.")] = 0,
+    gel: Gel = "layer",
+    resolution: Resolution = 0.3,
+    noise: Noise = 1.0,
+    seed: Seed = 0,
     geometry: GeometryFile = None,
     workers: Workers = 0,
     as_json: AsJson = False,
@@ -107,12 +109,10 @@ def dataset(
 def sequence(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="What moves how: JSON, see docs/tracking.md.")],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Write the pictures and the true poses here.")],
-    gel: Annotated[GelKind, simulation_option("--gel", help="Elastic layer, or finite elements.")] = "layer",
-    resolution: Annotated[float, simulation_option("--resolution-mm", min=0.05, help="Of the finite elements.")] = 0.3,
-    noise: Annotated[
-        float, simulation_option("--noise", min=0, max=50, help="Noise of the camera, grey levels.")
-    ] = 1.0,
-    seed: Annotated[int, simulation_option("--seed", min=0, help="Other noise.")] = 0,
+    gel: Gel = "layer",
+    resolution: Resolution = 0.3,
+    noise: Noise = 1.0,
+    seed: Seed = 0,
     geometry: GeometryFile = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
