@@ -126,6 +126,12 @@ def test_the_start_of_the_exposure_follows_from_what_the_stamp_means(
         assert camera.read().time_s == pytest.approx(100.0 + wanted_s, abs=1e-5)
 
 
+def test_no_picture_is_asked_for_that_a_recording_cannot_hold() -> None:
+    assert parse_url("v4l2://x?width=8192&height=2")[1].width == 8192
+    with pytest.raises(InputError, match="width = 8193 is not allowed: give a whole number at least 2 and at most"):
+        parse_url("v4l2://x?width=8193&height=2")
+
+
 @pytest.mark.parametrize("latency_s", [0.02, 0.03, 0.05])
 def test_a_frame_whose_stamp_cannot_be_true_is_never_called_newer_than_it_is(latency_s: float) -> None:
     """However long it took to come, and waited for the reader."""
